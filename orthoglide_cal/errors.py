@@ -1,0 +1,134 @@
+"""Every error the package raises on purpose: what is wrong, where, and how to mend it.
+
+An error carries its data as fields; only the command line turns it into text and an exit code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class OrthocalError(Exception):
+    """Base of all errors; `exit_code` is the process's exit status for it.
+
+    Args:
+        what: what is wrong, one sentence.
+        remedy: how to mend it, one sentence; empty when there is nothing to add.
+    """
+
+    exit_code = 1
+
+    def __init__(self, what: str, remedy: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.remedy}".strip()
+
+
+class UsageError(OrthocalError):
+    """The command line asks for something that does not exist or does not go together."""
+
+    exit_code = 2
+
+
+class InputError(OrthocalError):
+    """A file, or a value in it, cannot be used.
+
+    Args:
+        what: what is wrong.
+        remedy: how to mend it.
+        file: path as the user gave it.
+        line: line in the file, from 1.
+        column: column header (CSV) or dotted path (YAML).
+        value: the offending text.
+    """
+
+    exit_code = 3
+
+    def __init__(
+        self,
+        what: str,
+        remedy: str = "",
+        *,
+        file: str | None = None,
+        line: int | None = None,
+        column: str | None = None,
+        value: str | None = None,
+    ) -> None:
+        super().__init__(what, remedy)
+        self.file = file
+        self.line = line
+        self.column = column
+        self.value = value
+
+    @property
+    def where(self) -> str:
+        """File, line and column as `data.csv, line 7, column posture`; empty if unknown."""
+        parts = [
+            self.file,
+            f"line {self.line}" if self.line is not None else None,
+            f"column {self.column}" if self.column is not None else None,
+        ]
+        return ", ".join(part for part in parts if part)
+
+    def __str__(self) -> str:
+        value = f" ({self.value!r})" if self.value is not None else ""
+        where = f"{self.where}: " if self.where else ""
+        return f"{where}{self.what}{value} {self.remedy}".strip()
+
+
+class InvalidFileError(InputError):
+    """A file with several faults, all of them in `problems` (at least one)."""
+
+    def __init__(self, problems: Sequence[InputError], *, file: str | None = None) -> None:
+        first = problems[0]
+        super().__init__(
+            first.what,
+            first.remedy,
+            file=file or first.file,
+            line=first.line,
+            column=first.column,
+            value=first.value,
+        )
+        self.problems = tuple(problems)
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
+
+
+class PostureError(InputError):
+    """A posture that the machine cannot take."""
+
+
+class UnreachableError(PostureError):
+    """No real solution: the legs do not reach, or the point is outside the workspace."""
+
+
+class SingularError(PostureError):
+    """The posture exists but the machine is singular there: the Jacobian has no inverse."""
+
+
+class UnusableResultError(OrthocalError):
+    """A result that must not be used; there is no number to print."""
+
+    exit_code = 4
+
+
+class RankDeficientError(UnusableResultError):
+    """The readings do not determine every unknown.
+
+    Args:
+        what: what is wrong.
+        remedy: the reading that would mend it.
+        undetermined: names of the unknowns that stay free, e.g. ("x", "z").
+    """
+
+    def __init__(self, what: str, remedy: str, undetermined: Sequence[str]) -> None:
+        super().__init__(what, remedy)
+        self.undetermined = tuple(undetermined)
+
+
+class NotConvergedError(UnusableResultError):
+    """The iteration did not reach a point that satisfies its own optimality check."""

@@ -1,0 +1,136 @@
+"""The standard double-posture session as a technician walks through it, with its own clock.
+
+Legs x, y, z in turn; each leg iso, max, min three times and a closing iso; both directions across
+the leg are read at every posture: 60 readings.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .machines import Machine
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+AXIS_NAMES = "xyz"
+CYCLE = ("iso", "max", "min")
+# The two gauges of each leg stand across it; a set-up is one (leg, direction).
+SETUPS: tuple[tuple[int, int], ...] = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+
+
+def frozen(values: NDArray[np.generic] | list[float]) -> Floats:
+    """A read-only float copy."""
+    out = np.array(values, dtype=np.float64)
+    out.setflags(write=False)
+    return out
+
+
+def frozen_ints(values: NDArray[np.generic] | list[int]) -> Ints:
+    """A read-only integer copy."""
+    out = np.array(values, dtype=np.int64)
+    out.setflags(write=False)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """N readings in the order of time. Indices of axes are 0, 1, 2 = x, y, z."""
+
+    leg: Ints
+    """Leg of each reading, shape (N,)."""
+    direction: Ints
+    """Direction in which the gauge reads, shape (N,)."""
+    posture: tuple[str, ...]
+    """`iso`, `max` or `min` of the reading's own leg."""
+    displacement: Floats
+    """Commanded displacement of the tool along the leg's axis, shape (N,), [mm]."""
+    cycle: Ints
+    """Repeat of that posture, from 1, shape (N,)."""
+    minutes: Floats
+    """Time since the session began, as written down, shape (N,), [min]."""
+    indicated: Floats
+    """Indicated joint positions of the three carriages, shape (N, 3), [mm]."""
+    approach: Floats
+    """Sign of each carriage's last commanded motion, 0 before its first, shape (N, 3)."""
+    setup: Ints
+    """Index into `SETUPS` of each reading, shape (N,)."""
+    stand: Ints
+    """Row at whose posture the gauge of each reading was set up (its first iso), shape (N,)."""
+
+    @property
+    def count(self) -> int:
+        """Number of readings N."""
+        return len(self.posture)
+
+    @property
+    def hours(self) -> Floats:
+        """Time since the session began, shape (N,), [h]."""
+        return self.minutes / 60.0
+
+
+def joints_at(leg_length: float, leg: int, displacement: float) -> Floats:
+    """Indicated joints for the tool at `displacement` [mm] along the axis of `leg`, shape (3,).
+
+    From the right triangle over a leg that leaves its own axis: its foot stands back to
+    sqrt(L^2 - d^2), while the leg along the axis is carried along.
+    """
+    joints = np.full(3, np.sqrt(leg_length**2 - displacement**2))
+    joints[leg] = leg_length + displacement
+    return joints
+
+
+def _approach(leg: int, start: float, stop: float, before: Floats) -> Floats:
+    """Signs of the carriages' last motions after a straight move of the tool along one axis."""
+    if start == stop:
+        return before
+    forward = np.sign(stop - start)
+    # The other feet stand highest at the isotropic posture: they rise towards it, sink away.
+    signs = np.full(3, 1.0 if stop == 0.0 else -forward * np.sign(stop))
+    signs[leg] = forward
+    return signs
+
+
+def standard_plan(
+    machine: Machine,
+    rng: np.random.Generator,
+    cycles: int = 3,
+    legs: tuple[int, ...] = (0, 1, 2),
+    pace: float = 0.4,
+) -> Plan:
+    """Draw the clock of one standard session; `pace` is the mean time per posture [min]."""
+    reach = {"iso": 0.0, "max": machine.upper, "min": machine.lower}
+    postures = [*CYCLE * cycles, "iso"]
+    rows: list[tuple[int, int, str, float, int, float, int]] = []
+    indicated: list[Floats] = []
+    approach: list[Floats] = []
+    last: Floats = np.zeros(3)
+    minutes, place = float(rng.uniform(0.2, 1.0)), 0.0
+    for nth, leg in enumerate(legs):
+        if nth:
+            minutes += float(rng.uniform(2.0, 5.0))
+        first = len(rows)
+        for step, posture in enumerate(postures):
+            last = _approach(leg, place, reach[posture], last)
+            place = reach[posture]
+            for k, direction in enumerate(axis for axis in range(3) if axis != leg):
+                written = round(minutes + 0.05 * k, 2)
+                row = (leg, direction, posture, place, step // 3 + 1, written, first + k)
+                rows.append(row)
+                indicated.append(joints_at(machine.leg, leg, place))
+                approach.append(last)
+            minutes += pace * float(rng.uniform(0.75, 1.25))
+    leg_of, direction_of, posture_of, displacement, cycle, clock, stand = zip(*rows, strict=True)
+    return Plan(
+        leg=frozen_ints(list(leg_of)),
+        direction=frozen_ints(list(direction_of)),
+        posture=posture_of,
+        displacement=frozen(list(displacement)),
+        cycle=frozen_ints(list(cycle)),
+        minutes=frozen(list(clock)),
+        indicated=frozen(np.array(indicated)),
+        approach=frozen(np.array(approach)),
+        setup=frozen_ints([SETUPS.index(pair) for pair in zip(leg_of, direction_of, strict=True)]),
+        stand=frozen_ints(list(stand)),
+    )
