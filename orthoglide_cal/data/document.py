@@ -1,0 +1,119 @@
+"""Reading a file's bytes as text: the size, encoding and digest are settled here, once."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.measured import Source
+
+TABLE_LIMIT = 50_000_000  # bytes of a CSV
+YAML_LIMIT = 5_000_000  # bytes of a YAML file: a session of 10,000 readings is half of it
+
+_UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
+
+
+@dataclass(frozen=True)
+class Document:
+    """A text file as read: line ends are "\\n", no byte order mark.
+
+    Attributes:
+        path: as the user gave it; "-" for standard input.
+        text: the content.
+        sha256: hex digest of the bytes.
+        size: number of bytes.
+    """
+
+    path: str
+    text: str
+    sha256: str
+    size: int
+
+    @property
+    def source(self) -> Source:
+        return Source(self.path, self.sha256)
+
+
+def read_document(path: str, limit: int = TABLE_LIMIT) -> Document:
+    """Read a text file, or standard input for "-".
+
+    Args:
+        path: as the user gave it.
+        limit: largest size accepted, bytes; a larger file is not read to its end.
+
+    Raises:
+        InputError: not readable, too large, empty, or not UTF-8 text.
+    """
+    try:
+        if path == "-":
+            data = sys.stdin.buffer.read(limit + 1)
+        else:
+            with Path(path).open("rb") as file:
+                data = file.read(limit + 1)
+    except FileNotFoundError as error:
+        raise InputError("There is no such file.", "Check the path.", file=path) from error
+    except IsADirectoryError as error:
+        raise InputError("This is a folder.", "Name a file inside it.", file=path) from error
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"The file cannot be read: {reason}.", "Check the path and its permissions.", file=path
+        ) from error
+    return document_from_bytes(data, path, limit)
+
+
+def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Document:
+    """The text of `data`. Raises InputError as `read_document` does."""
+    check_size(len(data), path, limit)
+    text = _decoded(data, path)
+    if not text.strip():
+        raise InputError("The file is empty.", "Give a file with readings.", file=path)
+    return Document(path, text, hashlib.sha256(data).hexdigest(), len(data))
+
+
+def check_size(size: int, path: str, limit: int) -> None:
+    """Raise InputError if `size` bytes are more than `limit`."""
+    if size > limit:
+        raise InputError(
+            f"The file is larger than {limit // 1_000_000} MB, the most that is read.",
+            "Check that this is the right file; a session of an hour has a few kilobytes.",
+            file=path,
+        )
+
+
+def _decoded(data: bytes, path: str) -> str:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError("The text is encoded as UTF-16.", _UTF8, file=path, line=1)
+    if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        raise InputError(
+            "This is a spreadsheet or an archive, not text.",
+            "Save the sheet as CSV (UTF-8) and give that file.",
+            file=path,
+        )
+    nul = data.find(b"\0")
+    if nul >= 0:
+        raise InputError(
+            "The file holds a NUL byte: it is binary, damaged, or UTF-16.",
+            _UTF8,
+            file=path,
+            line=_line_of(data, nul),
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            "The text is not UTF-8 (Latin-1 or a Windows code page?).",
+            _UTF8,
+            file=path,
+            line=_line_of(data, error.start),
+            value=f"byte 0x{data[error.start]:02X}",
+        ) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _line_of(data: bytes, position: int) -> int:
+    before = data[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return before.count(b"\n") + 1
