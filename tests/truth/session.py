@@ -1,0 +1,181 @@
+"""A measured session with something hidden in it, drawn from a seed."""
+
+import zlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .effects import (
+    CAUSES,
+    PERSISTENT,
+    Effect,
+    contact_shift,
+    draw_machine_cause,
+    draw_measurement_cause,
+    state_with,
+    transposed,
+    write_down,
+)
+from .forward import MACHINE_CAUSES, Disturbance, signals
+from .machines import Gauge, Machine
+from .outside import OUTSIDE
+from .plan import Floats, Plan, frozen, standard_plan
+
+PAIR_MEASUREMENT = (
+    "misread",
+    "gauge_slip",
+    "stand_shift",
+    "gauge_drift",
+    "sign_flip",
+    "swapped_gauges",
+)
+PAIR_MACHINE = ("axis_gap", "axis_squareness", "encoder_scale", "backlash", "thermal_drift")
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """Readings and the truth behind them; N readings."""
+
+    machine: Machine
+    gauge: Gauge
+    plan: Plan
+    offsets: Floats
+    """True joint offsets at the session's start, shape (3,), [mm]."""
+    zeros: Floats
+    """What each set-up's gauge shows at coordinate zero, shape (6,), [mm]."""
+    effects: tuple[Effect, ...]
+    outside: str | None
+    """Name of an effect outside the list."""
+    disturbance: Disturbance | None
+    clean: Floats
+    """The record without noise and rounding, shape (N,), [mm]."""
+    readings: Floats
+    """The record, shape (N,), [mm]."""
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Ids of the hidden causes; empty for a healthy session."""
+        return tuple(effect.id for effect in self.effects)
+
+    @property
+    def label(self) -> str:
+        """Row name in tables: `healthy`, an id, `id+id`, or `outside:name`."""
+        return f"outside:{self.outside}" if self.outside else "+".join(self.causes) or "healthy"
+
+    def truth(self) -> dict[str, object]:
+        """The hidden truth, ready for JSON."""
+        return {
+            "machine": self.machine.name,
+            "gauge": self.gauge.name,
+            "offsets_mm": self.offsets.tolist(),
+            "outside": self.outside,
+            "effects": [
+                {"id": e.id, "where": e.where, "parameters": list(e.parameters)}
+                for e in self.effects
+            ],
+        }
+
+
+def _settle_blunder(effect: Effect, shown: Floats, gauge: Gauge) -> Effect:
+    """Give a misreading of digits the size that its digits imply."""
+    if "digits" not in effect.extra or effect.row is None:
+        return effect
+    value = float(shown[effect.row])
+    wrong = transposed(value, gauge.decimals, int(effect.extra["digits"]))
+    size = round(wrong - value, gauge.decimals) or effect.extra["digits"] * 0.1
+    return replace(effect, parameters=(size,), extra={})
+
+
+def measure(
+    machine: Machine,
+    gauge: Gauge,
+    plan: Plan,
+    offsets: Floats,
+    effects: tuple[Effect, ...],
+    rng: np.random.Generator,
+    outside: str | None = None,
+    scale: float = 1.0,
+) -> Session:
+    """Let a technician read the gauges of this machine along this plan.
+
+    Args:
+        offsets: true joint offsets, shape (3,), [mm].
+        effects: hidden causes.
+        rng: zeros, noise and what an outside effect draws.
+        outside: name of an effect outside the list.
+        scale: enlarges the outside effect.
+    """
+    zeros = rng.uniform(-0.25, 0.25, size=6) * gauge.range
+    disturbance = OUTSIDE[outside](plan, gauge, rng, scale) if outside else None
+    state = state_with(offsets, effects)
+    surface = signals(plan, machine, state[None], disturbance)[0] + zeros[plan.setup]
+    surface = surface + contact_shift(plan, effects)
+    noisy = surface + rng.normal(scale=gauge.noise, size=plan.count)
+    shown = np.round(noisy / gauge.resolution) * gauge.resolution
+    effects = tuple(_settle_blunder(effect, shown, gauge) for effect in effects)
+    return Session(
+        machine=machine,
+        gauge=gauge,
+        plan=plan,
+        offsets=frozen(offsets),
+        zeros=frozen(zeros),
+        effects=effects,
+        outside=outside,
+        disturbance=disturbance,
+        clean=frozen(write_down(plan, gauge, surface, effects)),
+        readings=frozen(np.round(write_down(plan, gauge, shown, effects), gauge.decimals)),
+    )
+
+
+def make_session(
+    seed: int,
+    machine: Machine,
+    gauge: Gauge,
+    hidden: tuple[str, ...] = (),
+    outside: str | None = None,
+    offset_sd: float = 0.5,
+    scale: float = 1.0,
+    pace: float = 0.4,
+) -> Session:
+    """Draw one session. The same arguments give the same session.
+
+    Args:
+        seed: any integer >= 0.
+        hidden: cause ids; empty for a healthy session.
+        outside: name of an effect outside the list, from `OUTSIDE`.
+        offset_sd: standard deviation of the joint offsets, [mm].
+        scale: enlarges the outside effect.
+        pace: mean time per posture, [min]; a slow technician sees more of what creeps.
+    """
+    unknown = [cause for cause in hidden if cause not in CAUSES]
+    if unknown or (outside is not None and outside not in OUTSIDE):
+        raise KeyError(f"no such effect: {unknown or outside}")
+    words = "|".join((machine.name, gauge.name, *hidden, outside or ""))
+    rng = np.random.default_rng([seed, zlib.crc32(words.encode())])
+    plan = standard_plan(machine, rng, pace=pace)
+    offsets = rng.normal(scale=offset_sd, size=3)
+    effects = tuple(
+        draw_machine_cause(cause, rng)
+        if cause in MACHINE_CAUSES
+        else draw_measurement_cause(cause, plan, rng)
+        for cause in hidden
+    )
+    return measure(machine, gauge, plan, offsets, effects, rng, outside, scale)
+
+
+def second_session(session: Session, seed: int) -> Session:
+    """Another day at the same machine: offsets and the machine's causes stay, blunders do not.
+
+    Only listed effects are carried over; each carriage starts anywhere in its lost motion again.
+    """
+    rng = np.random.default_rng([seed, 2])
+    kept = []
+    for effect in session.effects:
+        if effect.id == "backlash":
+            widths = np.array(effect.parameters[:3])
+            lags = widths * rng.uniform(-0.5, 0.5, size=3)
+            effect = replace(effect, parameters=(*effect.parameters[:3], *lags.tolist()))
+        if effect.id in PERSISTENT:
+            kept.append(effect)
+    plan = standard_plan(session.machine, rng)
+    return measure(session.machine, session.gauge, plan, session.offsets, tuple(kept), rng)
