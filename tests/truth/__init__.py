@@ -1,0 +1,56 @@
+"""An independent truth: measured sessions of machines with something hidden in them."""
+
+from .clear import clear_outside
+from .effects import CAUSES, PERSISTENT, Effect
+from .files import readings_csv, write_readings
+from .forward import signals
+from .heldout import expected_heldout
+from .machines import (
+    DIAL,
+    GAUGES,
+    LARGE,
+    MACHINES,
+    MICRON,
+    PROTOTYPE,
+    TOLERANCES,
+    Gauge,
+    Machine,
+    machine_yaml,
+)
+from .outside import OUTSIDE
+from .plan import Plan, standard_plan
+from .separation import HEALTHY, Separation, all_pairs, pair_distances, separation
+from .session import Session, make_session, measure, second_session
+
+__all__ = [
+    "CAUSES",
+    "DIAL",
+    "GAUGES",
+    "HEALTHY",
+    "LARGE",
+    "MACHINES",
+    "MICRON",
+    "OUTSIDE",
+    "PERSISTENT",
+    "PROTOTYPE",
+    "TOLERANCES",
+    "Effect",
+    "Gauge",
+    "Machine",
+    "Plan",
+    "Separation",
+    "Session",
+    "all_pairs",
+    "clear_outside",
+    "expected_heldout",
+    "machine_yaml",
+    "make_session",
+    "measure",
+    "pair_distances",
+    "readings_csv",
+    "second_session",
+    "separation",
+    "signals",
+    "standard_plan",
+    "write_readings",
+]

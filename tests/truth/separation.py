@@ -1,0 +1,158 @@
+"""How far a hidden truth stands from everything else that could be claimed, in sigma.
+
+The distance to a rival is the square root of the least cost of the rival's fit to the truth's
+record without noise: squared residuals over the gauge's variance plus squared parameters over
+their tolerances, with zeros and offsets free. Places are found by linearisation; the best place
+of each rival is then refined with the full forward model.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .forward import MACHINE_CAUSES, PARTS
+from .linear import (
+    Neighbourhood,
+    backlash_cost,
+    marginal,
+    neighbourhood,
+    place_costs,
+    undone,
+)
+from .plan import Floats
+from .refine import Hypothesis, refined_costs
+from .session import PAIR_MACHINE, PAIR_MEASUREMENT, Session
+
+HEALTHY = "healthy"
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Distances of one session's truth from single hypotheses."""
+
+    truth: tuple[str, ...]
+    """Hidden cause ids."""
+    distances: dict[str, float]
+    """Sigma from the best fit of each cause id and of `healthy`; the truth's own id included."""
+    rivals: tuple[str, ...]
+    """Hypotheses other than a single truth, nearest first."""
+
+    @property
+    def nearest(self) -> str:
+        """The nearest rival."""
+        return self.rivals[0]
+
+    @property
+    def distance(self) -> float:
+        """Sigma from the nearest rival."""
+        return self.distances[self.nearest]
+
+    @property
+    def visible(self) -> float:
+        """Sigma from the best healthy fit."""
+        return self.distances[HEALTHY]
+
+    @property
+    def own(self) -> float:
+        """Cost^(1/2) of a single truth's own best fit: how implausible its size is."""
+        return self.distances[self.truth[0]] if len(self.truth) == 1 else 0.0
+
+    @property
+    def margin(self) -> float:
+        """Sigma by which the nearest rival fits worse than the truth's own cause does."""
+        return float(np.sqrt(max(0.0, self.distance**2 - self.own**2)))
+
+
+def _family_columns(near: Neighbourhood, cause: str, residual: Floats) -> tuple[int, ...]:
+    """Numbers of the condition vector that a machine cause may change."""
+    part = PARTS[cause]
+    if cause != "backlash":
+        return tuple(range(part.start, part.stop))
+    chosen = backlash_cost(near.project(near.families[cause]), residual)[1]
+    return tuple(part.start + column for column in chosen)
+
+
+def _single_claims(near: Neighbourhood, record: Floats) -> list[Hypothesis]:
+    """Healthy, and each cause at the place where it fits best by linearisation."""
+    residual = near.residual(record)
+    total = float(residual @ residual)
+    found = [Hypothesis(HEALTHY, record)]
+    found += [
+        Hypothesis(cause, record, _family_columns(near, cause, residual))
+        for cause in MACHINE_CAUSES
+    ]
+    for cause, places in near.places.items():
+        patterns = near.project(places.columns)
+        costs, sizes = place_costs(
+            cause, patterns.T @ residual, (patterns * patterns).sum(axis=0), total
+        )
+        best = int(np.argmin(costs))
+        turns = float(sizes[best]) if cause == "gauge_slip" else None
+        found.append(Hypothesis(cause, record, (), places.columns[:, best], turns))
+    for cause, records in undone(near.plan, record).items():
+        misfits = near.project(((records - near.centre) / near.gauge.sigma).T)
+        best = int(np.argmin((misfits * misfits).sum(axis=0)))
+        found.append(Hypothesis(cause, records[best]))
+    return found
+
+
+def _around(session: Session) -> Neighbourhood:
+    return neighbourhood(session.machine, session.gauge, session.plan, session.offsets)
+
+
+def separation(session: Session) -> Separation:
+    """Distances of a session's truth from every single cause and from healthy."""
+    near = _around(session)
+    claims = _single_claims(near, session.clean)
+    costs = np.sqrt(np.maximum(refined_costs(near, claims), 0.0))
+    distances = {claim.cause: float(cost) for claim, cost in zip(claims, costs, strict=True)}
+    own = session.causes if len(session.causes) == 1 else ()
+    if not session.causes and session.outside is None:
+        own = (HEALTHY,)
+    order = sorted(distances, key=lambda cause: distances[cause])
+    return Separation(session.causes, distances, tuple(c for c in order if c not in own))
+
+
+def _pair_claims(near: Neighbourhood, record: Floats, machine_cause: str) -> list[Hypothesis]:
+    """One machine cause together with each cause of the measurement at its best place."""
+    weight = marginal(near.project(near.families[machine_cause]))
+    residual = near.residual(record)
+    columns = _family_columns(near, machine_cause, residual)
+    found = []
+    for cause, places in near.places.items():
+        patterns = near.project(places.columns)
+        weighted = weight @ patterns
+        costs, sizes = place_costs(
+            cause,
+            weighted.T @ residual,
+            (patterns * weighted).sum(axis=0),
+            float(residual @ weight @ residual),
+        )
+        best = int(np.argmin(costs))
+        turns = float(sizes[best]) if cause == "gauge_slip" else None
+        name = f"{cause}+{machine_cause}"
+        found.append(Hypothesis(name, record, columns, places.columns[:, best], turns))
+    for cause, records in undone(near.plan, record).items():
+        misfits = near.project(((records - near.centre) / near.gauge.sigma).T)
+        best = int(np.argmin((misfits * (weight @ misfits)).sum(axis=0)))
+        found.append(Hypothesis(f"{cause}+{machine_cause}", records[best], columns))
+    return found
+
+
+def pair_distances(session: Session) -> dict[str, float]:
+    """Sigma from the best fit of each pair `measurement+machine`, nearest first.
+
+    Every cause of the machine and of the bars is combined with every cause of the measurement.
+    """
+    near = _around(session)
+    claims = [
+        claim for cause in MACHINE_CAUSES for claim in _pair_claims(near, session.clean, cause)
+    ]
+    costs = np.sqrt(np.maximum(refined_costs(near, claims), 0.0))
+    order = np.argsort(costs)
+    return {claims[k].cause: float(costs[k]) for k in order}
+
+
+def all_pairs() -> list[tuple[str, str]]:
+    """The pairs a bench hides: one cause of the measurement, one of the machine."""
+    return [(first, second) for first in PAIR_MEASUREMENT for second in PAIR_MACHINE]

@@ -1,0 +1,187 @@
+"""The distances that the bench judges by, against independent calculations."""
+
+import time
+
+import numpy as np
+import pytest
+
+from . import (
+    CAUSES,
+    DIAL,
+    HEALTHY,
+    LARGE,
+    MICRON,
+    PROTOTYPE,
+    Session,
+    clear_outside,
+    expected_heldout,
+    make_session,
+    pair_distances,
+    separation,
+)
+from .forward import PARTS, prior_sd, signals
+from .linear import backlash_cost, marginal, neighbourhood, place_costs
+from .plan import Floats
+
+
+def _family_cost(patterns: Floats, residual: Floats) -> float:
+    """min over t of |residual - patterns t|^2 + |t|^2, from the normal equations."""
+    overlap = patterns.T @ residual
+    inner = np.eye(patterns.shape[1]) + patterns.T @ patterns
+    return float(residual @ residual - overlap @ np.linalg.solve(inner, overlap))
+
+
+def _brute_distance(session: Session, cause: str) -> float:
+    """Distance to a machine cause by plain Gauss-Newton with fresh derivatives each round."""
+    columns = [0, 1, 2, *range(PARTS[cause].start, PARTS[cause].stop)]
+    scale = np.concatenate((np.ones(3), prior_sd(cause)))
+    zeros = np.eye(6)[session.plan.setup]
+    penalty = np.concatenate((np.zeros(9), np.ones(len(columns) - 3)))
+
+    def misfit(values: Floats) -> Floats:
+        state = np.zeros(30)
+        state[columns] = values[6:] * scale
+        modelled = signals(session.plan, session.machine, state[None])[0] + zeros @ values[:6]
+        weighted: Floats = (session.clean - modelled) / session.gauge.sigma
+        return np.concatenate((weighted, -penalty * values))
+
+    values = np.zeros(6 + len(columns))
+    for _ in range(8):
+        here = misfit(values)
+        steps = 1e-4 * np.eye(values.size)
+        slopes = np.stack([(misfit(values + s) - misfit(values - s)) / 2e-4 for s in steps], 1)
+        values = values - np.linalg.lstsq(slopes, here, rcond=None)[0]
+    return float(np.linalg.norm(misfit(values)))
+
+
+@pytest.mark.parametrize("cause", ["axis_gap", "encoder_scale", "bar_skew", "thermal_drift"])
+def test_distances_equal_a_full_nonlinear_fit(cause: str) -> None:
+    for hidden in ("sign_flip", "axis_squareness", "stand_shift"):
+        session = make_session(6, LARGE, MICRON, (hidden,))
+        exact = _brute_distance(session, cause)
+        assert separation(session).distances[cause] == pytest.approx(exact, rel=1e-3)
+
+
+def test_a_shift_is_as_far_as_a_fit_at_every_place_says() -> None:
+    session = make_session(11, PROTOTYPE, DIAL, ("gauge_slip",))
+    near = neighbourhood(PROTOTYPE, DIAL, session.plan, session.offsets)
+    residual = (session.clean - near.centre) / DIAL.sigma
+    costs = []
+    for column in near.places["stand_shift"].columns.T:
+        matrix = np.block([[near.free, column[:, None]], [np.zeros((1, 9)), np.eye(1)]])
+        target = np.append(residual, 0.0)
+        fit = np.linalg.lstsq(matrix, target, rcond=None)[0]
+        costs.append(np.sum((target - matrix @ fit) ** 2))
+    assert len(costs) == 54
+    # At its offsets the slip stands where the model was linearised: no curvature to speak of.
+    distance = separation(session).distances["stand_shift"]
+    assert distance == pytest.approx(np.sqrt(min(costs)), rel=1e-3)
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_the_truth_is_as_near_as_its_own_size_allows(cause: str) -> None:
+    sizes = {"gauge_slip": 2.0, "misread": 9.6, "sign_flip": 0.01, "swapped_gauges": 0.01}
+    for seed in range(4):
+        session = make_session(seed, PROTOTYPE, MICRON, (cause,))
+        found = separation(session)
+        assert found.own <= sizes.get(cause, 4.8)
+        assert found.own <= found.visible + 1e-9
+        assert cause not in found.rivals
+        assert HEALTHY in found.rivals
+        assert found.distance == min(found.distances[c] for c in found.rivals)
+
+
+def test_a_healthy_truth_is_at_zero() -> None:
+    found = separation(make_session(1, PROTOTYPE, MICRON))
+    assert found.visible < 1e-6
+    assert HEALTHY not in found.rivals
+
+
+def test_a_misread_last_reading_is_also_a_knock() -> None:
+    """A knock before the last reading of a gauge spoils that reading alone."""
+    near = 0
+    for seed in range(60):
+        session = make_session(seed, PROTOTYPE, MICRON, ("misread",))
+        row, setup = session.effects[0].row, session.plan.setup
+        rows = np.flatnonzero(setup == session.effects[0].setup)
+        found = separation(session)
+        alias = abs(found.distances["stand_shift"] - found.own) < 1e-6
+        assert alias == (row in (rows[0], rows[-1]))
+        near += alias
+    assert near > 3
+
+
+def test_rank_one_and_whole_turns() -> None:
+    rng = np.random.default_rng(3)
+    residual, pattern = rng.normal(size=20), rng.normal(size=(20, 1))
+    overlap, square = pattern.T @ residual, (pattern**2).sum(axis=0)
+    cost, size = place_costs("misread", overlap, square, residual @ residual)
+    grid = np.linspace(-3, 3, 60001)
+    brute = ((residual[:, None] - pattern * grid) ** 2).sum(axis=0) + grid**2
+    assert cost[0] == pytest.approx(brute.min(), rel=1e-6)
+    assert size[0] == pytest.approx(grid[brute.argmin()], abs=1e-3)
+    cost, size = place_costs("gauge_slip", overlap, square, residual @ residual)
+    assert abs(size[0]) == 1.0
+    assert cost[0] == pytest.approx(np.interp(size[0], grid, brute), rel=1e-6)
+
+
+def test_marginal_weight_is_the_cost_of_the_family() -> None:
+    rng = np.random.default_rng(4)
+    patterns, residual = rng.normal(size=(20, 4)), rng.normal(size=20)
+    direct = _family_cost(patterns, residual)
+    assert residual @ marginal(patterns) @ residual == pytest.approx(direct, rel=1e-12)
+    target = np.concatenate((residual, np.zeros(4)))
+    matrix = np.concatenate((patterns, np.eye(4)))
+    fit = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    assert direct == pytest.approx(np.sum((target - matrix @ fit) ** 2), rel=1e-12)
+
+
+def test_backlash_never_claims_negative_widths() -> None:
+    rng = np.random.default_rng(5)
+    patterns = rng.normal(size=(30, 6))
+    residual = patterns @ np.array([1.0, -2.0, 0.5, 0.1, 0.0, -0.2])
+    cost, columns = backlash_cost(patterns, residual)
+    assert columns == (0, 2, 3, 5)
+    assert cost > _family_cost(patterns, residual)
+
+
+def test_pairs_are_nearer_than_their_members() -> None:
+    session = make_session(2, PROTOTYPE, MICRON, ("stand_shift", "axis_gap"))
+    pairs, singles = pair_distances(session), separation(session).distances
+    assert len(pairs) == 42
+    own = pairs["stand_shift+axis_gap"]
+    assert own < 5.0
+    assert own < min(singles["stand_shift"], singles["axis_gap"])
+    assert min(singles.values()) > 4.0
+
+
+def test_outside_effects_stand_clear_of_singles_and_pairs() -> None:
+    session = clear_outside(1, PROTOTYPE, DIAL, "leg_bending")
+    assert separation(session).distance >= 10.0
+    assert next(iter(pair_distances(session).values())) >= 8.0
+
+
+def test_expected_heldout_is_what_leaving_out_gives() -> None:
+    """Linear refits of 120 noisy records: 120 x 60 errors, ratio within 6 %, 4 sigma."""
+    session = make_session(7, PROTOTYPE, MICRON)
+    near = neighbourhood(PROTOTYPE, MICRON, session.plan, session.offsets)
+    rng = np.random.default_rng(8)
+    noise = rng.normal(scale=MICRON.sigma, size=(60, 120))
+    cells = [f"{s}{p}" for s, p in zip(session.plan.setup, session.plan.posture, strict=True)]
+    errors = np.zeros_like(noise)
+    for cell in set(cells):
+        out = np.array([name == cell for name in cells])
+        fit = np.linalg.lstsq(near.free[~out], noise[~out], rcond=None)[0]
+        errors[out] = noise[out] - near.free[out] @ fit
+    measured = np.sqrt(np.mean(errors**2))
+    assert len(set(cells)) == 18
+    assert expected_heldout(session) == pytest.approx(measured, rel=0.06)
+
+
+def test_a_session_is_placed_in_a_moment() -> None:
+    sessions = [make_session(seed, PROTOTYPE, MICRON, ("axis_gap",)) for seed in range(10)]
+    start = time.process_time()
+    for session in sessions:
+        separation(session)
+    # About 25 ms each on one core; four times as much on a busy machine is still no fault.
+    assert time.process_time() - start < 1.0

@@ -1,0 +1,281 @@
+"""The truth must itself be true: its geometry, its noise and each of its effects."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from . import (
+    CAUSES,
+    DIAL,
+    GAUGES,
+    LARGE,
+    MACHINES,
+    MICRON,
+    OUTSIDE,
+    PERSISTENT,
+    PROTOTYPE,
+    Effect,
+    Machine,
+    Session,
+    make_session,
+    measure,
+    readings_csv,
+    second_session,
+    signals,
+    standard_plan,
+)
+from .effects import state_with, swapped_rows, transposed
+from .forward import PARTS, SIZE, carriages_and_tool, jacobian
+from .plan import SETUPS, Floats, Plan, frozen
+
+OFFSETS = frozen([0.43, -0.71, 0.28])
+
+
+def _random_states(rng: np.random.Generator, count: int) -> Floats:
+    """Conditions with everything wrong at once, shape (count, 30)."""
+    states = rng.normal(size=(count, SIZE))
+    states[:, PARTS["backlash"]] *= 0.03
+    return states
+
+
+def _plan(machine: Machine = PROTOTYPE, seed: int = 5) -> Plan:
+    return standard_plan(machine, np.random.default_rng(seed))
+
+
+def _healthy(session: Session) -> Floats:
+    """The record a healthy machine would have given this technician, without noise."""
+    state = state_with(session.offsets, ())
+    surface: Floats = signals(session.plan, session.machine, state[None])[0]
+    return surface + session.zeros[session.plan.setup]
+
+
+@pytest.mark.parametrize("machine", MACHINES.values(), ids=list(MACHINES))
+def test_tool_lies_on_three_spheres(machine: Machine) -> None:
+    rng = np.random.default_rng(1)
+    plan, states = _plan(machine), _random_states(rng, 7)
+    carriages, tool = carriages_and_tool(plan, machine, states, rng.normal(size=(60, 3)))
+    legs = machine.leg + states[:, PARTS["leg_length"]].T[:, :, None]
+    gaps = np.sqrt(((tool - carriages) ** 2).sum(axis=1)) - legs
+    assert np.abs(gaps).max() < 1e-10
+    # The assembly with the tool near the origin, not the one at 2L/3 (1, 1, 1).
+    assert np.abs(tool).max() < 1.2 * -machine.lower
+
+
+def test_nominal_machine_stands_where_it_is_sent() -> None:
+    plan = _plan()
+    _, tool = carriages_and_tool(plan, PROTOTYPE, np.zeros((1, SIZE)), np.zeros((60, 3)))
+    wanted = np.zeros((3, 60))
+    wanted[plan.leg, np.arange(60)] = plan.displacement
+    assert np.allclose(tool[:, 0], wanted, atol=1e-10)
+    assert set(plan.displacement) == {0.0, 60.0, -100.0}
+
+
+def test_rails_have_the_stated_distances_and_angles() -> None:
+    state = np.zeros(SIZE)
+    state[PARTS["axis_gap"]] = 0.3, -0.5, 0.2
+    state[PARTS["axis_squareness"]] = 1.5, -0.7, 2.1
+    plan = _plan()
+    ahead = np.tile(np.array([11.0, 7.0, 5.0]), (60, 1))
+    feet = [carriages_and_tool(plan, PROTOTYPE, state[None], m)[0] for m in (0 * ahead, ahead)]
+    point = feet[0][:, :, 0, 0]
+    way = feet[1][:, :, 0, 0] - point
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    for k, (a, b) in enumerate(((0, 1), (1, 2), (2, 0))):
+        # cos(90 deg - s) = sin(s); the second-order part of the symmetric split is below 1e-5.
+        assert way[a] @ way[b] == pytest.approx(np.sin(1e-3 * state[6 + k]), abs=3e-6)
+        across = np.cross(way[a], way[b])
+        distance = (point[a] - point[b]) @ across / np.linalg.norm(across)
+        assert distance == pytest.approx(state[3 + k], abs=2e-3)
+
+
+@pytest.mark.parametrize("machine", MACHINES.values(), ids=list(MACHINES))
+def test_readings_agree_with_table_2(machine: Machine) -> None:
+    """Table 2 with eq. (4) as corrected in the errata: closed form against Newton."""
+    plan, leg_length = _plan(machine), machine.leg
+
+    def tool(joints: Floats) -> Floats:
+        # |p|^2 - 2 p_i rho_i + rho_i^2 = L^2: p_i = rho_i/2 + u/rho_i with 2u = |p|^2 - L^2, and
+        # the sum of the squares of p_i makes a quadratic of u. Its lower root is the near assembly.
+        a = (1.0 / joints**2).sum()
+        c = (joints**2).sum() / 4.0 - leg_length**2
+        u = (-1.0 - np.sqrt(1.0 - 4.0 * a * c)) / (2.0 * a)
+        point: Floats = joints / 2.0 + u / joints
+        return point
+
+    got = signals(plan, machine, state_with(OFFSETS, ())[None])[0]
+    level = tool(leg_length + OFFSETS)
+    for n in range(plan.count):
+        i, j, d = int(plan.leg[n]), int(plan.direction[n]), plan.displacement[n]
+        sine = d / leg_length
+        joints = leg_length * np.sqrt(1.0 - sine**2) + OFFSETS
+        joints[i] = leg_length + leg_length * sine + OFFSETS[i]
+        moved = tool(joints)
+        share = (leg_length / 2.0 + d - level[i] / 2.0 + OFFSETS[i] / 2.0) / (joints[i] - moved[i])
+        deviation = share * moved[j] - level[j] / 2.0
+        assert got[n] - got[plan.stand[n]] == pytest.approx(deviation, abs=1e-10)
+
+
+def test_small_offsets_follow_equation_15() -> None:
+    plan = _plan()
+    slopes = jacobian(plan, PROTOTYPE, np.zeros(SIZE))[:, :3]
+    slopes = slopes - slopes[plan.stand]
+    sine = plan.displacement / PROTOTYPE.leg
+    factor = (0.5 + sine) * np.tan(np.arcsin(sine))
+    rows = np.arange(60)
+    assert np.allclose(slopes[rows, plan.direction], sine, atol=1e-7)
+    assert np.allclose(slopes[rows, plan.leg], factor, atol=1e-7)
+
+
+def test_healthy_noise_has_the_stated_size() -> None:
+    """2 x 40 x 60 readings each: the r.m.s. is within 5 %, 4.9 of its standard deviations."""
+    for gauge in GAUGES.values():
+        sessions = [make_session(seed, m, gauge) for m in MACHINES.values() for seed in range(40)]
+        noise = np.concatenate([s.readings - s.clean for s in sessions])
+        assert noise.size == 4800
+        assert np.sqrt(np.mean(noise**2)) == pytest.approx(gauge.sigma, rel=0.05)
+        assert abs(noise.mean()) < 5.0 * gauge.sigma / np.sqrt(noise.size)
+        steps = np.concatenate([s.readings for s in sessions]) / gauge.resolution
+        assert np.allclose(steps, np.round(steps), atol=1e-6)
+
+
+def test_the_clock_walks_through_the_standard_session() -> None:
+    plan = _plan()
+    assert plan.count == 60
+    assert np.all(np.diff(plan.minutes) > 0.0)
+    per_leg = ["iso", "max", "min"] * 3 + ["iso"]
+    assert list(plan.posture) == [name for name in per_leg * 3 for _ in range(2)]
+    assert plan.cycle[18:20].tolist() == [4, 4]
+    assert plan.minutes[-1] - plan.minutes[0] < 25.0
+    assert [SETUPS[s] for s in plan.setup[:2]] == [(0, 1), (0, 2)]
+
+
+def test_carriages_remember_where_they_came_from() -> None:
+    plan = _plan()
+    assert not plan.approach[:2].any()
+    # iso -> max: own carriage up, the others sink; -> min: all down; -> iso: all up.
+    assert plan.approach[2].tolist() == [1.0, -1.0, -1.0]
+    assert plan.approach[4].tolist() == [-1.0, -1.0, -1.0]
+    assert plan.approach[6].tolist() == [1.0, 1.0, 1.0]
+    # The stand moves, the machine does not.
+    assert plan.approach[20].tolist() == [1.0, 1.0, 1.0]
+    steps = np.diff(plan.indicated[::2], axis=0)
+    moved = np.flatnonzero(np.any(steps != 0, axis=1)) * 2 + 2
+    assert moved.size == 27
+    assert np.array_equal(
+        plan.approach[moved], np.sign(plan.indicated[moved] - plan.indicated[moved - 2])
+    )
+
+
+def test_the_same_seed_gives_the_same_record() -> None:
+    first, again = (make_session(9, LARGE, DIAL, ("backlash", "misread")) for _ in range(2))
+    assert np.array_equal(first.readings, again.readings)
+    assert not np.array_equal(
+        first.readings, make_session(10, LARGE, DIAL, ("backlash", "misread")).readings
+    )
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize("seed", [2, 3])
+def test_each_effect_changes_what_it_should(cause: str, seed: int) -> None:
+    session = make_session(seed, PROTOTYPE, MICRON, (cause,))
+    effect, plan = session.effects[0], session.plan
+    healthy, rows = _healthy(session), np.arange(plan.count)
+    change = session.clean - healthy
+    mine = plan.setup == effect.setup
+    if cause == "sign_flip":
+        assert np.allclose(session.clean, np.where(mine, -healthy, healthy))
+    elif cause == "swapped_gauges":
+        legs = plan.leg == effect.leg
+        assert np.allclose(session.clean[legs], healthy[legs].reshape(-1, 2)[:, ::-1].ravel())
+        assert np.allclose(change[~legs], 0.0)
+    elif cause in ("misread", "gauge_slip"):
+        assert np.allclose(change, np.where(rows == effect.row, effect.parameters[0], 0.0))
+        assert mine[effect.row]
+    elif cause == "stand_shift":
+        assert effect.row is not None
+        assert np.allclose(change, np.where(mine & (rows >= effect.row), effect.parameters[0], 0))
+        assert 0 < np.count_nonzero(change) < 10
+    elif cause == "gauge_drift":
+        assert np.allclose(change, mine * effect.parameters[0] * plan.hours)
+    elif cause == "bar_skew":
+        # Along a leg the tool's end (share 1) is L times the slope away from the carriage's end.
+        steps = (change - change[plan.stand]) / np.array(effect.parameters)[plan.setup]
+        assert np.allclose(steps, 1e-3 * plan.displacement, rtol=1e-2, atol=1e-3)
+    else:
+        assert 1e-4 < np.abs(change - change[plan.stand]).max() < 0.5
+        linear = jacobian(plan, PROTOTYPE, state_with(session.offsets, ()))
+        assert np.allclose(change, linear[:, PARTS[cause]] @ effect.parameters, atol=2e-3)
+
+
+def test_motion_causes_move_the_carriages_as_stated() -> None:
+    """Each is undone by the joint offsets it amounts to at one posture."""
+    plan = _plan()
+    linear = jacobian(plan, PROTOTYPE, np.zeros(SIZE))
+    offsets = linear[:, PARTS["offsets"]]
+    travel = plan.indicated - PROTOTYPE.leg
+    assert np.allclose(linear[:, PARTS["encoder_scale"]], 1e-3 * travel * offsets, atol=1e-6)
+    assert np.allclose(linear[:, PARTS["thermal_drift"]], plan.hours[:, None] * offsets, atol=1e-5)
+    widths = linear[:, PARTS["backlash"]][:, :3]
+    # The gauge was set up at the first iso, whose approach differs: second order only.
+    assert np.allclose(widths, -0.5 * plan.approach * offsets, atol=1e-5)
+    assert np.abs(linear[2:, 18:21]).max() < 1e-12
+    assert np.abs(linear[0, 18:21]).max() == pytest.approx(0.5, abs=1e-6)
+
+
+def test_tired_eyes_exchange_neighbouring_digits() -> None:
+    assert transposed(-3.147, 3, 1) == -3.417
+    assert transposed(0.652, 3, 2) == 0.625
+    assert transposed(1.27, 2, 2) == 1.72
+    digits = [make_session(s, PROTOTYPE, MICRON, ("misread",)) for s in range(60)]
+    sizes = np.array([s.effects[0].parameters[0] for s in digits])
+    assert np.all(np.abs(sizes) > 0.004)
+    assert np.all(np.abs(sizes) < 0.95)
+    written = [s.readings[s.effects[0].row] for s in digits]
+    assert np.allclose(written, np.round(written, 3))
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_outside_effects_show(name: str) -> None:
+    session = make_session(4, LARGE, MICRON, outside=name, offset_sd=1.0)
+    change = session.clean - _healthy(session)
+    change -= change[session.plan.stand]
+    assert 0.005 < np.abs(change).max() < 1.0
+    assert session.causes == ()
+    assert session.label == f"outside:{name}"
+
+
+def test_next_day_keeps_the_machine_and_forgets_the_blunders() -> None:
+    first = make_session(3, PROTOTYPE, MICRON, ("backlash", "gauge_slip"))
+    later = second_session(first, 8)
+    assert later.causes == ("backlash",)
+    assert later.effects[0].parameters[:3] == first.effects[0].parameters[:3]
+    assert later.effects[0].parameters[3:] != first.effects[0].parameters[3:]
+    assert np.array_equal(later.offsets, first.offsets)
+    assert not np.allclose(later.zeros, first.zeros)
+    assert set(PERSISTENT) < set(CAUSES)
+
+
+def test_two_effects_add_up() -> None:
+    effects = (Effect("axis_gap", "", (0.2, -0.3, 0.4)), Effect("misread", "", (0.1,), 2, 24))
+    plan = _plan()
+    rng = np.random.default_rng(0)
+    both = measure(PROTOTYPE, MICRON, plan, OFFSETS, effects, rng)
+    gap = measure(PROTOTYPE, MICRON, plan, OFFSETS, effects[:1], np.random.default_rng(0))
+    assert np.flatnonzero(np.abs(both.clean - gap.clean) > 1e-12).tolist() == [24]
+    silent = replace(MICRON, noise=0.0)
+    still = measure(PROTOTYPE, silent, plan, OFFSETS, effects, np.random.default_rng(0))
+    assert np.abs(still.readings - still.clean).max() < 0.00051
+
+
+def test_the_file_is_the_contracts_and_tells_nothing() -> None:
+    session = make_session(1, PROTOTYPE, DIAL, ("swapped_gauges",))
+    rows = list(csv.DictReader(io.StringIO(readings_csv(session))))
+    assert [float(row["reading_mm"]) for row in rows] == session.readings.tolist()
+    assert [int(row["seq"]) for row in rows] == list(range(1, 61))
+    assert {row["leg"] + row["direction"] for row in rows} == {"xy", "xz", "yx", "yz", "zx", "zy"}
+    assert all(len(row["reading_mm"].split(".")[1]) == 2 for row in rows)
+    assert "swap" not in readings_csv(session)
+    assert swapped_rows(session.plan, 1)[20:24].tolist() == [21, 20, 23, 22]
