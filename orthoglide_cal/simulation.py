@@ -21,7 +21,11 @@ import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats, Numbers, read_only
 from orthoglide_cal.errors import UnreachableError
-from orthoglide_cal.kinematics import Geometry, tool_derivative, trilaterate
+from orthoglide_cal.kinematics.rails import (
+    Geometry,
+    tool_derivative_components,
+    trilaterate_components,
+)
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Contact, Plan
 
@@ -93,25 +97,26 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class _Posture:
-    """The machine's points at each moment, and which moment each reading belongs to."""
+    """The machine's points at m moments; components first, then moments, then the batch."""
 
-    geometry: Geometry  # arrays with an axis of length 1 for the moments
-    joints: Numbers  # (..., m, 3)
-    centres: Numbers  # (..., m, 3, 3)
-    tool: Numbers  # (..., m, 3)
+    directions: Numbers  # u_i, (3, 3, 1, ...)
+    centres: Numbers  # b_i, (3, 3, m, ...)
+    tool: Numbers  # p, (3, m, ...)
 
     @classmethod
-    def of(cls, geometry: Geometry, joints: Numbers) -> _Posture:
-        spread = Geometry(
-            geometry.points[..., None, :, :],
-            geometry.directions[..., None, :, :],
-            geometry.lengths[..., None, :],
+    def of(cls, geometry: Geometry, joints: Numbers, batch: int, strict: bool) -> _Posture:
+        """Direct kinematics for joints (..., m, 3), with `batch` axes in all."""
+        points, directions = (
+            _components(values, 2, batch + 1) for values in (geometry.points, geometry.directions)
         )
-        centres = spread.carriages(joints)
-        return cls(spread, joints, centres, trilaterate(centres, spread.lengths))
+        lengths = _components(geometry.lengths, 1, batch + 1)
+        moved = _components(joints.swapaxes(-1, -2), 2, batch)
+        centres = points + moved[:, None] * directions
+        return cls(directions, centres, trilaterate_components(centres, lengths, strict=strict))
 
     def tool_derivative(self) -> Numbers:
-        return tool_derivative(self.geometry, self.joints, self.tool)
+        """∂p/∂q, (3, 3, m, ...)."""
+        return tool_derivative_components(self.centres, self.directions, self.tool)
 
 
 def _moments(commanded: Commanded, effects: Sequence[Effect]) -> tuple[Floats, np.ndarray]:
@@ -150,18 +155,37 @@ def simulate(
     Raises:
         UnreachableError, SingularError: a posture that this machine cannot take.
     """
-    return _simulate(machine, np.asarray(offsets), plan, effects, geometry, derivative=False)[0]
+    return _simulate(machine, np.asarray(offsets), plan, effects, geometry)[0]
 
 
 def simulate_with_jacobian(
-    machine: Machine, offsets: Floats, plan: Plan, geometry: Geometry | None = None
+    machine: Machine,
+    offsets: Floats,
+    plan: Plan,
+    effects: Sequence[Effect] = (),
+    geometry: Geometry | None = None,
+    strict: bool = True,
 ) -> tuple[Floats, Floats]:
-    """`simulate` without effects, and its exact derivative by the offsets.
+    """`simulate`, and its exact derivative by the offsets.
+
+    In closed form without effects, by complex steps with them.
+
+    Args:
+        strict: raise if any of the batch is unreachable; otherwise its readings are NaN.
 
     Returns:
         Readings (..., n) [mm] and ∂readings/∂Δρ (..., n, 3).
     """
-    return _simulate(machine, np.asarray(offsets), plan, (), geometry, derivative=True)
+    point = np.asarray(offsets, dtype=np.float64)
+    if not effects:
+        return _simulate(machine, point, plan, (), geometry, strict, derivative=True)
+    readings, _ = _simulate(machine, point, plan, effects, geometry, strict)
+    steps = point[..., None, :] + 1j * STEP * np.eye(3)
+    stepped = [
+        _simulate(machine, steps[..., k, :], plan, effects, geometry, strict)[0].imag / STEP
+        for k in range(3)
+    ]
+    return readings, np.stack(stepped, axis=-1)
 
 
 def _simulate(
@@ -170,7 +194,8 @@ def _simulate(
     plan: Plan,
     effects: Sequence[Effect],
     geometry: Geometry | None,
-    derivative: bool,
+    strict: bool = True,
+    derivative: bool = False,
 ) -> tuple[Numbers, Numbers]:
     commanded = Commanded(machine, plan)
     real = Geometry.nominal(machine) if geometry is None else geometry
@@ -181,50 +206,54 @@ def _simulate(
     joints = indicated + offsets[..., None, :]
     for effect in effects:
         joints = effect.motion(joints, commanded)
-    isotropic = _Posture.of(real, machine.leg_length_mm + offsets[..., None, :])
-    posture = _Posture.of(real, joints)
+    batch = max(joints.ndim - 2, real.points.ndim - 2, real.directions.ndim - 2, real.lengths.ndim - 1)
+    isotropic = _Posture.of(real, machine.leg_length_mm + offsets[..., None, :], batch, strict)
+    posture = _Posture.of(real, joints, batch, strict)
 
-    n = np.arange(len(plan))
     leg, direction = plan.leg, plan.direction
-    carriage = posture.centres[..., moment, leg, :]
-    tool = posture.tool[..., moment, :]
-    carriage_0, tool_0 = isotropic.centres[..., 0, leg, :], isotropic.tool
+    fixed = _column(plan.contact == Contact.FIXED, batch)
+    gauge_at = _column(plan.gauge_at, batch)
+    carriage, side = posture.centres[leg, leg, moment], posture.centres[leg, direction, moment]
     # The gauge's place along the leg's axis, and the point of the leg that it now touches.
-    along, along_0 = (n, leg), (np.zeros_like(n), leg)
-    place = (1.0 - plan.gauge_at) * carriage_0[..., n, leg] + plan.gauge_at * tool_0[..., *along_0]
-    span = tool[..., *along] - carriage[..., *along]
+    place = (1.0 - gauge_at) * isotropic.centres[leg, leg, 0] + gauge_at * isotropic.tool[leg, 0]
+    span = posture.tool[leg, moment] - carriage
     fraction = np.where(
-        plan.contact == Contact.FIXED,
-        (place - carriage[..., *along]) / span,
-        np.asarray(plan.contact == Contact.TOOL, dtype=np.float64),
+        fixed, (place - carriage) / span, _column(plan.contact == Contact.TOOL, batch)
     )
-    across = tool[..., n, direction] - carriage[..., n, direction]
-    heights = carriage[..., n, direction] + fraction * across
+    across = posture.tool[direction, moment] - side
+    readings = np.moveaxis(side + fraction * across, 0, -1)
     for effect in effects:
-        heights = effect.contact(heights, fraction, commanded)
-    readings = heights
+        readings = effect.contact(readings, np.moveaxis(fraction, 0, -1), commanded)
     for effect in effects:
         readings = effect.record(readings, commanded)
     if not derivative:
         return readings, readings
 
-    # The same chain differentiated: d carriage = u_i dq_i, d tool = (∂p/∂q) dq.
-    d_tool = posture.tool_derivative()[..., moment, :, :]
-    d_tool_0 = isotropic.tool_derivative()[..., 0, :, :]
-    own = np.eye(3)[leg]
-    rail = real.directions[..., leg, :]
-    d_carriage = rail[..., :, None] * own[:, None, :]
-    d_place = (1.0 - plan.gauge_at)[:, None] * d_carriage[..., n, leg, :] + plan.gauge_at[
-        :, None
-    ] * d_tool_0[..., leg, :]
-    d_along = d_carriage[..., n, leg, :]
-    d_span = d_tool[..., n, leg, :] - d_along
+    # The same chain differentiated by q: d carriage = u_i dq_i, d tool = (∂p/∂q) dq.
+    own = _column(np.eye(3)[leg], batch)
+    slope, slope_0 = posture.tool_derivative(), isotropic.tool_derivative()
+    d_carriage = posture.directions[leg, leg, 0][:, None] * own
+    d_side = posture.directions[leg, direction, 0][:, None] * own
+    d_place = (1.0 - gauge_at[:, None]) * d_carriage + gauge_at[:, None] * slope_0[leg, :, 0]
+    d_span = slope[leg, :, moment] - d_carriage
     d_fraction = np.where(
-        (plan.contact == Contact.FIXED)[:, None],
-        (d_place - d_along - fraction[..., None] * d_span) / span[..., None],
+        fixed[:, None],
+        (d_place - d_carriage - fraction[:, None] * d_span) / span[:, None],
         0.0,
     )
-    d_side = d_carriage[..., n, direction, :]
-    d_across = d_tool[..., n, direction, :] - d_side
-    jacobian = d_side + d_fraction * across[..., None] + fraction[..., None] * d_across
-    return readings, jacobian
+    d_across = slope[direction, :, moment] - d_side
+    jacobian = d_side + d_fraction * across[:, None] + fraction[:, None] * d_across
+    return readings, np.moveaxis(jacobian, (0, 1), (-2, -1))
+
+
+def _components(values: Numbers, axes: int, batch: int) -> Numbers:
+    """Move the last `axes` axes to the front, with axes of length 1 up to `batch` behind them."""
+    own = values.ndim - axes
+    moved = np.ascontiguousarray(np.moveaxis(values, range(own, values.ndim), range(axes)))
+    return moved.reshape(moved.shape[:axes] + (1,) * (batch - own) + moved.shape[axes:])
+
+
+def _column(values: Numbers, batch: int) -> Numbers:
+    """Append `batch` axes of length 1."""
+    array = np.asarray(values)
+    return array.reshape(array.shape + (1,) * batch)

@@ -1,1 +1,18 @@
-"""estimation"""
+"""Estimation of the joint offsets: linear, nonlinear, all readings; accuracy; Monte Carlo."""
+
+from orthoglide_cal.estimation.methods import METHODS, usable_methods
+from orthoglide_cal.estimation.nonlinear import Fit, fit_offsets
+from orthoglide_cal.estimation.problem import Problem
+from orthoglide_cal.estimation.solution import Solution, TableRow
+from orthoglide_cal.estimation.solve import solve
+
+__all__ = [
+    "METHODS",
+    "Fit",
+    "Problem",
+    "Solution",
+    "TableRow",
+    "fit_offsets",
+    "solve",
+    "usable_methods",
+]

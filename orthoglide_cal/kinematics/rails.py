@@ -4,8 +4,11 @@
     leg               |p − b_i| = L_i              (eq. 1 for any rails)
 
 Direct kinematics is the intersection of three spheres in closed form; inverse kinematics is
-the intersection of a sphere and a line. Everything is batched over leading axes and stays
-valid for complex input, so that derivatives can be taken by a complex step.
+the intersection of a sphere and a line. Everything is batched and stays valid for complex
+input, so that derivatives can be taken by a complex step.
+
+Functions named `…_components` take matrix and vector indices as the first axes and the batch
+as the last ones, (3, 3, ...): many small vectors are then handled as few long arrays.
 """
 
 from __future__ import annotations
@@ -47,17 +50,25 @@ class Geometry:
 
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:
-    """Cross product over the last axis; unlike numpy's, cheap for many small vectors."""
-    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
-    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0), axis=-1)
+    """Cross product over the first axis, (3, ...)."""
+    return np.stack(
+        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    )
 
 
 def _dot(a: Numbers, b: Numbers) -> Numbers:
-    return np.asarray((a * b).sum(axis=-1))
+    """Scalar product over the first axis, (3, ...) → (...)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def trilaterate(centres: Numbers, lengths: Numbers, assembly: int = -1) -> Numbers:
+def _first(values: Numbers, axes: int) -> Numbers:
+    """Move the last `axes` axes to the front."""
+    return np.moveaxis(values, range(-axes, 0), range(axes))
+
+
+def trilaterate(
+    centres: Numbers, lengths: Numbers, assembly: int = -1, strict: bool = True
+) -> Numbers:
     """The point at distance `lengths` from three centres.
 
     Args:
@@ -65,6 +76,7 @@ def trilaterate(centres: Numbers, lengths: Numbers, assembly: int = -1) -> Numbe
         lengths: shape (..., 3) [mm].
         assembly: −1 for the prototype's assembly (p = 0 at the isotropic posture), +1 for the
             mirror one; the sign m of eq. (4) (errata, sec. 2.4).
+        strict: raise if any of the batch has no solution; otherwise its entry is NaN.
 
     Returns:
         p, shape (..., 3) [mm].
@@ -73,34 +85,42 @@ def trilaterate(centres: Numbers, lengths: Numbers, assembly: int = -1) -> Numbe
         UnreachableError: the three spheres have no common point.
         SingularError: the three centres lie on a line.
     """
-    first = centres[..., 0, :]
-    to_second = centres[..., 1, :] - first
-    to_third = centres[..., 2, :] - first
+    point = trilaterate_components(_first(centres, 2), _first(lengths, 1), assembly, strict)
+    return np.moveaxis(point, 0, -1)
+
+
+def trilaterate_components(
+    centres: Numbers, lengths: Numbers, assembly: int = -1, strict: bool = True
+) -> Numbers:
+    """`trilaterate` with components first: (3, 3, ...), (3, ...) → (3, ...)."""
+    first = centres[0]
+    to_second = centres[1] - first
+    to_third = centres[2] - first
     normal = _cross(to_second, to_third)
     area2 = _dot(normal, normal)
-    size2 = _dot(to_second, to_second) * _dot(to_third, to_third)
-    if np.any(area2.real <= SINGULAR**2 * np.abs(size2)):
+    second2, third2 = _dot(to_second, to_second), _dot(to_third, to_third)
+    on_a_line = area2.real <= SINGULAR**2 * np.abs(second2 * third2)
+    if strict and np.any(on_a_line):
         raise SingularError(
             "The three carriage joints lie on a line: the tool position is not determined.",
             "Change the joint positions.",
         )
+    area2 = np.where(on_a_line, np.nan, area2)
     squares = lengths**2
-    half_second = 0.5 * (_dot(to_second, to_second) + squares[..., 0] - squares[..., 1])
-    half_third = 0.5 * (_dot(to_third, to_third) + squares[..., 0] - squares[..., 2])
-    in_plane = (
-        half_second[..., None] * _cross(to_third, normal)
-        + half_third[..., None] * _cross(normal, to_second)
-    ) / area2[..., None]
-    height2 = squares[..., 0] - _dot(in_plane, in_plane)
-    if np.any(height2.real < 0.0):
+    half_second = 0.5 * (second2 + squares[0] - squares[1])
+    half_third = 0.5 * (third2 + squares[0] - squares[2])
+    in_plane = _cross(half_second * to_third - half_third * to_second, normal) / area2
+    height2 = squares[0] - _dot(in_plane, in_plane)
+    apart = height2.real < 0.0
+    if strict and np.any(apart):
         missing = float(np.sqrt(-height2.real.min()))
         raise UnreachableError(
             "The legs do not reach each other at these joint positions"
             f" (the spheres miss by {missing:.3g} mm).",
             "Use joint positions inside the limits of the machine.",
         )
-    height = -assembly * np.sqrt(height2 / area2)
-    return np.asarray(first + in_plane - height[..., None] * normal)
+    height = assembly * np.sqrt(np.where(apart, np.nan, height2) / area2)
+    return np.asarray(first + in_plane + height * normal)
 
 
 def rail_position(
@@ -120,8 +140,8 @@ def rail_position(
         UnreachableError: a leg is too short to reach the point from its rail.
     """
     from_rail = tool[..., None, :] - geometry.points
-    along = _dot(from_rail, geometry.directions)
-    root2 = geometry.lengths**2 - _dot(from_rail, from_rail) + along**2
+    along = (from_rail * geometry.directions).sum(axis=-1)
+    root2 = geometry.lengths**2 - (from_rail**2).sum(axis=-1) + along**2
     if np.any(root2.real < 0.0):
         leg = int(np.argwhere(root2.real < 0.0)[0][-1])
         raise UnreachableError(
@@ -131,30 +151,43 @@ def rail_position(
     return np.asarray(along + np.asarray(mode) * np.sqrt(root2))
 
 
-def leg_matrix(tool: Numbers, centres: Numbers) -> Numbers:
-    """Rows p − b_i, shape (..., 3, 3): the matrix of the differentiated sphere equations."""
-    return np.asarray(tool[..., None, :] - centres)
-
-
 def tool_derivative(geometry: Geometry, joints: Numbers, tool: Numbers) -> Numbers:
     """Jacobian ∂p/∂q of the general machine (eq. 5 inverted), shape (..., 3, 3).
 
-    From (p − b_i)·(dp − u_i dq_i) = 0.
+    Args:
+        geometry: the rails and legs.
+        joints: true joint positions q, shape (..., 3) [mm].
+        tool: p at these joints, shape (..., 3) [mm].
 
     Raises:
         SingularError: the three legs lie in one plane.
     """
-    legs = leg_matrix(tool, geometry.carriages(joints))
-    columns = (
-        _cross(legs[..., 1, :], legs[..., 2, :]),
-        _cross(legs[..., 2, :], legs[..., 0, :]),
-        _cross(legs[..., 0, :], legs[..., 1, :]),
+    centres = geometry.carriages(joints)
+    matrix = tool_derivative_components(
+        _first(centres, 2), _first(geometry.directions, 2), _first(tool, 1)
     )
-    volume = _dot(legs[..., 0, :], columns[0])
-    if np.any(np.abs(volume) <= SINGULAR * np.abs(np.prod(geometry.lengths, axis=-1))):
+    if not np.all(np.isfinite(matrix)):
         raise SingularError(
             "The three legs lie in one plane: the machine is singular at this posture.",
             "Choose a posture inside the workspace.",
         )
-    drive = _dot(legs, geometry.directions)
-    return np.stack(columns, axis=-1) * (drive / volume[..., None])[..., None, :]
+    return np.moveaxis(matrix, (0, 1), (-2, -1))
+
+
+def tool_derivative_components(centres: Numbers, directions: Numbers, tool: Numbers) -> Numbers:
+    """∂p/∂q with components first, (3, 3, ...); NaN where the machine is singular.
+
+    From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
+    """
+    legs = tool - centres
+    columns = (
+        _cross(legs[1], legs[2]),
+        _cross(legs[2], legs[0]),
+        _cross(legs[0], legs[1]),
+    )
+    volume = _dot(legs[0], columns[0])
+    size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
+    flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))
+    inverse = 1.0 / np.where(flat, np.nan, volume)
+    drive = [_dot(legs[k], directions[k]) * inverse for k in range(3)]
+    return np.stack([columns[k] * drive[k] for k in range(3)], axis=1)

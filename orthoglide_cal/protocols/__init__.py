@@ -1,1 +1,27 @@
-"""protocols"""
+"""Measuring protocols: which leg, posture and direction, in which order, and the differences."""
+
+from orthoglide_cal.protocols.differences import (
+    NAMES,
+    SINGLE,
+    SIX,
+    TWELVE,
+    ideal_plan,
+    reduction,
+    zero_free,
+)
+from orthoglide_cal.protocols.double_posture import double_posture
+from orthoglide_cal.protocols.postures import other_axes
+from orthoglide_cal.protocols.single_posture import single_posture
+
+__all__ = [
+    "NAMES",
+    "SINGLE",
+    "SIX",
+    "TWELVE",
+    "double_posture",
+    "ideal_plan",
+    "other_axes",
+    "reduction",
+    "single_posture",
+    "zero_free",
+]
