@@ -7,6 +7,7 @@ from orthoglide_cal.data.machine_file import (
     read_machine,
     write_machine,
 )
+from orthoglide_cal.data.measured_file import read_measured
 
 __all__ = [
     "CAUSE_IDS",
@@ -14,5 +15,6 @@ __all__ = [
     "default_machine",
     "machine_text",
     "read_machine",
+    "read_measured",
     "write_machine",
 ]
