@@ -1,0 +1,76 @@
+"""The `orthocal` program: its commands, and how errors become exit codes."""
+
+from __future__ import annotations
+
+import io
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from orthoglide_cal import __version__
+from orthoglide_cal.cli.common import NoColour, leave_closed_pipe, tell_error
+from orthoglide_cal.cli.solve import solve
+from orthoglide_cal.errors import OrthocalError
+
+
+class _Commands(TyperGroup):
+    """Errors of the package end a command with their own exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except OrthocalError as error:
+            tell_error(error)
+            raise typer.Exit(error.exit_code) from error
+        except BrokenPipeError:
+            leave_closed_pipe()
+            raise typer.Exit from None
+
+
+app = typer.Typer(
+    name="orthocal",
+    cls=_Commands,
+    help="Calibrate and diagnose an Orthoglide-type machine with a dial indicator.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _show_version(chosen: bool) -> None:
+    if chosen:
+        print(f"orthocal {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _orthocal(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
+    ] = False,
+    no_colour: NoColour = False,
+) -> None:
+    pass
+
+
+for command in (solve,):
+    app.command()(command)
+
+
+def main() -> None:
+    """Entry point of the `orthocal` program."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal without Greek letters shows a question mark instead of failing.
+            stream.reconfigure(errors="replace")
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        leave_closed_pipe()
