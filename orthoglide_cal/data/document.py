@@ -11,7 +11,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.measured import Source
 
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
-YAML_LIMIT = 5_000_000  # bytes of a YAML file: a session of 10,000 readings is half of it
+YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
 
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
 

@@ -46,15 +46,15 @@ class Faults:
         """Note an error that knows its value but not its place."""
         self.add(error.what, error.remedy, line=line, column=column, value=error.value)
 
-    def check(self) -> None:
-        """Raise InvalidFileError with all faults, in the order of lines, if there are any."""
+    def check(self, cause: Exception | None = None) -> None:
+        """Raise InvalidFileError (from `cause`) with all faults by line, if there are any."""
         if not self.problems:
             return
         problems = sorted(self.problems, key=lambda fault: fault.line or 0)
         if self._more:
             what = f"There are {self._more} more faults like these."
             problems.append(InputError(what, "Mend the first ones and try again.", file=self.file))
-        raise InvalidFileError(problems, file=self.file)
+        raise InvalidFileError(problems, file=self.file) from cause
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -18,6 +18,8 @@ from orthoglide_cal.machine import Machine
 
 DEFAULT_NAME = "orthoglide_prototype.yaml"
 
+_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
 
 def read_machine(path: Path | str | None = None) -> Machine:
     """The machine described by a file, or the prototype for None.
@@ -75,8 +77,13 @@ def machine_text(machine: Machine) -> str:
 
 def yaml_text(value: Any) -> str:
     """YAML of plain values, in the order given, as `load_tree` reads it back."""
-    text: str = yaml.safe_dump(
-        value, sort_keys=False, allow_unicode=True, width=1000, default_flow_style=None
+    text: str = yaml.dump(
+        value,
+        sort_keys=False,
+        allow_unicode=True,
+        width=1000,
+        default_flow_style=None,
+        Dumper=_DUMPER,
     )
     return text
 

@@ -34,7 +34,8 @@ def fault(what: str, remedy: str, path: Path = ()) -> PydanticCustomError:
     return PydanticCustomError("fault", "{what}", {"what": what, "remedy": remedy, "path": path})
 
 
-def _number(value: Any) -> float:
+def as_number(value: Any) -> float:
+    """The number in a YAML scalar or a Python number; a fault for anything else."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise fault("A number is wanted here.", "Write a plain number such as 310.25.")
     try:
@@ -114,7 +115,7 @@ def _digest(value: str) -> str:
     return value
 
 
-Number = Annotated[float, BeforeValidator(_number)]
+Number = Annotated[float, BeforeValidator(as_number)]
 Positive = Annotated[Number, AfterValidator(_positive)]
 NotNegative = Annotated[Number, AfterValidator(_not_negative)]
 Count = Annotated[int, BeforeValidator(_count)]
@@ -151,7 +152,7 @@ def check_tree(model: type[Model], tree: Tree, path: Path = ()) -> Model:
     except ValidationError as error:
         for entry in error.errors(include_url=False):
             _note(tree, model, path, entry)
-        tree.faults.check()
+        tree.faults.check(error)
         raise
     tree.faults.check()
     return checked

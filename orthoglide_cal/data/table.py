@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from orthoglide_cal.data.document import Document
 from orthoglide_cal.data.faults import Faults
 
+_ROWS = 100_000  # read in a few seconds
 _BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
 
 
@@ -84,6 +85,9 @@ def read_table(document: Document, coded: Sequence[str]) -> Table:
     lines.comments = bool(columns) and columns[0] in coded
     rows = []
     for line, record in records:
+        if len(rows) >= _ROWS:
+            faults.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
+            break
         cells = [_clean(cell) for cell in record]
         if len(cells) > len(columns) and any(cells[len(columns) :]):
             faults.add(

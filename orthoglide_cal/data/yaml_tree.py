@@ -19,7 +19,7 @@ from orthoglide_cal.errors import InputError
 Path = tuple[str | int, ...]
 
 _DEPTH = 20
-_NODES = 300_000
+_NODES = 60_000  # 2,500 readings with every field; read in half a second
 _NULLS = ("", "~", "null", "Null", "NULL")
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -57,7 +57,7 @@ def load_tree(document: Document) -> Tree:
     """Parse a document without resolving anything.
 
     Work and memory are bounded by the size limit: aliases, anchors and tags are refused, as are
-    more than 20 levels or 300,000 nodes.
+    more than 20 levels or 60,000 nodes.
 
     Raises:
         InputError: not YAML, or something refused, with its line.
@@ -111,7 +111,7 @@ class _Builder:
     def take(self, event: Any) -> None:
         self.refuse(event)
         if isinstance(event, yaml.ScalarEvent):
-            plain = event.style is None and event.value in _NULLS
+            plain = not event.style and event.value in _NULLS
             self.place(event, None if plain else event.value)
         elif isinstance(event, yaml.SequenceStartEvent):
             self.open(event, [])
