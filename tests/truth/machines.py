@@ -45,7 +45,8 @@ class Gauge:
 
 @dataclass(frozen=True)
 class Machine:
-    """Nominal dimensions [mm]; limits are displacements from the isotropic posture."""
+    """Nominal dimensions [mm]; limits are displacements from the isotropic posture, the workspace
+    is the edge of a cube."""
 
     name: str
     leg: float
@@ -74,7 +75,7 @@ def machine_yaml(machine: Machine, gauge: Gauge) -> str:
         f"parallelogram_width_mm: {machine.width}",
         f"tool_offset_mm: {machine.tool}",
         f"joint_limits_mm: [{machine.lower}, {machine.upper}]",
-        f"workspace_mm: [{machine.workspace}, {machine.workspace}, {machine.workspace}]",
+        f"workspace_mm: {machine.workspace}",
         "gauge:",
         f"  resolution_mm: {gauge.resolution}",
         f"  range_mm: {gauge.range}",
