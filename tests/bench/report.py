@@ -7,7 +7,7 @@ import numpy as np
 
 from .accuracy import HeldOut, coverage, heldout
 from .bench import Group
-from .scoring import rates
+from .scoring import judge, rates
 from .tables import (
     confusion_table,
     coverage_table,
@@ -20,6 +20,7 @@ from .tables import (
 HELDOUT_RATIO = (0.8, 1.25)
 LATER_RATIO = (0.0, 1.3)
 PER_SECOND = 20.0
+MARGINS = ("distinct", "close")
 
 
 def pooled_later(groups: Sequence[Group]) -> list[HeldOut]:
@@ -73,8 +74,11 @@ def full_report(groups: Sequence[Group]) -> str:
         for g in groups
     )
     wrong = misses([(f"{g.machine}-{g.gauge}", g.judged) for g in groups])
+    cases, answers = [j.case for j in judged], [j.answer for j in judged]
+    by_margin = [rate for rate in rates(judge(cases, answers, "margin")) if rate.kind in MARGINS]
     parts = [
         ("Rates", rate_table(rates(judged))),
+        ("Rates where distance counts beyond the truth's own cost", rate_table(by_margin)),
         ("Right / all, by what was hidden", label_table(judged)),
         ("Confusion: first cause named, or the verdict", confusion_table(judged)),
         (

@@ -58,7 +58,7 @@ class Rate:
 # kind: (demanded rate or None, rate of a sound method)
 REQUIRED: dict[str, tuple[float | None, float]] = {
     "distinct": (0.97, 0.99),
-    "close": (0.97, 0.99),
+    "close": (0.97, 0.995),
     "faint": (None, 1.0),
     "healthy": (0.99, 0.998),
     "outside": (0.90, 0.97),
