@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 from orthoglide_cal import __version__
 from orthoglide_cal.cli.common import NoColour, leave_closed_pipe, tell_error
 from orthoglide_cal.cli.solve import solve
+from orthoglide_cal.cli.validate import validate
 from orthoglide_cal.errors import OrthocalError
 
 
@@ -57,7 +58,7 @@ def _orthocal(
     pass
 
 
-for command in (solve,):
+for command in (solve, validate):
     app.command()(command)
 
 

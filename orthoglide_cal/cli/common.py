@@ -83,10 +83,10 @@ def for_each(
 
 def read_input(path: str, machine_file: Path | None) -> tuple[Measured, Machine]:
     """The measured data at `path` ("-": standard input) and the machine to judge it by."""
-    from orthoglide_cal.data import read_machine, read_measured
+    from orthoglide_cal import data
 
-    machine = read_machine(machine_file)
-    return read_measured(path, machine), machine
+    named = data.read_machine(machine_file) if machine_file else None
+    return data.read_input(path, named)
 
 
 def print_json(value: Mapping[str, Any]) -> None:

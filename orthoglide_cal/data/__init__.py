@@ -2,6 +2,7 @@
 
 from orthoglide_cal.data.atomic import write_text
 from orthoglide_cal.data.cause_ids import CAUSE_IDS, CAUSE_UNITS
+from orthoglide_cal.data.check import Check, check_file
 from orthoglide_cal.data.differences_table import DIFFERENCE_NAMES
 from orthoglide_cal.data.machine_file import (
     default_machine,
@@ -30,12 +31,14 @@ __all__ = [
     "CAUSE_IDS",
     "CAUSE_UNITS",
     "DIFFERENCE_NAMES",
+    "Check",
     "MachineModel",
     "RetakenReading",
     "SessionGauge",
     "SessionReading",
     "SessionRecord",
     "SkippedStep",
+    "check_file",
     "default_machine",
     "machine_text",
     "read_input",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,13 @@ from orthoglide_cal.measured import Source
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
 YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
 
+# They would reach the terminal with the next message (escape sequences).
+_CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
+
+
+class UnreadableError(InputError):
+    """There is no such file, or the system does not let it be read."""
 
 
 @dataclass(frozen=True)
@@ -45,24 +52,27 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> Document:
         limit: largest size accepted, bytes; a larger file is not read to its end.
 
     Raises:
-        InputError: not readable, too large, empty, or not UTF-8 text.
+        UnreadableError: no such file, a folder, no permission.
+        InputError: too large, empty, or not UTF-8 text.
     """
+    return document_from_bytes(_bytes(path, limit), path, limit)
+
+
+def _bytes(path: str, limit: int) -> bytes:
     try:
         if path == "-":
-            data = sys.stdin.buffer.read(limit + 1)
-        else:
-            with Path(path).open("rb") as file:
-                data = file.read(limit + 1)
+            return sys.stdin.buffer.read(limit + 1)
+        with Path(path).open("rb") as file:
+            return file.read(limit + 1)
     except FileNotFoundError as error:
-        raise InputError("There is no such file.", "Check the path.", file=path) from error
+        raise UnreadableError("There is no such file.", "Check the path.", file=path) from error
     except IsADirectoryError as error:
-        raise InputError("This is a folder.", "Name a file inside it.", file=path) from error
+        raise UnreadableError("This is a folder.", "Name a file inside it.", file=path) from error
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
+        raise UnreadableError(
             f"The file cannot be read: {reason}.", "Check the path and its permissions.", file=path
         ) from error
-    return document_from_bytes(data, path, limit)
 
 
 def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Document:
@@ -72,6 +82,11 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Doc
     if not text.strip():
         raise InputError("The file is empty.", "Give a file with readings.", file=path)
     return Document(path, text, hashlib.sha256(data).hexdigest(), len(data))
+
+
+def has_control(text: str) -> bool:
+    """Whether a text holds control characters other than tab and line ends."""
+    return _CONTROL.search(text) is not None
 
 
 def check_size(size: int, path: str, limit: int) -> None:
@@ -111,6 +126,15 @@ def _decoded(data: bytes, path: str) -> str:
             line=_line_of(data, error.start),
             value=f"byte 0x{data[error.start]:02X}",
         ) from error
+    control = _CONTROL.search(text)
+    if control:
+        raise InputError(
+            "The text holds a control character.",
+            "Remove it; a file of readings is plain text.",
+            file=path,
+            line=_line_of(text[: control.start()].encode(), len(data)),
+            value=control.group(),
+        )
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

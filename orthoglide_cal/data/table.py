@@ -83,7 +83,7 @@ def read_table(document: Document, coded: Sequence[str]) -> Table:
     columns = tuple(_clean(name).lower() for name in header)
     _check_header(columns, header_line, faults)
     lines.comments = bool(columns) and columns[0] in coded
-    rows = []
+    rows: list[Row] = []
     for line, record in records:
         if len(rows) >= _ROWS:
             faults.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from orthoglide_cal.data.document import YAML_LIMIT, Document, check_size
+from orthoglide_cal.data.document import YAML_LIMIT, Document, check_size, has_control
 from orthoglide_cal.data.faults import Faults
 from orthoglide_cal.errors import InputError
 
@@ -127,6 +127,10 @@ class _Builder:
             )
         if getattr(event, "tag", None) and event.tag != "!":
             raise self.error(event, "Tags are not accepted.", "Remove the tag.", event.tag)
+        if isinstance(event, yaml.ScalarEvent) and has_control(event.value):
+            raise self.error(
+                event, "The text holds a control character.", "Remove it.", event.value
+            )
         if isinstance(event, yaml.DocumentStartEvent):
             self.documents += 1
             if self.documents > 1:
