@@ -49,6 +49,8 @@ class HeldOut:
     """r.m.s. of the ratios without the cause."""
     after: float
     """r.m.s. of the ratios with it: 0.8 to 1.25 is demanded."""
+    stated: float | None = None
+    """r.m.s. of the ratios that the answers state themselves, where they do; the same bounds."""
 
 
 def rightly_named(item: Judged) -> bool:
@@ -78,7 +80,7 @@ def heldout(judged: Sequence[Judged]) -> list[HeldOut]:
     """Held-out ratios per cause of the machine, among the rightly named sessions."""
     out = []
     for cause in PERSISTENT:
-        ratios = []
+        ratios, stated = [], []
         for item in judged:
             if item.case.session.label != cause or not rightly_named(item):
                 continue
@@ -86,9 +88,12 @@ def heldout(judged: Sequence[Judged]) -> list[HeldOut]:
             if named.heldout_before is not None and named.heldout_after is not None:
                 expected = expected_heldout(item.case.session)
                 ratios.append((named.heldout_before / expected, named.heldout_after / expected))
+                if named.heldout_ratio is not None:
+                    stated.append(named.heldout_ratio)
         if ratios:
             before, after = np.sqrt(np.mean(np.square(ratios), axis=0))
-            out.append(HeldOut(cause, len(ratios), float(before), float(after)))
+            own = float(np.sqrt(np.mean(np.square(stated)))) if stated else None
+            out.append(HeldOut(cause, len(ratios), float(before), float(after), own))
     return out
 
 

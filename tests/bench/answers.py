@@ -22,6 +22,8 @@ class NamedCause:
     """[mm]"""
     heldout_after: float | None
     """[mm]"""
+    heldout_ratio: float | None = None
+    """Held-out errors over what the model states for them; beyond the contract, read if given."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ def parse_answer(line: str) -> Answer:
             aliases=tuple(_take(cause, "aliases", f"causes[{n}].")),
             heldout_before=_optional(_take(cause, "heldout_before_mm", f"causes[{n}].")),
             heldout_after=_optional(_take(cause, "heldout_after_mm", f"causes[{n}].")),
+            heldout_ratio=_optional(cause.get("heldout_ratio")),
         )
         for n, cause in enumerate(_take(entry, "causes", ""))
     )

@@ -53,9 +53,10 @@ def failures(groups: Sequence[Group]) -> list[str]:
         if not row.honest
     ]
     found += [
-        f"held-out ratio of {row.label}: {row.after:.2f}, not within {HELDOUT_RATIO}"
+        f"held-out ratio of {row.label}: {ratio:.2f}, not within {HELDOUT_RATIO}"
         for row in heldout(judged)
-        if not HELDOUT_RATIO[0] <= row.after <= HELDOUT_RATIO[1]
+        for ratio in (row.after, row.stated)
+        if ratio is not None and not HELDOUT_RATIO[0] <= ratio <= HELDOUT_RATIO[1]
     ]
     found += [
         f"second session of {row.label}: {row.after:.2f} of the noise floor, allowed 1.3"
