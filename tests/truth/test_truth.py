@@ -2,7 +2,9 @@
 
 import csv
 import io
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -279,3 +281,9 @@ def test_the_file_is_the_contracts_and_tells_nothing() -> None:
     assert all(len(row["reading_mm"].split(".")[1]) == 2 for row in rows)
     assert "swap" not in readings_csv(session)
     assert swapped_rows(session.plan, 1)[20:24].tolist() == [21, 20, 23, 22]
+
+
+def test_the_truth_does_not_know_the_program() -> None:
+    for path in Path(__file__).parent.glob("*.py"):
+        names = re.findall(r"^\s*(?:from|import) (\S+)", path.read_text("utf-8"), re.MULTILINE)
+        assert not [name for name in names if name.startswith("orthoglide_cal")], path
