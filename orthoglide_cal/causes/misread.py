@@ -1,0 +1,38 @@
+"""One reading is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orthoglide_cal.axes import Floats, Numbers
+from orthoglide_cal.causes.base import PatternCause, Step, Where, reading_label
+from orthoglide_cal.machine import Machine
+from orthoglide_cal.plan import Plan
+from orthoglide_cal.simulation import Commanded
+
+
+class Misread(PatternCause):
+    """Error of a single reading, of any size: a wrong digit, a wrong mark, a wrong line."""
+
+    id = "misread"
+    title = "one reading is wrong"
+    step = Step.RECORD
+    unit = "mm"
+    advice = "Take this reading again."
+
+    def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
+        """Every reading."""
+        return tuple(Where(reading_label(plan, machine, i), (i,)) for i in range(len(plan)))
+
+    def patterns(self, plan: Plan, places: tuple[Where, ...]) -> Floats:
+        """1 at the reading."""
+        return np.eye(len(plan))[:, [where.index[0] for where in places]]
+
+    def record(
+        self, readings: Numbers, theta: Numbers, where: Where, commanded: Commanded
+    ) -> Numbers:
+        """Reading += size; theta (..., 1) [mm]."""
+        return readings + self.added(theta, where, commanded.plan)
+
+
+CAUSE = Misread()
