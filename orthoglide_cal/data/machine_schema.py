@@ -90,15 +90,15 @@ class MachineModel(Strict):
     tolerances: dict[CauseId, Positive] = Field(default_factory=dict)
     identified: tuple[IdentifiedModel, ...] = ()
 
-    @field_validator("offsets_mm", "tolerances", "identified", mode="before")
+    @field_validator("offsets_mm", "tolerances", mode="before")
     @classmethod
     def _null_is_none_given(cls, value: object) -> object:
         return {} if value is None else value
 
     @field_validator("identified", mode="before")
     @classmethod
-    def _no_entries(cls, value: object) -> object:
-        return () if value == {} else value
+    def _null_is_no_cause(cls, value: object) -> object:
+        return () if value is None else value
 
     @field_validator("joint_limits_mm")
     @classmethod

@@ -2,18 +2,46 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 
 from orthoglide_cal.data.faults import Faults
-from orthoglide_cal.data.reading_row import ReadingRow
-from orthoglide_cal.data.table import Row
+from orthoglide_cal.data.reading_row import (
+    READING_COLUMNS,
+    TEXT_COLUMNS,
+    VALUE_COLUMNS,
+    ReadingRow,
+)
+from orthoglide_cal.data.table import Row, Table
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Contact
 
 MINUTES_PER_READING = 0.2  # assumed where no times are given
 
 _ALL_OR_NONE = ("seq", "cycle", "minutes", "end")
+
+
+def check_split_numbers(table: Table) -> None:
+    """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123."""
+    if table.decimal_comma or not table.rows:
+        return
+    value, beside = next(
+        (pair for pair in pairwise(table.columns) if pair[0] in VALUE_COLUMNS), ("", "")
+    )
+    if not value or (beside in READING_COLUMNS and beside not in TEXT_COLUMNS):
+        return
+    fractions = [row.cells.get(beside, "") for row in table.rows]
+    whole = all(re.fullmatch("[-+\u2212]?[0-9]+", row.cells.get(value, "")) for row in table.rows)
+    if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
+        table.faults.add(
+            f"Every reading is a whole number with digits in the column {beside!r} beside it:"
+            " decimal commas?",
+            "Write decimal points, or separate the columns with semicolons.",
+            line=table.rows[0].line,
+            column=value,
+            value=f"{table.rows[0].cells[value]},{fractions[0]}",
+        )
 
 
 def check_completeness(rows: Sequence[Row], faults: Faults) -> None:

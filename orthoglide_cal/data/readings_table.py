@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from orthoglide_cal.data.readings_checks import (
     MINUTES_PER_READING,
     check_completeness,
     check_order,
+    check_split_numbers,
     remarks_on,
 )
 from orthoglide_cal.data.setups import number_setups
@@ -32,6 +34,7 @@ def readings_from_table(table: Table, machine: Machine) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
     if not _has_columns(table):
         table.faults.check()
+    check_split_numbers(table)
     unknown = [name for name in table.columns if name not in READING_COLUMNS]
     return readings_from_rows(
         table.rows, machine, table.document.source, table.faults,
@@ -89,10 +92,13 @@ def _has_columns(table: Table) -> bool:
     if not values:
         wanted.append(VALUE_COLUMNS[0])
     for name in wanted:
-        close = nearest(name, [column for column in present if column not in READING_COLUMNS])
+        others = [column for column in present if column not in READING_COLUMNS]
+        close = get_close_matches(name, others, n=1)
         table.faults.add(
             "The column is missing.",
-            f"{close}The header has: {', '.join(present)}.",
+            f"Rename the column {close[0]!r}."
+            if close
+            else f"Add it; the header has: {', '.join(present)}.",
             line=table.header_line,
             column=name,
         )

@@ -131,8 +131,8 @@ _KINDS = {
     "missing": ("The key is missing.", "Add it."),
     "model_type": ("A group of keys is wanted here.", "Write `name: value` lines, indented."),
     "dict_type": ("A group of keys is wanted here.", "Write `name: value` lines, indented."),
-    "list_type": ("A list is wanted here.", "Write `- …` lines."),
-    "tuple_type": ("A list is wanted here.", "Write [-100, 60]."),
+    "list_type": ("A list is wanted here.", "Write [first, second] or `- …` lines."),
+    "tuple_type": ("A list is wanted here.", "Write [first, second] or `- …` lines."),
     "too_long": ("The list has too many entries.", "Remove some."),
 }
 
@@ -171,6 +171,10 @@ def _note(tree: Tree, model: type[BaseModel], prefix: Path, entry: Any) -> None:
         remedy = f"{nearest(str(place[-1]), known)}Known here: {', '.join(known)}."
     else:
         what, remedy = _KINDS.get(kind, (f"{entry['msg']}.", "Compare with a file that works."))
+    if kind == "missing" and isinstance(place[-1], int):
+        what, remedy = "The list is too short.", "Add an entry."
+    elif kind == "missing":
+        remedy = f"Add a line `{place[-1]}: …`."
     shown = value if isinstance(value, str) and kind != "missing" else None
     tree.faults.add(what, remedy, line=tree.line(place), column=dotted(place), value=shown)
 
