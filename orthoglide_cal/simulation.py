@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.axes import AXES, Floats, Numbers, read_only
+from orthoglide_cal.axes import AXES, Floats, Ints, Numbers, read_only
 from orthoglide_cal.errors import UnreachableError
 from orthoglide_cal.kinematics.rails import (
     Geometry,
@@ -31,6 +31,8 @@ from orthoglide_cal.plan import Contact, Plan
 
 # Step of complex-step derivatives: its square vanishes beside 1, so they are exact.
 STEP = 1e-30
+# Place of the isotropic posture, where the gauges were set up, behind the moments of a plan.
+ISO = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +107,15 @@ class _Posture:
 
     @classmethod
     def of(cls, geometry: Geometry, joints: Numbers, batch: int, strict: bool) -> _Posture:
-        """Direct kinematics for joints (..., m, 3), with `batch` axes in all."""
+        """Direct kinematics for joints with components first, (3, m, ...), `batch` axes in all."""
         points, directions = (
             _components(values, 2, batch + 1) for values in (geometry.points, geometry.directions)
         )
         lengths = _components(geometry.lengths, 1, batch + 1)
-        moved = _components(joints.swapaxes(-1, -2), 2, batch)
-        centres = points + moved[:, None] * directions
+        joints = joints.reshape(
+            joints.shape[:2] + (1,) * (batch + 2 - joints.ndim) + joints.shape[2:]
+        )
+        centres = points + joints[:, None] * directions
         return cls(directions, centres, trilaterate_components(centres, lengths, strict=strict))
 
     def tool_derivative(self) -> Numbers:
@@ -119,7 +123,7 @@ class _Posture:
         return tool_derivative_components(self.centres, self.directions, self.tool)
 
 
-def _moments(commanded: Commanded, effects: Sequence[Effect]) -> tuple[Floats, np.ndarray]:
+def _moments(commanded: Commanded, effects: Sequence[Effect]) -> tuple[Floats, Ints]:
     """Distinct commanded joints (m, 3) and the moment of each reading (n,).
 
     A motion effect may depend on time, so with effects every reading is its own moment.
@@ -130,6 +134,31 @@ def _moments(commanded: Commanded, effects: Sequence[Effect]) -> tuple[Floats, n
     keys = np.stack((np.where(plan.displacement == 0.0, 0, plan.leg), plan.displacement), axis=1)
     _, first, moment = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     return commanded.joints[first], moment.reshape(-1)
+
+
+def _true_joints(
+    commanded: Commanded, indicated: Floats, offsets: Numbers, effects: Sequence[Effect]
+) -> Numbers:
+    """Where the carriages stand at each moment and, last, at the isotropic posture.
+
+    Args:
+        commanded: the plan on its machine.
+        indicated: joints at m moments, shape (m, 3) [mm].
+        offsets: Δρ, shape (..., 3) [mm].
+        effects: their motions are applied.
+
+    Returns:
+        Components first, shape (3, m + 1, ...) [mm].
+    """
+    isotropic = np.full((1, 3), commanded.machine.leg_length_mm)
+    if not effects:
+        both = np.concatenate((indicated, isotropic)).T
+        return _column(both, offsets.ndim - 1) + _components(offsets, 1)[:, None]
+    joints = indicated + offsets[..., None, :]
+    for effect in effects:
+        joints = effect.motion(joints, commanded)
+    gauged = np.broadcast_to(isotropic + offsets[..., None, :], (*joints.shape[:-2], 1, 3))
+    return _components(np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2), 2)
 
 
 def simulate(
@@ -203,24 +232,24 @@ def _simulate(
         real = effect.geometry(real)
 
     indicated, moment = _moments(commanded, effects)
-    joints = indicated + offsets[..., None, :]
-    for effect in effects:
-        joints = effect.motion(joints, commanded)
-    batch = max(joints.ndim - 2, real.points.ndim - 2, real.directions.ndim - 2, real.lengths.ndim - 1)
-    isotropic = _Posture.of(real, machine.leg_length_mm + offsets[..., None, :], batch, strict)
+    joints = _true_joints(commanded, indicated, offsets, effects)
+    batch = max(
+        joints.ndim - 2, real.points.ndim - 2, real.directions.ndim - 2, real.lengths.ndim - 1
+    )
     posture = _Posture.of(real, joints, batch, strict)
 
     leg, direction = plan.leg, plan.direction
-    fixed = _column(plan.contact == Contact.FIXED, batch)
     gauge_at = _column(plan.gauge_at, batch)
     carriage, side = posture.centres[leg, leg, moment], posture.centres[leg, direction, moment]
     # The gauge's place along the leg's axis, and the point of the leg that it now touches.
-    place = (1.0 - gauge_at) * isotropic.centres[leg, leg, 0] + gauge_at * isotropic.tool[leg, 0]
+    place = (1.0 - gauge_at) * posture.centres[leg, leg, ISO] + gauge_at * posture.tool[leg, ISO]
     span = posture.tool[leg, moment] - carriage
-    fraction = np.where(
-        fixed, (place - carriage) / span, _column(plan.contact == Contact.TOOL, batch)
-    )
     across = posture.tool[direction, moment] - side
+    fixed = plan.contact == Contact.FIXED
+    fraction = (place - carriage) / span
+    if not np.all(fixed):
+        at_tool = _column(plan.contact == Contact.TOOL, batch)
+        fraction = np.where(_column(fixed, batch), fraction, at_tool)
     readings = np.moveaxis(side + fraction * across, 0, -1)
     for effect in effects:
         readings = effect.contact(readings, np.moveaxis(fraction, 0, -1), commanded)
@@ -229,28 +258,25 @@ def _simulate(
     if not derivative:
         return readings, readings
 
-    # The same chain differentiated by q: d carriage = u_i dq_i, d tool = (∂p/∂q) dq.
-    own = _column(np.eye(3)[leg], batch)
-    slope, slope_0 = posture.tool_derivative(), isotropic.tool_derivative()
-    d_carriage = posture.directions[leg, leg, 0][:, None] * own
-    d_side = posture.directions[leg, direction, 0][:, None] * own
-    d_place = (1.0 - gauge_at[:, None]) * d_carriage + gauge_at[:, None] * slope_0[leg, :, 0]
-    d_span = slope[leg, :, moment] - d_carriage
-    d_fraction = np.where(
-        fixed[:, None],
-        (d_place - d_carriage - fraction[:, None] * d_span) / span[:, None],
-        0.0,
-    )
-    d_across = slope[direction, :, moment] - d_side
-    jacobian = d_side + d_fraction * across[:, None] + fraction[:, None] * d_across
+    # The same chain differentiated by q: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and
+    # d fraction = (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed.
+    slope = posture.tool_derivative()
+    turn = _column(fixed, batch) * across / span
+    jacobian = turn[:, None] * gauge_at[:, None] * slope[leg, :, ISO]
+    jacobian -= (turn * fraction)[:, None] * slope[leg, :, moment]
+    jacobian += fraction[:, None] * slope[direction, :, moment]
+    own, sideways = posture.directions[leg, leg, 0], posture.directions[leg, direction, 0]
+    jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
+    jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
     return readings, np.moveaxis(jacobian, (0, 1), (-2, -1))
 
 
-def _components(values: Numbers, axes: int, batch: int) -> Numbers:
+def _components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
     """Move the last `axes` axes to the front, with axes of length 1 up to `batch` behind them."""
     own = values.ndim - axes
     moved = np.ascontiguousarray(np.moveaxis(values, range(own, values.ndim), range(axes)))
-    return moved.reshape(moved.shape[:axes] + (1,) * (batch - own) + moved.shape[axes:])
+    missing = 0 if batch is None else batch - own
+    return moved.reshape(moved.shape[:axes] + (1,) * missing + moved.shape[axes:])
 
 
 def _column(values: Numbers, batch: int) -> Numbers:

@@ -17,7 +17,7 @@ def calibration_matrix(problem: Problem) -> Floats:
 
 def pseudoinverse(problem: Problem) -> Floats:
     """M = (JᵀJ)⁻¹Jᵀ (Moore–Penrose), shape (3, k)."""
-    return np.linalg.pinv(calibration_matrix(problem))
+    return np.asarray(np.linalg.pinv(calibration_matrix(problem)), dtype=np.float64)
 
 
 def sequential(problem: Problem, names: tuple[str, ...]) -> Floats:

@@ -1,11 +1,11 @@
 """The estimators by name: each is a reduction of the readings and a way to solve.
 
-    single            eq. 10, pseudoinverse              single-posture differences
-    single-sequential eq. 11, one offset after the other
-    six-linear        eq. 17, pseudoinverse              max − min
-    twelve-linear     eq. 16, pseudoinverse              max − iso, min − iso
-    six, twelve       eq. 25, nonlinear least squares on the same differences
-    readings          all raw readings at once, one unknown zero per gauge set-up
+single            eq. 10, pseudoinverse              single-posture differences
+single-sequential eq. 11, one offset after the other
+six-linear        eq. 17, pseudoinverse              max − min
+twelve-linear     eq. 16, pseudoinverse              max − iso, min − iso
+six, twelve       eq. 25, nonlinear least squares on the same differences
+readings          all raw readings at once, one unknown zero per gauge set-up
 """
 
 from __future__ import annotations
@@ -107,9 +107,7 @@ def pose(
     if method.differences is None:
         assert isinstance(measured, Readings)
         matrix = zero_free(measured.plan)
-        return Posed(
-            Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, ()
-        )
+        return Posed(Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, ())
     return pose_differences(measured, machine, method.differences, effects)
 
 
@@ -123,7 +121,9 @@ def pose_differences(
         present = np.abs(matrix).sum(axis=1) > 0.0
         kept = tuple(name for name, ok in zip(names, present, strict=True) if ok)
         matrix = matrix[present]
-        return Posed(Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, kept)
+        return Posed(
+            Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, kept
+        )
     values = dict(zip(measured.names, measured.value.tolist(), strict=True))
     if measured.kind == "twelve" and kind == "six":
         values = {

@@ -6,20 +6,24 @@ of the forward model is used, not the one of eqs. (16), (17), which holds at zer
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.axes import Floats, Ints
 from orthoglide_cal.estimation.problem import OPTIMAL_MM, Problem, normal_step
 
-MAX_ITERATIONS = 60
+MAX_ITERATIONS = 100
 # Sessions solved together: few enough that their arrays stay in the processor's cache.
-BLOCK = 1024
-# A step shorter than this ends the iteration [mm].
+BLOCK = 2048
+# An undamped step shorter than this ends the iteration [mm]; well below OPTIMAL_MM.
 SHORT_STEP_MM = 1e-10
-# Relative rounding of a sum of squares: near the optimum a good step may seem this much worse.
-ROUNDING = 1e-12
+# An undamped step shorter than this is taken unseen: what it gains is lost in rounding [mm].
+SURE_STEP_MM = 1e-6
+FIRST_DAMPING = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +34,7 @@ class Fit:
         offsets_mm: shape (..., 3).
         residuals_mm: d − R·h, shape (..., k).
         remaining_mm: optimality check, shape (...); see `Problem.remaining_step`.
-        iterations: shape (...).
+        iterations: steps tried, shape (...).
     """
 
     offsets_mm: Floats
@@ -57,13 +61,16 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     """
     batch = data.shape[:-1]
     flat = data.reshape(-1, data.shape[-1])
-    first = np.zeros((len(flat), 3)) if start is None else start.reshape(-1, 3)
-    parts = [
-        _fit_block(problem, flat[k : k + BLOCK], first[k : k + BLOCK])
-        for k in range(0, len(flat), BLOCK)
-    ]
+    # Sessions that start at the same offsets share their first evaluation.
+    first = np.zeros((1, 3)) if start is None else start.reshape(-1, 3)
+    shared = len(first) == 1
+
+    def fit(at: int) -> tuple[Floats, Floats, Floats, Ints]:
+        block = slice(at, at + BLOCK)
+        return _fit_block(problem, flat[block], first if shared else first[block])
+
     offsets, residuals, remaining, iterations = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
+        np.concatenate(part) for part in zip(*_in_parallel(fit, len(flat)), strict=True)
     )
     return Fit(
         offsets.reshape(*batch, 3),
@@ -73,38 +80,95 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     )
 
 
-def _fit_block(
-    problem: Problem, data: Floats, offsets: Floats
-) -> tuple[Floats, Floats, Floats, Ints]:
-    def evaluate(at: Floats) -> tuple[Floats, Floats, Floats]:
-        model, slope = problem.model_with_jacobian(at, strict=False)
-        residual = data - model
-        return residual, slope, (residual**2).sum(axis=-1)
+def _in_parallel(fit: Callable[[int], Any], count: int) -> list[Any]:
+    """The results of `fit` for each block; numpy lets go of the interpreter in long loops."""
+    starts = range(0, count, BLOCK)
+    if len(starts) == 1:
+        return [fit(0)]
+    from concurrent.futures import ThreadPoolExecutor
 
-    residual, slope, cost = evaluate(offsets)
-    damping = np.zeros(len(data))
-    iterations = np.zeros(len(data), dtype=np.intp)
-    done = np.zeros(len(data), dtype=bool)
-    for _ in range(MAX_ITERATIONS):
-        step = normal_step(slope, residual, damping)
-        short = np.abs(step).max(axis=-1) <= SHORT_STEP_MM
-        iterations += ~done
-        done |= short
-        if np.all(done):
-            break
-        trial = offsets + step
-        new_residual, new_slope, new_cost = evaluate(trial)
-        # A NaN cost (posture out of reach) compares false and is refused like a worse one.
-        better = new_cost <= cost * (1.0 + ROUNDING)
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(starts))) as pool:
+        return list(pool.map(fit, starts))
+
+
+@dataclass(eq=False)
+class _State:
+    """Where the sessions still at work stand; the first axis runs over them."""
+
+    which: Ints  # their places in the block
+    data: Floats
+    offsets: Floats
+    residual: Floats
+    slope: Floats
+    damping: Floats
+
+    def keep(self, mask: np.ndarray) -> None:
+        """Go on with some of them."""
+        for name in ("which", "data", "offsets", "residual", "slope", "damping"):
+            setattr(self, name, _chosen(getattr(self, name), mask))
+
+    def accept(self, better: np.ndarray, offsets: Floats, residual: Floats, slope: Floats) -> None:
+        """Move those whose trial is better; damp the others more."""
         if np.all(better):
-            offsets, residual, slope, cost = trial, new_residual, new_slope, new_cost
-            damping /= 10.0
+            self.offsets, self.residual, self.slope = offsets, residual, slope
         else:
-            offsets = np.where(better[:, None], trial, offsets)
-            residual = np.where(better[:, None], new_residual, residual)
-            slope = np.where(better[:, None, None], new_slope, slope)
-            cost = np.where(better, new_cost, cost)
-            damping = np.where(better, damping / 10.0, np.maximum(10.0 * damping, 1e-3))
-        damping[damping < 1e-6] = 0.0
-    remaining = np.abs(normal_step(slope, residual)).max(axis=-1)
-    return offsets, residual, remaining, iterations
+            self.offsets = np.where(better[:, None], offsets, self.offsets)
+            self.residual = np.where(better[:, None], residual, self.residual)
+            self.slope = np.where(better[:, None, None], slope, self.slope)
+        more = np.maximum(10.0 * self.damping, FIRST_DAMPING)
+        self.damping = np.where(better, self.damping / 10.0, more)
+        self.damping[self.damping < FIRST_DAMPING] = 0.0
+
+
+def _chosen(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """values[mask], with the first axis still the fastest in memory."""
+    return np.moveaxis(np.compress(mask, np.moveaxis(values, 0, -1), axis=-1), -1, 0)
+
+
+def _fit_block(
+    problem: Problem, data: Floats, start: Floats
+) -> tuple[Floats, Floats, Floats, Ints]:
+    n = len(data)
+    offsets = np.empty((n, 3))
+    residuals = np.empty(data.shape)
+    remaining = np.empty(n)
+    iterations = np.zeros(n, dtype=np.intp)
+
+    model, slope = problem.model_with_jacobian(start, strict=False)
+    at = _State(
+        which=np.arange(n),
+        data=data,
+        offsets=np.broadcast_to(start, (n, 3)),
+        residual=data - model,
+        slope=slope,
+        damping=np.zeros(n),
+    )
+    for iteration in range(MAX_ITERATIONS + 1):
+        newton = normal_step(at.slope, at.residual)
+        size = np.abs(newton).max(axis=-1)
+        open_ = (size > SHORT_STEP_MM) & (iteration < MAX_ITERATIONS)
+        if not np.all(open_):
+            done = ~open_
+            offsets[at.which[done]] = at.offsets[done]
+            residuals[at.which[done]] = at.residual[done]
+            remaining[at.which[done]] = size[done]
+            iterations[at.which[done]] = iteration
+            if not np.any(open_):
+                break
+            at.slope = np.broadcast_to(at.slope, (len(done), *at.slope.shape[1:]))
+            at.keep(open_)
+            newton, size = _chosen(newton, open_), size[open_]
+        sure = size < SURE_STEP_MM
+        damped = (at.damping > 0.0) & ~sure
+        step = newton
+        if np.any(damped):
+            careful = normal_step(at.slope, at.residual, at.damping)
+            step = np.where(damped[:, None], careful, newton)
+        trial = at.offsets + step
+        model, slope = problem.model_with_jacobian(trial, strict=False)
+        residual = at.data - model
+        # A NaN cost (posture out of reach) compares false and is refused like a worse one.
+        better = (residual**2).sum(axis=-1) <= (at.residual**2).sum(axis=-1)
+        better |= sure & np.isfinite(residual).all(axis=-1)
+        at.accept(better, trial, residual, slope)
+    return offsets, residuals, remaining, iterations

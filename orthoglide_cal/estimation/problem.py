@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,19 +41,37 @@ class Problem:
 
     def model(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
-        readings = simulate(self.machine, offsets, self.plan, self.effects)
-        return _reduce(self.matrix, readings, -1)
+        plan, matrix = self._folded
+        readings = simulate(self.machine, offsets, plan, self.effects)
+        return _reduce(matrix, readings, -1)
 
     def model_with_jacobian(self, offsets: Floats, strict: bool = True) -> tuple[Floats, Floats]:
         """R·h and R·∂h/∂Δρ: offsets (..., 3) → (..., k) [mm], (..., k, 3)."""
+        plan, matrix = self._folded
         readings, slope = simulate_with_jacobian(
-            self.machine, offsets, self.plan, self.effects, strict=strict
+            self.machine, offsets, plan, self.effects, strict=strict
         )
-        return _reduce(self.matrix, readings, -1), _reduce(self.matrix, slope, -2)
+        return _reduce(matrix, readings, -1), _reduce(matrix, slope, -2)
+
+    @cached_property
+    def _folded(self) -> tuple[Plan, Floats]:
+        """Plan and R with readings that repeat each other predicted once.
+
+        An effect may tell them apart by their time, so with effects nothing is folded.
+        """
+        if self.effects:
+            return self.plan, self.matrix
+        plan = self.plan
+        keys = np.stack(
+            (plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at), axis=1
+        )
+        _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        fold = which.reshape(-1, 1) == np.arange(len(first))
+        return plan.subset(first), self.matrix @ fold
 
     def covariance(self) -> Floats:
         """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k)."""
-        return self.matrix @ self.matrix.T
+        return np.asarray(self.matrix @ self.matrix.T)
 
     def remaining_step(self, data: Floats, offsets: Floats) -> Floats:
         """How far the offsets are from the least-squares optimum, recomputed from the data.
@@ -68,7 +87,7 @@ class Problem:
             Shape (...) [mm]; NaN where the model cannot be evaluated.
         """
         model, slope = self.model_with_jacobian(offsets, strict=False)
-        return np.abs(normal_step(slope, data - model)).max(axis=-1)
+        return np.asarray(np.abs(normal_step(slope, data - model)).max(axis=-1))
 
 
 def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:

@@ -128,12 +128,12 @@ def _estimate(posed: Posed, method: Method) -> _Estimate:
         offsets = fit.offsets_mm
         slope = problem.model_with_jacobian(offsets, strict=False)[1]
         remaining = float(problem.remaining_step(data, offsets))
-        return _Estimate(
-            offsets, slope, None, fit.residuals_mm, remaining, int(fit.iterations)
-        )
+        return _Estimate(offsets, slope, None, fit.residuals_mm, remaining, int(fit.iterations))
     slope = linear.calibration_matrix(problem)
     sequential = method.name == "single-sequential"
-    matrix = linear.sequential(problem, posed.names) if sequential else linear.pseudoinverse(problem)
+    matrix = (
+        linear.sequential(problem, posed.names) if sequential else linear.pseudoinverse(problem)
+    )
     # At zero offsets every gauge of the nominal machine reads zero; known effects do not.
     shifted = data - problem.model(np.zeros(3))
     offsets = matrix @ shifted

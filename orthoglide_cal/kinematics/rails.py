@@ -46,7 +46,7 @@ class Geometry:
 
     def carriages(self, joints: Numbers) -> Numbers:
         """Carriage centres b_i for true joint positions (..., 3) → (..., 3, 3), row per leg."""
-        return self.points + joints[..., None] * self.directions
+        return np.asarray(self.points + joints[..., None] * self.directions)
 
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:
