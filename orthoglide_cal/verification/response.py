@@ -133,9 +133,7 @@ def _axes(
     return tuple(rows), left
 
 
-def _better_order(
-    change: Floats, slope: Floats, applied: Floats, noise_mm: float
-) -> Floats | None:
+def _better_order(change: Floats, slope: Floats, applied: Floats, noise_mm: float) -> Floats | None:
     """The signed order of the applied offsets that explains the change clearly better.
 
     Of those that explain it about as well as the best one, the simplest: everything with the
@@ -166,9 +164,7 @@ def _better_order(
     return np.asarray(orders[min(range(len(hypotheses)), key=rank)])
 
 
-def _answer(
-    response: Coefficient, dof: int, acted_as: Floats | None, applied: Floats
-) -> str:
+def _answer(response: Coefficient, dof: int, acted_as: Floats | None, applied: Floats) -> str:
     if acted_as is not None:
         return OPPOSITE if np.allclose(acted_as, -applied) else EXCHANGED
     # One healthy machine in twenty lies outside its 95 % interval; few enough outside this one.
