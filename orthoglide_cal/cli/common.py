@@ -117,6 +117,11 @@ def _console(*, stderr: bool) -> Console:
     )
 
 
+def tell(message: str) -> None:
+    """A message on standard error."""
+    print(message, file=sys.stderr)
+
+
 def tell_error(error: OrthocalError, path: str = "") -> None:
     """An error on standard error, with the input's name in front unless the error has it."""
     named = isinstance(error, InputError) and error.file

@@ -35,14 +35,18 @@ def solve(
 ) -> None:
     """Find the joint offsets, how sure they are, and whether the model fits."""
     from orthoglide_cal import estimation
-    from orthoglide_cal.report import solve_json, solve_text
+    from orthoglide_cal.causes import machine_effects
 
     def judge(path: str) -> None:
-        measured, nominal = read_input(path, machine)
-        solution = estimation.solve(measured, nominal, method)
+        measured, judged_by = read_input(path, machine)
+        solution = estimation.solve(measured, judged_by, method, machine_effects(judged_by))
         if json:
-            print_json(solve_json.as_json(solution))
+            from orthoglide_cal.report.solve_json import as_json
+
+            print_json(as_json(solution))
         else:
-            output().print(solve_text.render(solution, nominal))
+            from orthoglide_cal.report.solve_text import render
+
+            output().print(render(solution, judged_by, machine))
 
     for_each(files, judge, as_json=json)

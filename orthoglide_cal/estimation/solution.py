@@ -9,6 +9,9 @@ import numpy as np
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.measured import Source
 
+# Below this chance the residuals are called larger than the gauge's noise.
+SUSPICIOUS = 0.001
+
 
 @dataclass(frozen=True)
 class TableRow:
@@ -94,9 +97,38 @@ class Solution:
     def correlation(self) -> Floats:
         """Correlation matrix of the offsets, shape (3, 3)."""
         std = self.std_mm
-        return self.covariance_mm2 / (std[:, None] * std)
+        matrix = self.covariance_mm2 / (std[:, None] * std)
+        np.fill_diagonal(matrix, 1.0)
+        return matrix
 
     @property
     def sigma_rho_mm(self) -> float:
         """σ_ρ = √(trace V / 3) (eq. 33) [mm]."""
         return float(np.sqrt(np.trace(self.covariance_mm2) / 3.0))
+
+    @property
+    def suspicious(self) -> bool:
+        """True if the residuals are larger than this gauge's noise would give."""
+        return self.lack_of_fit_p is not None and self.lack_of_fit_p < SUSPICIOUS
+
+    @property
+    def judgement(self) -> str:
+        """One sentence: are the residuals what this gauge's noise would give?"""
+        if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
+            return (
+                "There are no spare readings: whether the model fits this machine cannot be told,"
+                f" and the intervals rest on the gauge's stated noise ({self.sigma_stated_mm:.2g}"
+                " mm)."
+            )
+        sizes = f"{self.sigma_residuals_mm:.2g} mm against {self.sigma_stated_mm:.2g} mm"
+        if self.suspicious:
+            return (
+                f"The residuals are larger than this gauge's noise would give ({sizes}): the model"
+                " leaves something out."
+            )
+        chance = (
+            f"a chance of {100.0 * self.lack_of_fit_p:.0f} % of larger ones"
+            if self.lack_of_fit_p >= 0.01
+            else "though larger ones would be rare: a chance below 1 %"
+        )
+        return f"The residuals are what this gauge's noise would give ({sizes}; {chance})."

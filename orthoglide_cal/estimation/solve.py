@@ -29,9 +29,6 @@ from orthoglide_cal.plan import Contact
 from orthoglide_cal.protocols import zero_free
 from orthoglide_cal.simulation import Effect, simulate
 
-# Below this chance the residuals are called larger than the gauge's noise.
-SUSPICIOUS = 0.001
-
 
 @dataclass(frozen=True, eq=False)
 class _Estimate:
@@ -117,7 +114,7 @@ def solve(
         table=_table(measured, machine, estimate.offsets, effects),
         readings_mm=predicted,
         lack_of_fit_p=chance,
-        warnings=_warnings(measured, residuals, chance, machine),
+        warnings=_warnings(measured, residuals, machine),
     )
 
 
@@ -197,23 +194,12 @@ def _table(
     )
 
 
-def _warnings(
-    measured: Measured, residuals: Scatter | None, chance: float | None, machine: Machine
-) -> tuple[str, ...]:
+def _warnings(measured: Measured, residuals: Scatter | None, machine: Machine) -> tuple[str, ...]:
     warnings = list(measured.remarks)
-    if residuals is None:
-        warnings.append(
-            "There are no spare readings to judge the fit: the intervals rest on the"
-            f" repeatability that the machine file states ({machine.gauge.repeatability_mm:g} mm)."
-        )
-    elif residuals.sigma_mm < machine.gauge.rounding_mm:
+    floor = machine.gauge.rounding_mm
+    if residuals is not None and residuals.sigma_mm < floor:
         warnings.append(
             "The residuals are smaller than the gauge's resolution allows"
-            f" ({machine.gauge.rounding_mm:.2g} mm); the intervals use the resolution."
-        )
-    if chance is not None and chance < SUSPICIOUS and residuals is not None:
-        warnings.append(
-            f"The residuals ({residuals.sigma_mm:.3g} mm) are larger than this gauge's noise"
-            f" ({machine.gauge.noise_mm:.2g} mm): the model leaves something out."
+            f" ({floor:.2g} mm); the intervals use the resolution."
         )
     return tuple(warnings)

@@ -12,6 +12,7 @@ from orthoglide_cal.protocols.differences import (
 from orthoglide_cal.protocols.double_posture import double_posture
 from orthoglide_cal.protocols.postures import other_axes
 from orthoglide_cal.protocols.single_posture import single_posture
+from orthoglide_cal.protocols.synthetic import synthetic_session, written_down
 
 __all__ = [
     "NAMES",
@@ -23,5 +24,7 @@ __all__ = [
     "other_axes",
     "reduction",
     "single_posture",
+    "synthetic_session",
+    "written_down",
     "zero_free",
 ]

@@ -13,6 +13,7 @@ SCHEMA_VERSION = 1
 def as_json(solution: Solution) -> dict[str, Any]:
     """The contract's fields, then a few more; lengths in mm, None where nothing is known."""
     std = solution.std_mm
+    unsure = solution.suspicious or solution.lack_of_fit_p is None
     return {
         "schema_version": SCHEMA_VERSION,
         "input": {
@@ -42,7 +43,7 @@ def as_json(solution: Solution) -> dict[str, Any]:
             }
             for row in solution.table
         ],
-        "warnings": list(solution.warnings),
+        "warnings": [*solution.warnings, *([solution.judgement] if unsure else [])],
         "sigma_residuals_mm": solution.sigma_residuals_mm,
         "sigma_repeats_mm": solution.sigma_repeats_mm,
         "sigma_floor_mm": solution.sigma_floor_mm,
