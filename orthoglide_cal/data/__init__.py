@@ -3,7 +3,6 @@
 from orthoglide_cal.data.atomic import write_text
 from orthoglide_cal.data.cause_ids import CAUSE_IDS, CAUSE_UNITS
 from orthoglide_cal.data.check import Check, check_file
-from orthoglide_cal.data.differences_table import DIFFERENCE_NAMES
 from orthoglide_cal.data.machine_file import (
     default_machine,
     machine_text,
@@ -30,7 +29,6 @@ from orthoglide_cal.data.session_schema import (
 __all__ = [
     "CAUSE_IDS",
     "CAUSE_UNITS",
-    "DIFFERENCE_NAMES",
     "Check",
     "MachineModel",
     "RetakenReading",

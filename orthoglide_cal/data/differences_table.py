@@ -7,21 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orthoglide_cal.axes import AXES
 from orthoglide_cal.data.faults import Faults
 from orthoglide_cal.data.numbers import MM_PER_INCH, parse_number
 from orthoglide_cal.data.table import Row, Table
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Differences
+from orthoglide_cal.protocols import NAMES
 
-_PAIRS = [f"{direction}_{leg}" for direction in AXES for leg in AXES if direction != leg]
-# direction_leg; the paper's order (Table 4; Table 2; Table 1).
-DIFFERENCE_NAMES = {
-    "six": tuple(_PAIRS),
-    "twelve": tuple(f"{pair}{side}" for pair in _PAIRS for side in "+-"),
-    "single": ("z_x0", "z_y0", "z_x+", "z_x-", "z_y+", "z_y-"),
-}
 DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
 
 _WHAT = {
@@ -63,7 +56,7 @@ def _name(row: Row, faults: Faults) -> str:
     """The canonical name, without the leading d; "" after noting that it is none."""
     given = row.cells.get("difference", "")
     name = re.sub("^[dδ∆]", "", given.lower().replace("\u2212", "-").replace(" ", ""))
-    if any(name in known for known in DIFFERENCE_NAMES.values()):
+    if any(name in known for known in NAMES.values()):
         return name
     what = "This is not the name of a difference." if given else "The cell is empty."
     row.fault(faults, "difference", what, _known())
@@ -73,7 +66,7 @@ def _name(row: Row, faults: Faults) -> str:
 def _known() -> str:
     listed = "; ".join(
         f"{kind} ({_WHAT[kind]}): {', '.join('d' + name for name in names)}"
-        for kind, names in DIFFERENCE_NAMES.items()
+        for kind, names in NAMES.items()
     )
     return f"Direction first, leg second. Known: {listed}."
 
@@ -83,10 +76,10 @@ def _kind(rows: Sequence[Row], names: Sequence[str], faults: Faults) -> str:
     valid = [name for name in names if name]
     # The single set shares four names with the twelve; its own two decide.
     order = ("single", "twelve", "six") if {"z_x0", "z_y0"} & set(valid) else ("twelve", "six")
-    kind = max(order, key=lambda each: sum(name in DIFFERENCE_NAMES[each] for name in valid))
+    kind = max(order, key=lambda each: sum(name in NAMES[each] for name in valid))
     first: dict[str, int] = {}
     for row, name in zip(rows, names, strict=True):
-        if name and name not in DIFFERENCE_NAMES[kind]:
+        if name and name not in NAMES[kind]:
             row.fault(
                 faults, "difference",
                 f"The name belongs to another kind than the others, which are {kind}"
@@ -126,10 +119,10 @@ def _remarks(kind: str, names: Sequence[str], table: Table) -> list[str]:
     unknown = [name for name in table.columns if name and name not in DIFFERENCE_COLUMNS]
     if unknown:
         remarks.append(f"Columns without a meaning here were not used: {', '.join(unknown)}.")
-    missing = [f"d{name}" for name in DIFFERENCE_NAMES[kind] if name not in names]
+    missing = [f"d{name}" for name in NAMES[kind] if name not in names]
     if missing:
         remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
-    if kind == "twelve" and set(names) <= set(DIFFERENCE_NAMES["single"]):
+    if kind == "twelve" and set(names) <= set(NAMES["single"]):
         remarks.append(
             "These names were taken as max and min relative to the isotropic posture; a"
             " single-posture file also has dz_x0 or dz_y0."

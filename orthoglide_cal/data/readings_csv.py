@@ -18,10 +18,11 @@ _ENDS = {Contact.JOINT: "joint", Contact.TOOL: "tool"}
 
 
 def readings_csv(readings: Readings) -> str:
-    """The text of a readings file; reading it back gives the same values and gauge set-ups.
+    """The text of a readings file, without columns that would be empty.
 
-    Columns that would be empty are left out. Set-ups that the reader could not tell apart by leg,
-    direction, position and gauge get labels of their own in the column `gauge`.
+    Reading it back gives exactly the same values, postures, order and set-ups, and the times to
+    1e-6 minutes. Set-ups that the reader could not tell apart by leg, direction, position and
+    gauge get labels of their own in the column `gauge`.
     """
     plan, n = readings.plan, range(len(readings))
     columns: dict[str, list[str]] = {
@@ -32,7 +33,7 @@ def readings_csv(readings: Readings) -> str:
         "end": [_ENDS.get(Contact(contact), "") for contact in plan.contact],
         "reading_mm": [number_text(value) for value in readings.value.tolist()],
         "cycle": [str(cycle) for cycle in readings.cycle],
-        "minutes": [minutes_text(h) for h in plan.hours.tolist()] if readings.timed else [],
+        "minutes": _minutes(readings),
         "temperature_c": [
             "" if math.isnan(value) else number_text(value)
             for value in readings.temperature.tolist()
@@ -49,14 +50,11 @@ def readings_csv(readings: Readings) -> str:
     return text.getvalue()
 
 
-def minutes_text(hours: float) -> str:
-    """Minutes that the reader turns into exactly these hours, with few digits where they do."""
-    minutes = hours * 60.0
-    neighbours = (minutes, math.nextafter(minutes, 0.0), math.nextafter(minutes, math.inf))
-    for candidate in (round(minutes, 3), round(minutes, 9), *neighbours):
-        if candidate / 60.0 == hours:
-            return number_text(candidate)
-    return number_text(minutes)
+def _minutes(readings: Readings) -> list[str]:
+    """Rounded to a ten-thousandth of a second, so that 0.4 stays 0.4; empty if only assumed."""
+    if not readings.timed:
+        return []
+    return [number_text(round(hours * 60.0, 6)) for hours in readings.plan.hours.tolist()]
 
 
 def _fractions(readings: Readings) -> list[str]:

@@ -73,7 +73,7 @@ def readings_from_rows(
     Raises:
         InvalidFileError: everything that is wrong with the rows.
     """
-    if not rows:
+    if not rows and not faults:
         faults.add("There is no reading.", "Give one row for each reading, under the header.")
     parser = RowParser(machine, faults, decimal_comma=decimal_comma)
     parsed = [reading for row in rows if (reading := parser.parse(row))]

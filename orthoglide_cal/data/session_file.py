@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from orthoglide_cal.data.atomic import write_text
@@ -15,7 +17,7 @@ from orthoglide_cal.data.schema import check_tree
 from orthoglide_cal.data.session_rows import rows_from_record, rows_from_tree
 from orthoglide_cal.data.session_schema import SessionRecord
 from orthoglide_cal.data.yaml_tree import Tree, load_tree
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Readings, Source
 
@@ -53,21 +55,30 @@ def readings_from_tree(tree: Tree, machine: Machine | None) -> tuple[Readings, M
     """
     _refuse_others(tree)
     rows = rows_from_tree(tree)
-    # The readings are checked row by row; everything around them here.
-    around = Tree({**tree.value, "readings": []}, tree.lines, tree.document, tree.faults)
-    record = check_tree(SessionRecord, around)
-    recorded = record.machine.to_machine()
-    remarks = _unknown_keys(tree)
+    # The readings are checked row by row, with the semantics of a CSV; everything around them by
+    # the schema. Faults of both are raised together.
+    with suppress(InvalidFileError):
+        check_tree(SessionRecord, replace(tree, value={**tree.value, "readings": []}))
+    judge = machine or _machine_inside(tree)
     columns = {name: None for row in rows for name in row.lines if name not in _OWN_COLUMNS}
-    remarks += unknown_columns(list(columns))
-    if machine is not None:
-        remarks += _difference(recorded, machine)
-    judge = machine or recorded
     readings = readings_from_rows(
-        rows, judge, tree.document.source, tree.faults, decimal_comma=False, remarks=remarks
-    )
-    check_tree(SessionRecord, tree)
-    return readings, judge
+        rows, judge, tree.document.source, tree.faults, decimal_comma=False,
+        remarks=[*_unknown_keys(tree), *unknown_columns(list(columns))],
+    )  # fmt: skip
+    recorded = check_tree(SessionRecord, tree).machine.to_machine()
+    remarks = (*_difference(recorded, judge), *readings.remarks)
+    return replace(readings, remarks=remarks), judge
+
+
+def _machine_inside(tree: Tree) -> Machine:
+    """The embedded machine. Raises what has been found around it if it is faulty itself."""
+    value = tree.value.get("machine")
+    try:
+        part = replace(tree, value=value, faults=Faults(tree.document.path))
+        return check_tree(MachineModel, part).to_machine()
+    except InvalidFileError as error:
+        tree.faults.check(error)
+        raise
 
 
 def session_readings(record: SessionRecord, source: Source) -> Readings:

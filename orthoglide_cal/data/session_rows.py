@@ -35,10 +35,11 @@ def rows_from_tree(tree: Tree) -> list[Row]:
         cells = {key: value.strip() for key, value in entry.items() if isinstance(value, str)}
         cells = {key: value for key, value in cells.items() if value}
         row = Row(line, cells, {key: tree.line((*path, key)) for key in entry}, prefix)
-        for key, value in entry.items():
-            if isinstance(value, dict | list):
-                row.fault(tree.faults, key, "One value is wanted here.", "Write `name: value`.")
-        rows.append(row)
+        nested = [key for key, value in entry.items() if isinstance(value, dict | list)]
+        for key in nested:
+            row.fault(tree.faults, key, "One value is wanted here.", "Write `name: value`.")
+        if not nested:
+            rows.append(row)
     started = tree.value.get("started")
     return timed_by_timestamps(rows, started if isinstance(started, str) else None, tree.faults)
 

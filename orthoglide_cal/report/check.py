@@ -7,11 +7,11 @@ from typing import Any
 from orthoglide_cal.data import Check
 
 _KINDS = {
-    "readings": "readings",
-    "session": "readings of a session",
-    "six": "differences, max − min",
-    "twelve": "differences from the isotropic posture",
-    "single": "differences, tool end − joint end",
+    "readings": "reading{s}",
+    "session": "reading{s} of a session",
+    "six": "difference{s}, max − min",
+    "twelve": "difference{s} from the isotropic posture",
+    "single": "difference{s}, tool end − joint end",
 }
 
 
@@ -21,7 +21,8 @@ def check_text(check: Check) -> str:
     if check.kind == "machine":
         lines = [f"{path}: machine {check.name!r}, fine"]
     elif check.valid:
-        lines = [f"{path}: {check.count} {_KINDS[check.kind or '']}, fine (for {check.name})"]
+        what = _KINDS[check.kind or ""].format(s="" if check.count == 1 else "s")
+        lines = [f"{path}: {check.count} {what}, fine (for {check.name})"]
     else:
         n = len(check.problems)
         lines = [f"{path}: {n} {'fault' if n == 1 else 'faults'}"]
