@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 
 from orthoglide_cal import __version__
 from orthoglide_cal.cli.common import NoColour, leave_closed_pipe, tell_error
+from orthoglide_cal.cli.paper import paper
 from orthoglide_cal.cli.simulate import simulate
 from orthoglide_cal.cli.solve import solve
 from orthoglide_cal.cli.validate import validate
@@ -59,7 +60,7 @@ def _orthocal(
     pass
 
 
-for command in (solve, simulate, validate):
+for command in (solve, simulate, validate, paper):
     app.command()(command)
 
 
