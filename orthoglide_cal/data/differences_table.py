@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orthoglide_cal.data.faults import Faults
+from orthoglide_cal.data.faults import Faults, listed
 from orthoglide_cal.data.numbers import MM_PER_INCH, parse_number
 from orthoglide_cal.data.table import Row, Table
 from orthoglide_cal.errors import InputError
@@ -118,7 +118,7 @@ def _remarks(kind: str, names: Sequence[str], table: Table) -> list[str]:
     remarks = []
     unknown = [name for name in table.columns if name and name not in DIFFERENCE_COLUMNS]
     if unknown:
-        remarks.append(f"Columns without a meaning here were not used: {', '.join(unknown)}.")
+        remarks.append(f"Columns without a meaning here were not used: {listed(unknown)}.")
     missing = [f"d{name}" for name in NAMES[kind] if name not in names]
     if missing:
         remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")

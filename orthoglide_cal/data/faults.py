@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 from orthoglide_cal.errors import InputError, InvalidFileError
 
-_MOST = 1000  # a file of garbage has millions; nobody reads them
+MOST_FAULTS = 1000  # a file of garbage has millions; nobody reads them
 
 
 class Faults:
@@ -35,7 +35,7 @@ class Faults:
         value: str | None = None,
     ) -> None:
         """Note one fault at its place."""
-        if len(self.problems) >= _MOST:
+        if len(self.problems) >= MOST_FAULTS:
             self._more += 1
             return
         self.problems.append(
@@ -55,6 +55,11 @@ class Faults:
             what = f"There are {self._more} more faults like these."
             problems.append(InputError(what, "Mend the first ones and try again.", file=self.file))
         raise InvalidFileError(problems, file=self.file) from cause
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a message, with commas; the first ten where there are more."""
+    return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

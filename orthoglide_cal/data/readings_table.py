@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from orthoglide_cal.data.faults import Faults, nearest
+from orthoglide_cal.data.faults import Faults, listed, nearest
 from orthoglide_cal.data.reading_row import (
     NEEDED_COLUMNS,
     READING_COLUMNS,
@@ -47,8 +47,8 @@ def unknown_columns(names: Sequence[str]) -> list[str]:
     named = [name for name in names if name]
     if not named:
         return []
-    hints = "".join(nearest(name, READING_COLUMNS) for name in named).strip()
-    return [f"Columns without a meaning here were not used: {', '.join(named)}. {hints}".strip()]
+    hints = "".join(nearest(name, READING_COLUMNS) for name in named[:10]).strip()
+    return [f"Columns without a meaning here were not used: {listed(named)}. {hints}".strip()]
 
 
 def readings_from_rows(
@@ -98,7 +98,7 @@ def _has_columns(table: Table) -> bool:
             "The column is missing.",
             f"Rename the column {close[0]!r}."
             if close
-            else f"Add it; the header has: {', '.join(present)}.",
+            else f"Add it; the header has: {listed(present)}.",
             line=table.header_line,
             column=name,
         )

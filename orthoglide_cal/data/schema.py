@@ -7,7 +7,7 @@ each type says what it makes of a text.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import date, datetime
 from typing import Annotated, Any, TypeVar, get_args
 
@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Val
 from pydantic_core import PydanticCustomError
 
 from orthoglide_cal.data.cause_ids import CAUSE_IDS
-from orthoglide_cal.data.faults import nearest
+from orthoglide_cal.data.faults import MOST_FAULTS, nearest
 from orthoglide_cal.data.numbers import number_text, parse_count, parse_yaml_number
 from orthoglide_cal.data.yaml_tree import Path, Tree, dotted
 from orthoglide_cal.errors import InputError
@@ -29,9 +29,18 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def fault(what: str, remedy: str, path: Path = ()) -> PydanticCustomError:
-    """What a validator raises; `path` names the field if the validator is the whole model's."""
-    return PydanticCustomError("fault", "{what}", {"what": what, "remedy": remedy, "path": path})
+def fault(
+    what: str, remedy: str, path: Path = (), known: Sequence[str] = ()
+) -> PydanticCustomError:
+    """What a validator raises.
+
+    Args:
+        what, remedy: as in `InputError`.
+        path: the field, if the validator is the whole model's.
+        known: words of which the value may be a misspelling.
+    """
+    context = {"what": what, "remedy": remedy, "path": path, "known": known}
+    return PydanticCustomError("fault", "{what}", context)
 
 
 def as_number(value: Any) -> float:
@@ -86,9 +95,7 @@ def _version(value: Any) -> int:
 
 def _cause(value: str) -> str:
     if value not in CAUSE_IDS:
-        raise fault(
-            "This is not a cause id.", f"{nearest(value, CAUSE_IDS)}Known: {', '.join(CAUSE_IDS)}."
-        )
+        raise fault("This is not a cause id.", f"Known: {', '.join(CAUSE_IDS)}.", known=CAUSE_IDS)
     return value
 
 
@@ -150,7 +157,7 @@ def check_tree(model: type[Model], tree: Tree, path: Path = ()) -> Model:
     try:
         checked = model.model_validate(value)
     except ValidationError as error:
-        for entry in error.errors(include_url=False):
+        for entry in error.errors(include_url=False)[:MOST_FAULTS]:
             _note(tree, model, path, entry)
         tree.faults.check(error)
         raise
@@ -164,7 +171,8 @@ def _note(tree: Tree, model: type[BaseModel], prefix: Path, entry: Any) -> None:
     place = (*prefix, *place, *context.get("path", ()))
     kind, value = entry["type"], entry["input"]
     if kind == "fault":
-        what, remedy = context["what"], context["remedy"]
+        hint = nearest(str(value), context["known"])
+        what, remedy = context["what"], hint + context["remedy"]
     elif kind == "extra_forbidden":
         known = _keys(model, entry["loc"][:-1])
         what = "The key is not known."

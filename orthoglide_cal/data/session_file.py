@@ -8,7 +8,7 @@ from pathlib import Path
 
 from orthoglide_cal.data.atomic import write_text
 from orthoglide_cal.data.document import YAML_LIMIT, read_document
-from orthoglide_cal.data.faults import Faults, nearest
+from orthoglide_cal.data.faults import Faults, listed, nearest
 from orthoglide_cal.data.machine_file import yaml_text
 from orthoglide_cal.data.machine_schema import MachineModel
 from orthoglide_cal.data.reading_row import READING_COLUMNS
@@ -148,8 +148,8 @@ def _unknown_keys(tree: Tree) -> list[str]:
     unknown = [key for key in tree.value if key not in known]
     if not unknown:
         return []
-    hints = "".join(nearest(key, known) for key in unknown).strip()
-    return [f"Keys without a meaning here were not used: {', '.join(unknown)}. {hints}".strip()]
+    hints = "".join(nearest(key, known) for key in unknown[:10]).strip()
+    return [f"Keys without a meaning here were not used: {listed(unknown)}. {hints}".strip()]
 
 
 def _difference(recorded: Machine, given: Machine) -> list[str]:

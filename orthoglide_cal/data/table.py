@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from orthoglide_cal.data.document import Document
 from orthoglide_cal.data.faults import Faults
 
+_COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
 _BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
 
@@ -80,8 +81,7 @@ def read_table(document: Document, coded: Sequence[str]) -> Table:
     delimiter = lines.find_header()
     records = _records(lines, delimiter, faults)
     header_line, header = next(records, (1, []))
-    columns = tuple(_clean(name).lower() for name in header)
-    _check_header(columns, header_line, faults)
+    columns = _columns(header, header_line, faults)
     lines.comments = bool(columns) and columns[0] in coded
     rows: list[Row] = []
     for line, record in records:
@@ -179,12 +179,17 @@ def _records(lines: _Lines, delimiter: str, faults: Faults) -> Iterator[tuple[in
         yield lines.first, record
 
 
-def _check_header(columns: Sequence[str], line: int, faults: Faults) -> None:
-    for index, name in enumerate(columns):
-        if name and name in columns[:index]:
+def _columns(header: Sequence[str], line: int, faults: Faults) -> tuple[str, ...]:
+    """Names of the columns; too many and repeated ones are faults."""
+    names = [_clean(name).lower() for name in header[:_COLUMNS]]
+    if len(header) > _COLUMNS:
+        faults.add(
+            f"The header has more than {_COLUMNS} columns.", "Check the delimiter.", line=line
+        )
+    for index, name in enumerate(names):
+        if name and name in names[:index]:
             faults.add(
-                "The header names this column twice.",
-                "Rename or remove one.",
-                line=line,
-                column=name,
-            )
+                "The header names this column twice.", "Rename or remove one.",
+                line=line, column=name,
+            )  # fmt: skip
+    return tuple(names)

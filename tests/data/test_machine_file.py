@@ -1,6 +1,7 @@
 """The machine file: what is accepted, what is refused and how, round trips."""
 
 import dataclasses
+import time
 import zipfile
 from pathlib import Path
 
@@ -194,6 +195,16 @@ def test_identified_causes_are_checked(tmp_path, old, new, path):
     file = tmp_path / "m.yaml"
     file.write_text(text.replace(old, new))
     assert [fault.column for fault in problems(read_machine, file)] == [path]
+
+
+@pytest.mark.parametrize("text", ["k{}: 1\n", "tolerances:\n", "name: x\n", "machine: 1\n"])
+def test_many_faults_are_found_quickly(tmp_path, text):
+    path = tmp_path / "m.yaml"
+    body = "".join(f"  misread{i}: 1\n" for i in range(25_000)) if "tol" in text else ""
+    path.write_text("".join(text.format(i) for i in range(1 if body else 25_000)) + body)
+    start = time.process_time()
+    assert len(problems(read_machine, path)) <= 1001
+    assert time.process_time() - start < 3.0
 
 
 def test_writing_never_overwrites(tmp_path):
