@@ -74,6 +74,12 @@ class Plan:
         """Design matrix of the gauge zeros, shape (n, setups): 1 where a reading has that zero."""
         return read_only(self.setup[:, None] == np.arange(self.setups), np.float64)
 
+    @cached_property
+    def cells(self) -> Ints:
+        """Number of each reading's (leg, direction, posture, contact) cell, shape (n,)."""
+        keys = np.stack((self.leg, self.direction, self.displacement, self.contact), axis=1)
+        return read_only(np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1), np.intp)
+
     def subset(self, chosen: Ints) -> Plan:
         """The plan of some of its readings (indices or mask); set-ups are renumbered."""
         parts = {item.name: getattr(self, item.name)[chosen] for item in fields(self)}

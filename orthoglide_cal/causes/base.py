@@ -29,9 +29,8 @@ class Step(StrEnum):
 
 @dataclass(frozen=True)
 class Where:
-    """A place at which a cause may act: in words, and as indices that the cause understands."""
+    """A place at which a cause may act, as indices that the cause understands."""
 
-    label: str = ""
     index: tuple[int, ...] = ()
 
 
@@ -78,6 +77,10 @@ class Cause:
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Where it may act on these readings; one machine-wide place by default."""
         return (MACHINE_WIDE,)
+
+    def label(self, where: Where, plan: Plan, machine: Machine) -> str:
+        """A place in words; empty for the whole machine."""
+        return ""
 
     def prior_std(self, machine: Machine) -> Floats:
         """Plausible size (one standard deviation) of each parameter, in internal units.
@@ -193,7 +196,7 @@ def reading_label(plan: Plan, machine: Machine, index: int) -> str:
 def series_places(plan: Plan) -> tuple[Where, ...]:
     """One place for each (leg, direction) that was read."""
     pairs = np.unique(np.stack((plan.leg, plan.direction), axis=1), axis=0)
-    return tuple(Where(series_label(leg, k), (leg, k)) for leg, k in pairs.tolist())
+    return tuple(Where((leg, k)) for leg, k in pairs.tolist())
 
 
 def in_series(plan: Plan, where: Where) -> np.ndarray:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from orthoglide_cal.axes import Floats, Numbers
-from orthoglide_cal.causes.base import PatternCause, Step, Where, in_series, series_places
+from orthoglide_cal.causes.base import (
+    PatternCause,
+    Step,
+    Where,
+    in_series,
+    series_label,
+    series_places,
+)
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.simulation import Commanded
@@ -25,6 +32,10 @@ class GaugeDrift(PatternCause):
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Every (leg, direction)."""
         return series_places(plan)
+
+    def label(self, where: Where, plan: Plan, machine: Machine) -> str:
+        """The leg and direction."""
+        return series_label(*where.index)
 
     def patterns(self, plan: Plan, places: tuple[Where, ...]) -> Floats:
         """Hours since the session began, in the series."""

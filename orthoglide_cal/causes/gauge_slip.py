@@ -6,7 +6,7 @@ import numpy as np
 
 from orthoglide_cal.axes import Floats, Numbers
 from orthoglide_cal.causes.base import PatternCause, Step, Where, reading_label
-from orthoglide_cal.causes.stand_shift import from_reading_on, later_readings
+from orthoglide_cal.causes.stand_shift import later_readings, onwards
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.simulation import Commanded
@@ -30,22 +30,20 @@ class GaugeSlip(PatternCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Every reading alone, and every reading but the first of a set-up with all after it."""
-        alone = [Where(reading_label(plan, machine, i), (i, 0)) for i in range(len(plan))]
-        onwards = [
-            Where(f"from {reading_label(plan, machine, i)} on", (i, 1))
-            for i in later_readings(plan)
-            if from_reading_on(plan, i).sum() > 1
-        ]
-        return (*alone, *onwards)
+        followed = np.flatnonzero(onwards(plan).sum(axis=0) > 1)
+        kept = [i for i in later_readings(plan) if i in followed]
+        return (*(Where((i, 0)) for i in range(len(plan))), *(Where((i, 1)) for i in kept))
+
+    def label(self, where: Where, plan: Plan, machine: Machine) -> str:
+        """The reading, or the first of several."""
+        reading = reading_label(plan, machine, where.index[0])
+        return f"from {reading} on" if where.index[1] else reading
 
     def patterns(self, plan: Plan, places: tuple[Where, ...]) -> Floats:
         """1 where turns were miscounted (to be multiplied by the length of a revolution)."""
-        alone = np.eye(len(plan))
-        columns = [
-            from_reading_on(plan, where.index[0]) if where.index[1] else alone[where.index[0]]
-            for where in places
-        ]
-        return np.stack(columns, axis=1).astype(np.float64)
+        both = np.stack((np.eye(len(plan)), onwards(plan)))
+        reading, onward = np.array([where.index for where in places]).T
+        return both[onward, :, reading].T
 
     def record(
         self, readings: Numbers, theta: Numbers, where: Where, commanded: Commanded

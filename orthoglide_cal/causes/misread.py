@@ -22,7 +22,11 @@ class Misread(PatternCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Every reading."""
-        return tuple(Where(reading_label(plan, machine, i), (i,)) for i in range(len(plan)))
+        return tuple(Where((i,)) for i in range(len(plan)))
+
+    def label(self, where: Where, plan: Plan, machine: Machine) -> str:
+        """The reading."""
+        return reading_label(plan, machine, where.index[0])
 
     def patterns(self, plan: Plan, places: tuple[Where, ...]) -> Floats:
         """1 at the reading."""

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from orthoglide_cal.axes import Floats
-from orthoglide_cal.causes.base import RelabelCause, Step, Where, in_series, series_places
+from orthoglide_cal.causes.base import (
+    RelabelCause,
+    Step,
+    Where,
+    in_series,
+    series_label,
+    series_places,
+)
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
 
@@ -21,6 +28,10 @@ class SignFlip(RelabelCause):
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Every (leg, direction)."""
         return series_places(plan)
+
+    def label(self, where: Where, plan: Plan, machine: Machine) -> str:
+        """The leg and direction."""
+        return series_label(*where.index)
 
     def relabel(self, plan: Plan, where: Where) -> tuple[np.ndarray, Floats]:
         """Same readings, sign −1 in the series."""

@@ -11,16 +11,17 @@ from orthoglide_cal.plan import Plan
 from orthoglide_cal.simulation import Commanded
 
 
+def onwards(plan: Plan) -> Floats:
+    """Column i is 1 at reading i and all later ones of its set-up, shape (n, n)."""
+    same = plan.setup[:, None] == plan.setup
+    return np.asarray(same & (plan.order[:, None] >= plan.order), dtype=np.float64)
+
+
 def later_readings(plan: Plan) -> list[int]:
-    """Readings that have an earlier one in their set-up, in file order."""
-    first = [int(np.min(plan.order[plan.setup == s])) for s in range(plan.setups)]
-    return [i for i in range(len(plan)) if plan.order[i] > first[plan.setup[i]]]
-
-
-def from_reading_on(plan: Plan, index: int) -> np.ndarray:
-    """Mask (n,) of a reading and all later ones of its set-up."""
-    same = plan.setup == plan.setup[index]
-    return np.asarray(same & (plan.order >= plan.order[index]))
+    """Readings that have an earlier one in their set-up."""
+    same = plan.setup[:, None] == plan.setup
+    earlier = same & (plan.order[:, None] > plan.order)
+    return np.flatnonzero(earlier.any(axis=1)).tolist()
 
 
 class StandShift(PatternCause):
@@ -36,14 +37,15 @@ class StandShift(PatternCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """From every reading on but the first of each set-up."""
-        return tuple(
-            Where(f"from {reading_label(plan, machine, i)} on", (i,)) for i in later_readings(plan)
-        )
+        return tuple(Where((i,)) for i in later_readings(plan))
+
+    def label(self, where: Where, plan: Plan, machine: Machine) -> str:
+        """The first reading after the knock."""
+        return f"from {reading_label(plan, machine, where.index[0])} on"
 
     def patterns(self, plan: Plan, places: tuple[Where, ...]) -> Floats:
         """1 from the place on, within its set-up."""
-        masks = [from_reading_on(plan, where.index[0]) for where in places]
-        return np.stack(masks, axis=1).astype(np.float64)
+        return onwards(plan)[:, [where.index[0] for where in places]]
 
     def contact(
         self,

@@ -20,9 +20,11 @@ class SwappedGauges(RelabelCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Every leg whose two directions were read as often at the same postures."""
-        return tuple(
-            Where(f"leg {AXES[leg]}", (leg,)) for leg in range(3) if partners(plan, leg) is not None
-        )
+        return tuple(Where((leg,)) for leg in range(3) if partners(plan, leg) is not None)
+
+    def label(self, where: Where, plan: Plan, machine: Machine) -> str:
+        """The leg."""
+        return f"leg {AXES[where.index[0]]}"
 
     def relabel(self, plan: Plan, where: Where) -> tuple[np.ndarray, Floats]:
         """Exchange the readings of the two directions of the leg."""

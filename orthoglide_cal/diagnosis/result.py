@@ -22,7 +22,9 @@ class LackOfFit:
         p_value: probability of a larger one if nothing but noise is left.
         noise_mm: standard deviation of one reading that it was judged by.
         residual_mm: root mean square of the residuals per degree of freedom.
-        repeats_mm: scatter of repeated readings; None without repeats.
+        repeats_mm: scatter of repeated readings; None without repeats. Repeats in sequence share
+            one gauge set-up and understate the real scatter, so the verdict does not rest on it.
+        repeats_p_value: chance that repeats of that scatter leave this residual (F test).
     """
 
     statistic: float
@@ -31,6 +33,7 @@ class LackOfFit:
     noise_mm: float
     residual_mm: float
     repeats_mm: float | None
+    repeats_p_value: float | None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,77 @@
+"""Exact evidence of linear-Gaussian explanations.
+
+An explanation says r = B b + e with b ~ N(0, I) (columns of B scaled by plausible sizes) and
+e ~ N(0, σ² I). Its evidence is the density of r with b integrated out,
+
+    −2 ln p(r) = rᵀ S⁻¹ r + ln det S,   S = σ² I + B Bᵀ,
+
+averaged over a grid of σ around what the gauge's maker states. An explanation with more
+freedom than it needs spreads its density thin and loses: that is what makes causes of
+different size comparable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthoglide_cal.axes import Floats
+
+# ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
+STATEMENT_SPREAD = 0.15
+_LOG_RATIO = np.linspace(-0.6, 0.4, 11)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseGrid:
+    """Plausible standard deviations of one reading and their log weights, shape (g,)."""
+
+    sigma: Floats
+    log_weight: Floats
+
+    @classmethod
+    def around(cls, stated_mm: float) -> NoiseGrid:
+        """Log-normal around the stated noise."""
+        weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
+        return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
+
+
+def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats:
+    """ln Σ exp over an axis."""
+    top = values.max(axis=axis, keepdims=True)
+    total = np.exp(values - top).sum(axis=axis, keepdims=True)
+    return np.asarray(np.squeeze(top + np.log(total), axis=axis))
+
+
+class Gaussian:
+    """Density of residuals under B for each σ of a grid.
+
+    Args:
+        columns: B, shape (k, r), scaled by the plausible sizes [mm].
+        noise: the grid.
+    """
+
+    def __init__(self, columns: Floats, noise: NoiseGrid) -> None:
+        left, size, _ = np.linalg.svd(columns, full_matrices=False)
+        sigma2 = noise.sigma[:, None] ** 2
+        self._left = left
+        self._shrink = size**2 / (sigma2 + size**2)  # (g, r)
+        self._sigma2 = sigma2[:, 0]
+        self.log_det = np.log1p(size**2 / sigma2).sum(axis=1) + len(columns) * np.log(self._sigma2)
+
+    def quadratic(self, vectors: Floats) -> Floats:
+        """vᵀ S⁻¹ v of each column of (k, q), shape (g, q)."""
+        inside = (self._left.T @ vectors) ** 2
+        return np.asarray(
+            ((vectors**2).sum(axis=0) - self._shrink @ inside) / self._sigma2[:, None]
+        )
+
+    def product(self, vectors: Floats, residual: Floats) -> Floats:
+        """vᵀ S⁻¹ r of each column of (k, q) with one residual (k,), shape (g, q)."""
+        inside = (self._left.T @ vectors) * (self._left.T @ residual)[:, None]
+        return np.asarray((vectors.T @ residual - self._shrink @ inside) / self._sigma2[:, None])
+
+    def log_density(self, residuals: Floats) -> Floats:
+        """ln p of each column of (k, q), shape (g, q), without the constant."""
+        return np.asarray(-0.5 * (self.quadratic(residuals) + self.log_det[:, None]))

@@ -1,0 +1,135 @@
+"""The data as a diagnosis sees them: combinations of readings with equal, independent noise.
+
+    d = W y,   W R-whitened so that the noise of d is σ² I
+
+For raw readings W are the zero-free contrasts, for differences the whitened differences. A
+cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W Wᵀ = I).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthoglide_cal.axes import Floats
+from orthoglide_cal.causes import Acting, Cause, RelabelCause, Where
+from orthoglide_cal.estimation import Problem
+from orthoglide_cal.estimation.identifiability import require_rank
+from orthoglide_cal.estimation.methods import METHODS, pose
+from orthoglide_cal.machine import Machine
+from orthoglide_cal.measured import Differences, Measured, Readings
+from orthoglide_cal.plan import Plan
+from orthoglide_cal.protocols import ideal_plan, reduction
+from orthoglide_cal.simulation import STEP, Effect, simulate
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Data and model in whitened form.
+
+    Attributes:
+        machine: nominal machine with gauge and tolerances.
+        plan: n readings.
+        matrix: W, shape (k, n).
+        data: d, shape (k,) [mm].
+        root: un-whitens, shape (k, k): the identity for raw readings.
+        effects: causes accepted earlier.
+        timed: True for raw readings, whose order in time is known.
+    """
+
+    machine: Machine
+    plan: Plan
+    matrix: Floats
+    data: Floats
+    root: Floats
+    effects: tuple[Effect, ...]
+    timed: bool
+
+    @classmethod
+    def of(cls, measured: Measured, machine: Machine, effects: Sequence[Effect] = ()) -> Frame:
+        """Whiten what was measured.
+
+        Raises:
+            RankDeficientError: the data do not determine the offsets.
+        """
+        posed = pose(measured, machine, METHODS[measured.kind], effects)
+        require_rank(posed.problem)
+        plan, matrix = posed.problem.plan, posed.problem.matrix
+        if isinstance(measured, Differences) and measured.kind == "six":
+            # The readings behind max − min, with the isotropic ones that the carriages pass.
+            plan = ideal_plan("twelve", machine)
+            matrix = reduction("six", posed.names, machine, plan)
+        root = np.linalg.cholesky(matrix @ matrix.T)
+        return cls(
+            machine,
+            plan,
+            np.linalg.solve(root, matrix),
+            np.linalg.solve(root, posed.data),
+            root,
+            tuple(effects),
+            isinstance(measured, Readings),
+        )
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    @property
+    def entries(self) -> Floats:
+        """What each reading, or each printed difference, adds to the whitened data, (k, m)."""
+        return self.matrix if self.timed else np.asarray(np.linalg.inv(self.root))
+
+    def blocks(self) -> list[np.ndarray]:
+        """Entries to leave out together: each (leg, direction, posture) cell, or difference."""
+        if not self.timed:
+            return [np.array([i]) for i in range(len(self))]
+        return [np.flatnonzero(self.plan.cells == c) for c in range(self.plan.cells.max() + 1)]
+
+    def rms(self, residual: Floats) -> float:
+        """Root mean square of a whitened residual over readings, or differences [mm]."""
+        plain = self.root @ residual
+        return float(np.sqrt((plain @ plain) / self.entries.shape[1]))
+
+    @property
+    def problem(self) -> Problem:
+        """The whitened problem, for the solver."""
+        return Problem(self.machine, self.plan, self.matrix, self.effects)
+
+    def relabelled(self, cause: RelabelCause, where: Where) -> Floats:
+        """The data with a fault of the record undone, shape (k,)."""
+        index, sign = cause.relabel(self.plan, where)
+        there = self.matrix * sign
+        undone = np.zeros_like(there)
+        undone[:, index] = there
+        return np.asarray(undone @ (self.matrix.T @ self.data))
+
+    def model(self, offsets: Floats, acting: Sequence[Acting] = ()) -> Floats:
+        """Predicted data, shape (k,)."""
+        readings = simulate(self.machine, offsets, self.plan, (*self.effects, *acting))
+        return np.asarray(self.matrix @ readings)
+
+    def slopes(
+        self, offsets: Floats, causes: Sequence[tuple[Cause, Floats]]
+    ) -> tuple[Floats, list[Floats]]:
+        """Derivatives of the data by the offsets (k, 3) and by each cause's θ (k, p)."""
+        fixed = [cause.at(theta) for cause, theta in causes]
+        by_offsets = self._slope(offsets + 1j * STEP * np.eye(3), fixed)
+        return by_offsets, [
+            self._slope(offsets, [*fixed[:i], cause.at(steps(theta)), *fixed[i + 1 :]])
+            for i, (cause, theta) in enumerate(causes)
+        ]
+
+    def slope_of(self, offsets: Floats, cause: Cause) -> Floats:
+        """Derivative of the data by the parameters of one cause, where it is absent, (k, p)."""
+        absent = np.zeros(cause.prior_std(self.machine).size)
+        return self._slope(offsets, [cause.at(steps(absent))])
+
+    def _slope(self, offsets: Floats, acting: Sequence[Acting]) -> Floats:
+        readings = simulate(self.machine, offsets, self.plan, (*self.effects, *acting))
+        return np.asarray(self.matrix @ readings.imag.T / STEP)
+
+
+def steps(theta: Floats) -> Floats:
+    """θ with a complex step in each parameter in turn, shape (p, p)."""
+    return np.asarray(theta + 1j * STEP * np.eye(theta.size))

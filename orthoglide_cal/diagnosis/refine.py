@@ -1,0 +1,176 @@
+"""One explanation fitted nonlinearly, and its evidence linearised at its own best fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from orthoglide_cal.axes import Floats
+from orthoglide_cal.causes import Acting, Cause, PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum
+from orthoglide_cal.diagnosis.frame import Frame
+from orthoglide_cal.diagnosis.screen import (
+    BLUNDER_SCALES,
+    OFFSETS_MM,
+    Catalogue,
+    Score,
+    base_columns,
+    evidence_beside,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """An explanation at its best fit.
+
+    Attributes:
+        score: the explanation; its extra at the best place, its evidence at this fit.
+        offsets: shape (3,) [mm].
+        covariance: of offsets, parameters of the base in order, size of the extra; shape (q, q),
+            internal units.
+        acting: its causes with their best parameters, as effects of the forward model.
+        linear: whitened data minus the linearised model at zero parameters, shape (k,) [mm].
+        residual: whitened data minus prediction, shape (k,) [mm].
+        columns: whitened derivatives by the same unknowns, shape (k, q).
+        stds: their plausible sizes, shape (q,).
+        sigma: standard deviation of one reading under this explanation [mm].
+    """
+
+    score: Score
+    offsets: Floats
+    covariance: Floats
+    acting: tuple[Acting, ...]
+    linear: Floats
+    residual: Floats
+    columns: Floats
+    stds: Floats
+    sigma: float
+
+    @property
+    def offsets_std(self) -> Floats:
+        """Standard deviations of the offsets, shape (3,) [mm]."""
+        return np.sqrt(np.diag(self.covariance)[:3])
+
+    @property
+    def wrong_reading(self) -> int | None:
+        """Index of the one reading that it calls wrong by an unknown amount, if any."""
+        extra = self.score.extra
+        return extra.where.index[0] if extra is not None and extra.cause.id == "misread" else None
+
+    @property
+    def log_evidence(self) -> float:
+        """With the prior of places, without that of the set."""
+        return self.score.log_evidence
+
+
+def refine(
+    frame: Frame,
+    catalogue: Catalogue,
+    noise: NoiseGrid,
+    score: Score,
+    iterations: int = 1,
+    widen: float = 1.0,
+) -> Fitted:
+    """Fit an explanation by Gauss–Newton with its priors, then judge it there.
+
+    Args:
+        frame: the data.
+        catalogue: places of the extras.
+        noise: grid of σ.
+        score: the explanation as the screening left it.
+        iterations: relinearisations; one is enough for ranking.
+        widen: factor on all tolerances.
+    """
+    base, extra = score.base, score.extra
+    sizes = [cause.prior_std(frame.machine) * widen for cause in base]
+    theta = [np.zeros(size.size) for size in sizes]
+    data, start = frame.data, catalogue.offsets[""]
+    pattern = None
+    if extra is not None:
+        place = catalogue.places[extra.cause.id].index(extra.where)
+        if isinstance(extra.cause, RelabelCause):
+            data = frame.relabelled(extra.cause, extra.where)
+            start = catalogue.offsets[extra.cause.id][place]
+        else:
+            pattern = catalogue.columns[extra.cause.id][:, place]
+    offsets, sigma = start, float(noise.sigma[np.argmax(noise.log_weight)])
+
+    extra_size, extra_std = _extra_prior(frame, score, widen)
+    stds = np.concatenate([np.full(3, OFFSETS_MM), *sizes, extra_std])
+    free = None if pattern is None or extra_std.size == 0 else pattern[:, None]
+    fixed = np.zeros(len(frame)) if pattern is None else pattern * extra_size
+    for _ in range(iterations + 1):
+        slope, slopes = frame.slopes(offsets, list(zip(base, theta, strict=True)))
+        acting = [cause.at(value) for cause, value in zip(base, theta, strict=True)]
+        # Residual of the linear model: what the parameters, measured from zero, must explain.
+        linear = data - fixed - frame.model(offsets, acting)
+        linear = linear + sum(c @ t for c, t in zip(slopes, theta, strict=True))
+        columns = np.hstack([slope, *slopes, *([free] if free is not None else [])])
+        covariance = np.linalg.inv(columns.T @ columns / sigma**2 + np.diag(1.0 / stds**2))
+        solution = covariance @ (columns.T @ linear) / sigma**2
+        residual = linear - columns @ solution
+        offsets = offsets + solution[:3]
+        theta = _split(solution[3:], [t.size for t in theta])
+    density = Gaussian(base_columns(slope, slopes, sizes), noise)
+    log, by_sigma, best = evidence_beside(
+        frame, score, catalogue, noise, density, linear + fixed, widen
+    )
+    weight = np.exp(by_sigma - log_sum(by_sigma))
+    sigma_new = float(np.sqrt(weight @ noise.sigma**2))
+    covariance = np.linalg.inv(columns.T @ columns / sigma_new**2 + np.diag(1.0 / stds**2))
+    log += _positivity(base, solution[3:], covariance[3:, 3:])
+    size = (
+        solution[-1:] if free is not None else np.full(1, float(extra.turns or 0) if extra else 0)
+    )
+    return Fitted(
+        score=Score(log, base, best),
+        offsets=offsets,
+        covariance=covariance,
+        acting=_acting(base, theta, score, size),
+        linear=linear,
+        residual=residual,
+        columns=columns,
+        stds=stds,
+        sigma=sigma_new,
+    )
+
+
+def _extra_prior(frame: Frame, score: Score, widen: float) -> tuple[float, Floats]:
+    """Known size [mm] of an extra, and the prior of an unknown one (shape (0,) or (1,))."""
+    extra = score.extra
+    if extra is None or isinstance(extra.cause, RelabelCause):
+        return 0.0, np.zeros(0)
+    if extra.turns is not None:
+        return extra.turns * (frame.machine.gauge.revolution_mm or 0.0), np.zeros(0)
+    return 0.0, extra.cause.prior_std(frame.machine) * widen * max(BLUNDER_SCALES)
+
+
+def _split(values: Floats, sizes: list[int]) -> list[Floats]:
+    return np.split(values[: sum(sizes)], np.cumsum(sizes)[:-1]) if sizes else []
+
+
+def _positivity(base: Sequence[Cause], values: Floats, covariance: Floats) -> float:
+    """ln of how much likelier the data make it that widths are positive than the prior does."""
+    log, start = 0.0, 0
+    for cause in base:
+        count = len(cause.names)
+        if cause.positive:
+            own = slice(start, start + count)
+            score = values[own] / np.sqrt(np.diag(covariance)[own])
+            log += float((log_ndtr(score) - np.log(0.5)).sum())
+        start += count + len(cause.nuisance)
+    return log
+
+
+def _acting(
+    base: Sequence[Cause], theta: list[Floats], score: Score, size: Floats
+) -> tuple[Acting, ...]:
+    acting = [cause.at(value) for cause, value in zip(base, theta, strict=True)]
+    extra = score.extra
+    if extra is not None:
+        value = size if isinstance(extra.cause, PatternCause) else np.zeros(0)
+        acting.append(extra.cause.at(value, extra.where))
+    return tuple(acting)
