@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 
 from orthoglide_cal import __version__
 from orthoglide_cal.cli.common import NoColour, leave_closed_pipe, tell_error
+from orthoglide_cal.cli.measure import measure
 from orthoglide_cal.cli.paper import paper
 from orthoglide_cal.cli.simulate import simulate
 from orthoglide_cal.cli.solve import solve
@@ -60,7 +61,7 @@ def _orthocal(
     pass
 
 
-for command in (solve, simulate, validate, paper):
+for command in (measure, solve, simulate, validate, paper):
     app.command()(command)
 
 

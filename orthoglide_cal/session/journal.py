@@ -1,0 +1,219 @@
+"""The journal: an append-only file that holds everything that was acknowledged, always.
+
+One record per line, `{"crc32":"…","record":{…}}`. The checksum runs over all records up to this
+one, so that a record that was cut, altered, removed or moved is noticed. A record counts from the
+moment its bytes are on the disk (fsync); what a power loss left of an unfinished last record is
+ignored and reported.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from orthoglide_cal.data.atomic import write_text
+from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.session.events import Event, Opened, from_dict, to_dict
+from orthoglide_cal.session.lock import lock
+
+START = 0
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What a journal's bytes hold.
+
+    Attributes:
+        events: all complete records, the first one `Opened`.
+        size: length of their bytes.
+        lost: number of bytes after them that are no complete record.
+        open_line: True if only the line end of the last record is missing.
+        checksum: running checksum after the last record.
+    """
+
+    events: tuple[Event, ...]
+    size: int
+    lost: int
+    open_line: bool
+    checksum: int
+
+
+def encode(event: Event, checksum: int) -> tuple[bytes, int]:
+    """One line for `event` after records with this running checksum; and the new checksum."""
+    body = json.dumps(to_dict(event), ensure_ascii=True, separators=(",", ":")).encode()
+    checksum = zlib.crc32(body, checksum)
+    return b'{"crc32":"%08x","record":%s}\n' % (checksum, body), checksum
+
+
+def decode(data: bytes, path: str) -> Recovered:
+    """The records in a journal's bytes.
+
+    Raises:
+        InputError: not a journal, or damaged before its last record.
+    """
+    events: list[Event] = []
+    checksum, size = START, 0
+    for number, line in enumerate(data.splitlines(keepends=True), start=1):
+        whole = line.endswith(b"\n")
+        try:
+            event, after = _decode_line(line.rstrip(b"\n"), checksum)
+        except ValueError as error:
+            if number == 1:
+                raise InputError(
+                    "This is not the journal of a session.",
+                    "Name the session file, such as session.yaml.",
+                    file=path,
+                    line=1,
+                ) from error
+            if data[size + len(line) :].strip(b"\0\n"):
+                raise InputError(
+                    f"The journal is damaged here: {error}.",
+                    "Restore the file from a copy; or keep the lines above this one in a copy of"
+                    " the file and resume that.",
+                    file=path,
+                    line=number,
+                ) from error
+            break
+        events.append(event)
+        checksum = after
+        size += len(line)
+        if not whole:
+            return Recovered(tuple(events), size, 0, True, checksum)
+    if not events or not isinstance(events[0], Opened):
+        raise InputError("The journal is empty.", "Begin a new session.", file=path)
+    return Recovered(tuple(events), size, len(data) - size, False, checksum)
+
+
+def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
+    head, separator, rest = line.partition(b',"record":')
+    if not separator or not head.startswith(b'{"crc32":"') or not rest.endswith(b"}"):
+        raise ValueError("not a record")
+    body = rest[:-1]
+    after = zlib.crc32(body, checksum)
+    if head != b'{"crc32":"%08x"' % after:
+        raise ValueError("the checksum does not match")
+    return from_dict(json.loads(body)), after
+
+
+class Journal:
+    """The journal of a running session, locked against every other session."""
+
+    def __init__(self, path: Path, descriptor: int, recovered: Recovered) -> None:
+        self.path = path
+        self.recovered = recovered
+        self._descriptor = descriptor
+        self._size = recovered.size
+        self._checksum = recovered.checksum
+        self._repaired = not (recovered.lost or recovered.open_line)
+
+    @classmethod
+    def create(cls, path: Path, opened: Opened) -> Journal:
+        """A new journal whose first record is `opened`; never replaces a file.
+
+        Raises:
+            UsageError: the file exists.
+            InputError: it cannot be written.
+        """
+        line, _ = encode(opened, START)
+        write_text(path, line.decode())
+        return cls.resume(path)
+
+    @classmethod
+    def resume(cls, path: Path) -> Journal:
+        """The journal in `path`, to be continued.
+
+        Raises:
+            UsageError: there is none, or another session is using it.
+            InputError: it cannot be read, or is damaged.
+        """
+        try:
+            descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        except FileNotFoundError as error:
+            raise UsageError(
+                f"There is no unfinished session in {path}.", "Leave out --resume to begin one."
+            ) from error
+        except OSError as error:
+            raise InputError(
+                f"The journal cannot be opened: {error.strerror}.",
+                "Check the folder and its permissions.",
+                file=str(path),
+            ) from error
+        try:
+            lock(descriptor, path)
+            with os.fdopen(os.dup(descriptor), "rb") as file:
+                data = file.read()
+            return cls(path, descriptor, decode(data, str(path)))
+        except BaseException:
+            os.close(descriptor)
+            raise
+
+    def append(self, event: Event) -> None:
+        """Put a record on the disk; returns when it is safe.
+
+        Raises:
+            InputError: the disk is full or the file is gone; nothing of the record remains.
+        """
+        line, checksum = encode(event, self._checksum)
+        try:
+            self._check_place()
+            if not self._repaired:
+                self._repair()
+            os.lseek(self._descriptor, self._size, os.SEEK_SET)
+            rest = memoryview(line)
+            while rest:
+                rest = rest[os.write(self._descriptor, rest) :]
+            os.fsync(self._descriptor)
+        except OSError as error:
+            self._cut_back()
+            raise InputError(
+                f"The last entry could not be saved: {error.strerror or error}.",
+                "Everything before it is on the disk. Mend this (free some space, plug the drive"
+                " in again), then go on with --resume.",
+                file=str(self.path),
+            ) from error
+        self._size += len(line)
+        self._checksum = checksum
+
+    def _check_place(self) -> None:
+        """The file must still be the one that its name leads to, as long as we left it."""
+        mine, named = os.fstat(self._descriptor), os.stat(self.path)
+        if (mine.st_dev, mine.st_ino) != (named.st_dev, named.st_ino):
+            raise OSError("another file has its name now")
+        if self._repaired and mine.st_size != self._size:
+            raise OSError("another program changed it")
+
+    def _repair(self) -> None:
+        """Make room after the last complete record of an interrupted session."""
+        os.ftruncate(self._descriptor, self._size)
+        if self.recovered.open_line:
+            os.lseek(self._descriptor, self._size, os.SEEK_SET)
+            self._size += os.write(self._descriptor, b"\n")
+        self._repaired = True
+
+    def _cut_back(self) -> None:
+        """Remove what was written of a record that failed; a full disk allows that."""
+        try:
+            if os.fstat(self._descriptor).st_size > self._size and self._repaired:
+                os.ftruncate(self._descriptor, self._size)
+                os.fsync(self._descriptor)
+        except OSError:
+            pass  # then the next resume ignores it: it is no complete record
+
+    def close(self) -> None:
+        """Let go of the file and its lock."""
+        os.close(self._descriptor)
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
