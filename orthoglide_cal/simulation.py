@@ -260,11 +260,17 @@ def _simulate(
 
     # The same chain differentiated by q: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and
     # d fraction = (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed.
+    # In place, because fresh memory for such long arrays costs more than the arithmetic.
     slope = posture.tool_derivative()
     turn = _column(fixed, batch) * across / span
-    jacobian = turn[:, None] * gauge_at[:, None] * slope[leg, :, ISO]
-    jacobian -= (turn * fraction)[:, None] * slope[leg, :, moment]
-    jacobian += fraction[:, None] * slope[direction, :, moment]
+    jacobian = slope[direction, :, moment]
+    jacobian *= fraction[:, None]
+    part = slope[leg, :, moment]
+    part *= (turn * fraction)[:, None]
+    jacobian -= part
+    np.take(slope[:, :, ISO], leg, axis=0, out=part)
+    part *= (turn * gauge_at)[:, None]
+    jacobian += part
     own, sideways = posture.directions[leg, leg, 0], posture.directions[leg, direction, 0]
     jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
     jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways

@@ -98,8 +98,8 @@ def table_1(machine: Machine) -> Reproduction:
         6,
         rows,
         (
-            "Derivatives by the leg's own offset, by that of the direction across the plane and by the"
-            " third; published are the expressions T_α = tan α, 1 and 0 (at iso, α = 0).",
+            "Derivatives by the leg's own offset, by that of the direction across the plane, by"
+            " the third; published are the expressions T_α = tan α, 1 and 0 (at iso, α = 0).",
             "Printed typical value 1.00 ± 0.34: the 0.34 is that of min; max has 0.20.",
         ),
     )

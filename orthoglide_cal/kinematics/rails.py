@@ -51,9 +51,11 @@ class Geometry:
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:
     """Cross product over the first axis, (3, ...)."""
-    return np.stack(
-        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    )
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[j], b[k], out=product[i])
+        product[i] -= a[k] * b[j]
+    return product
 
 
 def _dot(a: Numbers, b: Numbers) -> Numbers:
@@ -189,5 +191,7 @@ def tool_derivative_components(centres: Numbers, directions: Numbers, tool: Numb
     size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
     flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))
     inverse = 1.0 / np.where(flat, np.nan, volume)
-    drive = [_dot(legs[k], directions[k]) * inverse for k in range(3)]
-    return np.stack([columns[k] * drive[k] for k in range(3)], axis=1)
+    matrix = np.empty((3, *columns[0].shape), columns[0].dtype)
+    for k in range(3):
+        np.multiply(columns[k], _dot(legs[k], directions[k]) * inverse, out=matrix[:, k])
+    return matrix
