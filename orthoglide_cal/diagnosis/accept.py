@@ -1,0 +1,86 @@
+"""Making a cause part of the machine: the fitted parameters as they go into the machine file."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from datetime import date
+
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis.assess import assess
+from orthoglide_cal.diagnosis.frame import Frame
+from orthoglide_cal.diagnosis.posterior import DISMISSED
+from orthoglide_cal.diagnosis.result import AMBIGUOUS, CONSISTENT, UNEXPLAINED
+from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.machine import Estimate, IdentifiedCause, Machine
+from orthoglide_cal.measured import Measured
+from orthoglide_cal.simulation import Effect
+
+
+def extend(
+    measured: Measured, machine: Machine, effects: Sequence[Effect], id: str, on: date
+) -> Machine:
+    """The machine with one more identified cause.
+
+    Args:
+        measured: the data that it is identified from.
+        machine: as known so far.
+        effects: causes already identified, as effects.
+        id: cause to accept.
+        on: date to note.
+
+    Raises:
+        UsageError: there is no such cause.
+        UnusableResultError: these data do not support it, or it lies in the measurement.
+    """
+    cause = CAUSES.get(id)
+    if cause is None:
+        raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
+    if not cause.lasting:
+        raise UnusableResultError(
+            f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
+            cause.advice,
+        )
+    frame = Frame.of(measured, machine, effects)
+    found = assess(frame)
+    verdict = found.answer.verdict
+    if verdict in (CONSISTENT, UNEXPLAINED):
+        raise UnusableResultError(
+            f"These data are {verdict}: they do not support {id} as an extension.",
+            "Run orthocal diagnose and see what it says.",
+        )
+    if verdict == AMBIGUOUS:
+        doubtful = [
+            other
+            for other in (*found.answer.accepted, *found.answer.ambiguous_with)
+            if not CAUSES[other].in_machine and other != id
+        ]
+        if doubtful:
+            raise UnusableResultError(
+                f"These data cannot tell {id} from {', '.join(doubtful)}, which lies in the"
+                " measurement.",
+                "Take the reading that orthocal diagnose names, then accept.",
+            )
+    listed = found.posterior.listed
+    keys = [key for key in listed if id in key and listed[key] > 0.0]
+    best = max(keys, key=lambda key: listed[key]) if keys else ()
+    if not best or listed[best] < DISMISSED * listed[found.answer.accepted]:
+        raise UnusableResultError(
+            f"These data speak against {id}.",
+            f"They name {', '.join(found.answer.accepted)}.",
+        )
+    fit = found.fit(best)
+    start = 3
+    for act in fit.acting:
+        if act.cause.id == id:
+            break
+        start += act.theta.size
+    stds = np.sqrt(np.diag(fit.covariance)[start : start + len(cause.names)])
+    parameters = {
+        name: Estimate(float(value / cause.scale), float(std / cause.scale), cause.unit)
+        for name, value, std in zip(cause.names, act.theta, stds, strict=False)
+    }
+    identified = IdentifiedCause(id, "", parameters, on.isoformat(), measured.source.sha256)
+    return dataclasses.replace(machine, identified=(*machine.identified, identified))
