@@ -73,7 +73,8 @@ def simulate(
             "--output",
             "-o",
             metavar="FILE",
-            help="Write there instead of standard output; an existing file is not touched.",
+            help="Write there instead of standard output: a session if it ends in .yaml, else a"
+            " CSV; an existing file is not touched.",
             show_default=False,
         ),
     ] = None,
@@ -86,7 +87,13 @@ def simulate(
     import numpy as np
 
     from orthoglide_cal.causes import machine_effects
-    from orthoglide_cal.data import read_machine, readings_csv, write_text
+    from orthoglide_cal.data import (
+        read_machine,
+        readings_csv,
+        session_of_readings,
+        write_session,
+        write_text,
+    )
     from orthoglide_cal.protocols import double_posture, single_posture, synthetic_session
 
     for name, size in (("--noise", noise), ("--resolution", resolution)):
@@ -104,11 +111,14 @@ def simulate(
     wrong = [effect_named(text, plan, nominal, rng) for text in cause or ()]
     effects = (*machine_effects(nominal), *wrong)
     session = synthetic_session(nominal, plan, np.array(offsets), rng, effects, gauge)
-    text = readings_csv(session)
     if target is None:
-        print(text, end="")
+        print(readings_csv(session), end="")
+    elif target.suffix.lower() in (".yaml", ".yml"):
+        note = {"source": f"simulated, seed {chosen}"}
+        write_session(session_of_readings(session, nominal, note), target)
+        tell(f"{len(session)} readings written to {target}")
     else:
-        write_text(target, text)
+        write_text(target, readings_csv(session))
         tell(f"{len(session)} readings written to {target}")
     if seed is None:
         tell(f"seed {chosen}")

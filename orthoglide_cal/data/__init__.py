@@ -18,6 +18,7 @@ from orthoglide_cal.data.session_file import (
     session_text,
     write_session,
 )
+from orthoglide_cal.data.session_of_readings import session_of_readings
 from orthoglide_cal.data.session_schema import (
     RetakenReading,
     SessionGauge,
@@ -44,6 +45,7 @@ __all__ = [
     "read_measured",
     "read_session",
     "readings_csv",
+    "session_of_readings",
     "session_readings",
     "session_text",
     "write_machine",

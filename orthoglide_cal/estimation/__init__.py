@@ -1,5 +1,6 @@
 """Estimation of the joint offsets: linear, nonlinear, all readings; accuracy; Monte Carlo."""
 
+from orthoglide_cal.estimation.batch import Batch, solve_many
 from orthoglide_cal.estimation.methods import METHODS, usable_methods
 from orthoglide_cal.estimation.nonlinear import Fit, fit_offsets
 from orthoglide_cal.estimation.problem import Problem
@@ -8,11 +9,13 @@ from orthoglide_cal.estimation.solve import solve
 
 __all__ = [
     "METHODS",
+    "Batch",
     "Fit",
     "Problem",
     "Solution",
     "TableRow",
     "fit_offsets",
     "solve",
+    "solve_many",
     "usable_methods",
 ]

@@ -15,15 +15,15 @@ CONFIDENCE = 0.95
 
 
 def unit_covariance(problem: Problem, slope: Floats, estimator: Floats | None = None) -> Floats:
-    """V(Δρ)/σ² = M G Mᵀ with G = R Rᵀ (eqs. 26, 29, 32), shape (3, 3).
+    """V(Δρ)/σ² = M G Mᵀ with G = R Rᵀ (eqs. 26, 29, 32), shape (..., 3, 3).
 
     Args:
         problem: gives G.
-        slope: J at the solution, shape (k, 3).
-        estimator: M, shape (3, k); (JᵀJ)⁻¹Jᵀ if None.
+        slope: J at the solution, shape (..., k, 3).
+        estimator: M, shape (..., 3, k); (JᵀJ)⁻¹Jᵀ if None.
     """
     matrix = np.linalg.pinv(slope) if estimator is None else estimator
-    return np.asarray(matrix @ problem.covariance() @ matrix.T)
+    return np.asarray(matrix @ problem.covariance() @ matrix.swapaxes(-1, -2))
 
 
 def sigma_rho(covariance: Floats) -> float:

@@ -124,7 +124,7 @@ class Solution:
         if self.suspicious:
             return (
                 f"The residuals are larger than this gauge's noise would give ({sizes}): the model"
-                " leaves something out."
+                " leaves something out, and the intervals do not cover it."
             )
         chance = (
             f"a chance of {100.0 * self.lack_of_fit_p:.0f} % of larger ones"
