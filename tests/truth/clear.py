@@ -4,10 +4,6 @@ from .machines import Gauge, Machine
 from .separation import pair_distances, separation
 from .session import Session, make_session
 
-TRAVEL = 600.0
-"""A gain shows only where the gauge travels: those sessions have offsets of 600 sigma (4 mm with
-the dial)."""
-
 
 def clear_outside(
     seed: int,
@@ -35,7 +31,6 @@ def clear_outside(
             machine,
             gauge,
             outside=outside,
-            offset_sd=TRAVEL * gauge.sigma if outside == "tilted_plungers" else 0.5,
             scale=1.1 ** min(attempt, 20),
         )
         if separation(session).distance < single:

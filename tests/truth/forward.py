@@ -41,8 +41,6 @@ class Disturbance:
 
     motion: Floats
     """Added to the true joint positions, shape (N, 3), [mm]."""
-    gain: Floats
-    """Factor on each gauge's deflection from its first reading, shape (N,)."""
     contact: Floats
     """Added to each signal, shape (N,), [mm]."""
     hysteresis: float = 0.0
@@ -52,7 +50,7 @@ class Disturbance:
     def none(plan: Plan) -> "Disturbance":
         """Nothing is disturbed."""
         n = plan.count
-        return Disturbance(np.zeros((n, 3)), np.ones(n), np.zeros(n))
+        return Disturbance(np.zeros((n, 3)), np.zeros(n))
 
 
 def _rails(states: Floats) -> tuple[Floats, Floats]:
@@ -115,9 +113,8 @@ def carriages_and_tool(
 
 
 def _deflect(plan: Plan, signal: Floats, disturbance: Disturbance) -> Floats:
-    """What tilted or sticking plungers and moved surfaces make of the signals, shape (S, N)."""
+    """What sticking plungers and moved surfaces make of the signals, shape (S, N)."""
     out: Floats = signal + disturbance.contact
-    out = out[:, plan.stand] + disturbance.gain * (out - out[:, plan.stand])
     if disturbance.hysteresis:
         for setup in range(6):
             rows = np.flatnonzero(plan.setup == setup)

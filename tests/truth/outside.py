@@ -21,14 +21,12 @@ def _sign(rng: np.random.Generator) -> float:
 def _disturbed(
     plan: Plan,
     motion: Floats | None = None,
-    gain: Floats | None = None,
     contact: Floats | None = None,
     hysteresis: float = 0.0,
 ) -> Disturbance:
     nothing = Disturbance.none(plan)
     return Disturbance(
         nothing.motion if motion is None else motion,
-        nothing.gain if gain is None else gain,
         nothing.contact if contact is None else contact,
         hysteresis,
     )
@@ -44,18 +42,6 @@ def screw_period(plan: Plan, gauge: Gauge, rng: np.random.Generator, scale: floa
         2.0 * np.pi * plan.indicated[:, carriage] / 20.0 + phase
     )
     return _disturbed(plan, motion=motion)
-
-
-def tilted_plungers(
-    plan: Plan, gauge: Gauge, rng: np.random.Generator, scale: float
-) -> Disturbance:
-    """The plungers at one leg stand askew and read several percent short."""
-    leg = int(rng.integers(3))
-    gain = np.ones(plan.count)
-    for setup, (i, _) in enumerate(SETUPS):
-        if i == leg:
-            gain[plan.setup == setup] -= min(0.3, scale * rng.uniform(0.03, 0.08))
-    return _disturbed(plan, gain=gain)
 
 
 def leg_bending(plan: Plan, gauge: Gauge, rng: np.random.Generator, scale: float) -> Disturbance:
@@ -112,7 +98,6 @@ def warm_start(plan: Plan, gauge: Gauge, rng: np.random.Generator, scale: float)
 
 OUTSIDE: dict[str, Draw] = {
     "screw_period": screw_period,
-    "tilted_plungers": tilted_plungers,
     "leg_bending": leg_bending,
     "room_breathing": room_breathing,
     "plunger_hysteresis": plunger_hysteresis,
