@@ -53,7 +53,7 @@ def _cross(a: Numbers, b: Numbers) -> Numbers:
     """Cross product over the first axis, (3, ...)."""
     product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[j], b[k], out=product[i])
+        np.multiply(a[j], b[k], out=product[i, ...])
         product[i] -= a[k] * b[j]
     return product
 
@@ -193,5 +193,5 @@ def tool_derivative_components(centres: Numbers, directions: Numbers, tool: Numb
     inverse = 1.0 / np.where(flat, np.nan, volume)
     matrix = np.empty((3, *columns[0].shape), columns[0].dtype)
     for k in range(3):
-        np.multiply(columns[k], _dot(legs[k], directions[k]) * inverse, out=matrix[:, k])
+        np.multiply(columns[k], _dot(legs[k], directions[k]) * inverse, out=matrix[:, k, ...])
     return matrix
