@@ -32,7 +32,7 @@ class Backlash(Cause):
         approach = commanded.approach
         lag = -0.5 * theta[..., None, :3] * approach
         start = theta[..., None, 3:] * np.asarray(approach == 0.0, dtype=np.float64)
-        return joints + lag + start
+        return np.asarray(joints + lag + start)
 
 
 CAUSE = Backlash()

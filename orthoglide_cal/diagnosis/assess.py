@@ -116,8 +116,7 @@ def assess(frame: Frame, widen: float = 1.0) -> Assessment:
     evidence = {key: score.log_evidence for key, score in scores.items()}
     evidence.update({key: fit.log_evidence for key, fit in fits.items()})
 
-    slope, _ = frame.slopes(catalogue.offsets[""], [])
-    unlisted = unlisted_patterns(frame, slope, catalogue.residuals[""], noise)
+    unlisted = unlisted_patterns(frame, catalogue.slope, catalogue.residuals[""], noise)
     posterior = Posterior.of(evidence, menu, {u.what: u.log_evidence for u in unlisted})
     best = posterior.best
     if best not in fits:

@@ -20,7 +20,7 @@ from orthoglide_cal.axes import Floats
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
 STATEMENT_SPREAD = 0.15
-_LOG_RATIO = np.linspace(-0.6, 0.4, 11)
+_LOG_RATIO = np.linspace(-0.6, 0.45, 8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,19 +53,17 @@ class Gaussian:
     """
 
     def __init__(self, columns: Floats, noise: NoiseGrid) -> None:
-        left, size, _ = np.linalg.svd(columns, full_matrices=False)
-        sigma2 = noise.sigma[:, None] ** 2
-        self._left = left
-        self._shrink = size**2 / (sigma2 + size**2)  # (g, r)
-        self._sigma2 = sigma2[:, 0]
-        self.log_det = np.log1p(size**2 / sigma2).sum(axis=1) + len(columns) * np.log(self._sigma2)
+        self._left, size2 = _principal(columns)
+        self._sigma2 = noise.sigma**2
+        sigma2 = self._sigma2[:, None]
+        self._shrink = size2 / (sigma2 + size2)  # (g, r)
+        self.log_det = np.log1p(size2 / sigma2).sum(axis=1) + len(columns) * np.log(self._sigma2)
 
     def quadratic(self, vectors: Floats) -> Floats:
         """vᵀ S⁻¹ v of each column of (k, q), shape (g, q)."""
         inside = (self._left.T @ vectors) ** 2
-        return np.asarray(
-            ((vectors**2).sum(axis=0) - self._shrink @ inside) / self._sigma2[:, None]
-        )
+        outside = (vectors**2).sum(axis=0)
+        return np.asarray((outside - self._shrink @ inside) / self._sigma2[:, None])
 
     def product(self, vectors: Floats, residual: Floats) -> Floats:
         """vᵀ S⁻¹ r of each column of (k, q) with one residual (k,), shape (g, q)."""
@@ -75,3 +73,22 @@ class Gaussian:
     def log_density(self, residuals: Floats) -> Floats:
         """ln p of each column of (k, q), shape (g, q), without the constant."""
         return np.asarray(-0.5 * (self.quadratic(residuals) + self.log_det[:, None]))
+
+
+# Squared sizes below this fraction of the largest are lost in rounding, and far below any noise.
+_ROUNDING = 1e-13
+
+
+def _principal(columns: Floats) -> tuple[Floats, Floats]:
+    """Left singular vectors (k, r') of B and squared singular values (r',), largest parts only.
+
+    From the smaller of BᵀB and BBᵀ, which costs much less than a singular value decomposition.
+    """
+    k, r = columns.shape
+    if r < k:
+        size2, right = np.linalg.eigh(columns.T @ columns)
+        kept = size2 > _ROUNDING * size2[-1]
+        return columns @ (right[:, kept] / np.sqrt(size2[kept])), size2[kept]
+    size2, left = np.linalg.eigh(columns @ columns.T)
+    kept = size2 > _ROUNDING * size2[-1]
+    return left[:, kept], size2[kept]

@@ -74,7 +74,7 @@ def menu_of(machine: Machine, timed: bool) -> Menu:
     extras = (*patterns, *relabels)
     pairs = [names(*base) for base in both]
     pairs += [names(cause, extra) for cause in broad for extra in extras]
-    log_prior = {(): math.log(NOTHING)}
+    log_prior: dict[Names, float] = {(): math.log(NOTHING)}
     for cause in usable:
         log_prior[names(cause)] = math.log(ONE_CAUSE / len(usable))
     for pair in pairs:

@@ -8,6 +8,7 @@ cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -61,7 +62,7 @@ class Frame:
             # The readings behind max − min, with the isotropic ones that the carriages pass.
             plan = ideal_plan("twelve", machine)
             matrix = reduction("six", posed.names, machine, plan)
-        root = np.linalg.cholesky(matrix @ matrix.T)
+        root = np.asarray(np.linalg.cholesky(matrix @ matrix.T), dtype=np.float64)
         return cls(
             machine,
             plan,
@@ -109,27 +110,23 @@ class Frame:
         readings = simulate(self.machine, offsets, self.plan, (*self.effects, *acting))
         return np.asarray(self.matrix @ readings)
 
-    def slopes(
+    def linearised(
         self, offsets: Floats, causes: Sequence[tuple[Cause, Floats]]
-    ) -> tuple[Floats, list[Floats]]:
-        """Derivatives of the data by the offsets (k, 3) and by each cause's θ (k, p)."""
-        fixed = [cause.at(theta) for cause, theta in causes]
-        by_offsets = self._slope(offsets + 1j * STEP * np.eye(3), fixed)
-        return by_offsets, [
-            self._slope(offsets, [*fixed[:i], cause.at(steps(theta)), *fixed[i + 1 :]])
-            for i, (cause, theta) in enumerate(causes)
+    ) -> tuple[Floats, Floats, list[Floats]]:
+        """Prediction (k,), its derivatives by the offsets (k, 3) and by each cause's θ (k, p).
+
+        One simulation: itself, then a complex step in every unknown in turn.
+        """
+        sizes = [3, *(theta.size for _, theta in causes)]
+        ends = np.cumsum([1, *sizes])
+        step = 1j * STEP * np.eye(ends[-1], ends[-1] - 1, k=-1)
+        blocks = [step[:, start - 1 : end - 1] for start, end in itertools.pairwise(ends)]
+        acting = [
+            cause.at(theta + block)
+            for (cause, theta), block in zip(causes, blocks[1:], strict=True)
         ]
-
-    def slope_of(self, offsets: Floats, cause: Cause) -> Floats:
-        """Derivative of the data by the parameters of one cause, where it is absent, (k, p)."""
-        absent = np.zeros(cause.prior_std(self.machine).size)
-        return self._slope(offsets, [cause.at(steps(absent))])
-
-    def _slope(self, offsets: Floats, acting: Sequence[Acting]) -> Floats:
-        readings = simulate(self.machine, offsets, self.plan, (*self.effects, *acting))
-        return np.asarray(self.matrix @ readings.imag.T / STEP)
-
-
-def steps(theta: Floats) -> Floats:
-    """θ with a complex step in each parameter in turn, shape (p, p)."""
-    return np.asarray(theta + 1j * STEP * np.eye(theta.size))
+        effects = (*self.effects, *acting)
+        readings = simulate(self.machine, offsets + blocks[0], self.plan, effects)
+        slopes = self.matrix @ readings.imag.T / STEP
+        parts = [slopes[:, start:end] for start, end in itertools.pairwise(ends)]
+        return self.matrix @ readings[0].real, parts[0], parts[1:]

@@ -72,8 +72,8 @@ def predict_later(later: Frame, fit: Fitted, applied: Floats) -> HeldOut:
     """
     offsets = fit.offsets - applied
     lasting = [act for act in fit.acting if act.cause.lasting]
-    error = later.data - later.model(offsets, lasting)
-    slope, slopes = later.slopes(offsets, [(act.cause, act.theta) for act in lasting])
+    model, slope, slopes = later.linearised(offsets, [(act.cause, act.theta) for act in lasting])
+    error = later.data - model
     columns = np.hstack([slope, *slopes])
     known = fit.covariance[: columns.shape[1], : columns.shape[1]]
     covariance = fit.sigma**2 * np.eye(len(later)) + columns @ known @ columns.T

@@ -16,6 +16,7 @@ from orthoglide_cal.diagnosis.screen import (
     BLUNDER_SCALES,
     OFFSETS_MM,
     Catalogue,
+    Extra,
     Score,
     base_columns,
     evidence_beside,
@@ -102,31 +103,31 @@ def refine(
     stds = np.concatenate([np.full(3, OFFSETS_MM), *sizes, extra_std])
     free = None if pattern is None or extra_std.size == 0 else pattern[:, None]
     fixed = np.zeros(len(frame)) if pattern is None else pattern * extra_size
-    for _ in range(iterations + 1):
-        slope, slopes = frame.slopes(offsets, list(zip(base, theta, strict=True)))
-        acting = [cause.at(value) for cause, value in zip(base, theta, strict=True)]
-        # Residual of the linear model: what the parameters, measured from zero, must explain.
-        linear = data - fixed - frame.model(offsets, acting)
-        linear = linear + sum(c @ t for c, t in zip(slopes, theta, strict=True))
+    # First the linear model of the screening, then that of the fit it gives, and so on.
+    slope, slopes = catalogue.slope, [catalogue.linear[cause.id] for cause in base]
+    linear = _residual_of(catalogue, extra) - fixed
+    for iteration in range(iterations + 1):
+        if iteration:
+            model, slope, slopes = frame.linearised(offsets, list(zip(base, theta, strict=True)))
+            linear = data - fixed - model
+            linear = linear + sum(c @ t for c, t in zip(slopes, theta, strict=True))
         columns = np.hstack([slope, *slopes, *([free] if free is not None else [])])
-        covariance = np.linalg.inv(columns.T @ columns / sigma**2 + np.diag(1.0 / stds**2))
+        covariance = _covariance(columns, stds, sigma)
         solution = covariance @ (columns.T @ linear) / sigma**2
         residual = linear - columns @ solution
         offsets = offsets + solution[:3]
         theta = _split(solution[3:], [t.size for t in theta])
     density = Gaussian(base_columns(slope, slopes, sizes), noise)
-    log, by_sigma, best = evidence_beside(
-        frame, score, catalogue, noise, density, linear + fixed, widen
-    )
+    log, by_sigma = evidence_beside(frame, score, catalogue, noise, density, linear + fixed, widen)
     weight = np.exp(by_sigma - log_sum(by_sigma))
     sigma_new = float(np.sqrt(weight @ noise.sigma**2))
-    covariance = np.linalg.inv(columns.T @ columns / sigma_new**2 + np.diag(1.0 / stds**2))
+    covariance = _covariance(columns, stds, sigma_new)
     log += _positivity(base, solution[3:], covariance[3:, 3:])
     size = (
         solution[-1:] if free is not None else np.full(1, float(extra.turns or 0) if extra else 0)
     )
     return Fitted(
-        score=Score(log, base, best),
+        score=Score(log, base, extra),
         offsets=offsets,
         covariance=covariance,
         acting=_acting(base, theta, score, size),
@@ -136,6 +137,21 @@ def refine(
         stds=stds,
         sigma=sigma_new,
     )
+
+
+def _covariance(columns: Floats, stds: Floats, sigma: float) -> Floats:
+    """Posterior covariance of the unknowns of a linear model with priors, shape (q, q)."""
+    precision = columns.T @ columns / sigma**2 + np.diag(1.0 / stds**2)
+    return np.asarray(np.linalg.inv(precision), dtype=np.float64)
+
+
+def _residual_of(catalogue: Catalogue, extra: Extra | None) -> Floats:
+    """Residual of the offsets-only fit, a relabelling undone, shape (k,)."""
+    if extra is None or not isinstance(extra.cause, RelabelCause):
+        return catalogue.residuals[""]
+    return catalogue.residuals[extra.cause.id][
+        :, catalogue.places[extra.cause.id].index(extra.where)
+    ]
 
 
 def _extra_prior(frame: Frame, score: Score, widen: float) -> tuple[float, Floats]:

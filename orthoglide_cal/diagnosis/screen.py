@@ -54,12 +54,16 @@ class Catalogue:
         columns: cause id → W·pattern of one unit, shape (k, places) [mm per unit].
         offsets: fitted offsets with each relabelling undone, id → (places, 3); "" → (3,).
         residuals: what is left then, id → (k, places); "" → (k,).
+        slope: derivative of the data by the offsets at the offsets-only fit, (k, 3).
+        linear: broad cause id → derivative by its parameters there, where it is absent, (k, p).
     """
 
     places: Mapping[str, tuple[Where, ...]]
     columns: Mapping[str, Floats]
     offsets: Mapping[str, Floats]
     residuals: Mapping[str, Floats]
+    slope: Floats
+    linear: Mapping[str, Floats]
 
     @classmethod
     def of(cls, frame: Frame, menu: Menu) -> Catalogue:
@@ -80,7 +84,10 @@ class Catalogue:
             offsets[cause.id] = fit.offsets_mm[start:stop]
             residuals[cause.id] = fit.residuals_mm[start:stop].T
             start = stop
-        return cls(places, columns, offsets, residuals)
+        absent = [(c, np.zeros(c.prior_std(frame.machine).size)) for c in menu.broad]
+        _, slope, slopes = frame.linearised(offsets[""], absent)
+        linear = {c.id: part for c, part in zip(menu.broad, slopes, strict=True)}
+        return cls(places, columns, offsets, residuals, slope, linear)
 
 
 def base_columns(slope: Floats, slopes: Sequence[Floats], stds: Sequence[Floats]) -> Floats:
@@ -92,13 +99,11 @@ def screen(
     frame: Frame, menu: Menu, catalogue: Catalogue, noise: NoiseGrid, widen: float = 1.0
 ) -> dict[Names, Score]:
     """Score every set of the menu; `widen` multiplies all tolerances."""
-    offsets = catalogue.offsets[""]
-    slope, _ = frame.slopes(offsets, [])
-    linear = {cause.id: frame.slope_of(offsets, cause) for cause in menu.broad}
     scores: dict[Names, Score] = {}
     for base in menu.bases:
         stds = [cause.prior_std(frame.machine) * widen for cause in base]
-        columns = base_columns(slope, [linear[cause.id] for cause in base], stds)
+        slopes = [catalogue.linear[cause.id] for cause in base]
+        columns = base_columns(catalogue.slope, slopes, stds)
         density = Gaussian(columns, noise)
         scores.update(score_base(frame, menu, catalogue, noise, base, density, widen))
     return scores
@@ -117,7 +122,8 @@ def score_base(
     residual = catalogue.residuals[""]
     alone = density.log_density(residual[:, None])[:, 0]
     scores = {names(*base): Score(float(log_sum(noise.log_weight + alone)), base, None)}
-    for cause in (*menu.patterns, *menu.relabels):
+    extras: tuple[PatternCause | RelabelCause, ...] = (*menu.patterns, *menu.relabels)
+    for cause in extras:
         key = names(*base, cause)
         places = catalogue.places[cause.id]
         if key not in menu.log_prior or not places:
@@ -141,28 +147,29 @@ def evidence_beside(
     density: Gaussian,
     residual: Floats,
     widen: float,
-) -> tuple[float, Floats, Extra | None]:
+) -> tuple[float, Floats]:
     """Evidence of one explanation from the density of its base at another linearisation.
 
     Args:
         residual: data (relabelling undone) minus the linearised base at zero parameters, (k,).
 
     Returns:
-        Log evidence; its parts by σ (g,); the best place of the extra.
+        Log evidence; its parts by σ, shape (g,).
     """
     alone = density.log_density(residual[:, None])[:, 0]
     extra = score.extra
     if extra is None:
         by_sigma = noise.log_weight + alone
-        return float(log_sum(by_sigma)), by_sigma, None
+        return float(log_sum(by_sigma)), by_sigma
     places = catalogue.places[extra.cause.id]
     if isinstance(extra.cause, RelabelCause):
         # Only the place at which it was undone; the others stay as the screening left them.
         by_sigma = noise.log_weight + alone - np.log(len(places))
-        return float(log_sum(by_sigma)), by_sigma, extra
+        return float(log_sum(by_sigma)), by_sigma
     columns = catalogue.columns[extra.cause.id]
     log = pattern_density(frame, extra.cause, columns, density, alone, residual, widen)
-    return _average(extra.cause, places, log, noise)
+    total, by_sigma, _ = _average(extra.cause, places, log, noise)
+    return total, by_sigma
 
 
 def pattern_density(

@@ -18,7 +18,7 @@ from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.screen import OFFSETS_MM
 
 # Sizes at which each pattern is tried, in standard deviations of one reading.
-SIZES = (4.0, 16.0, 64.0)
+SIZES = (5.0, 30.0)
 NOISIER = (2.0, 4.0, 8.0)
 
 
