@@ -13,6 +13,10 @@ from orthoglide_cal.machine import Machine
 from orthoglide_cal.outcome.answer import Answer
 from orthoglide_cal.outcome.rounding import rounded
 
+# A controller takes micrometres: rounding what is entered to the digits of a large uncertainty
+# would throw information away.
+ENTERED_DECIMALS = 3
+
 
 @dataclass(frozen=True)
 class CheckPosture:
@@ -44,7 +48,7 @@ class CheckPosture:
 
 @dataclass(frozen=True)
 class JointOffset:
-    """One joint: previous + change = new [mm]; `change_mm` is rounded to sensible digits."""
+    """One joint: previous + change = new [mm]; `change_mm` has as many digits as are entered."""
 
     axis: str
     previous_mm: float
@@ -73,7 +77,7 @@ class Adjustment:
 
 def adjust(solution: Solution, answer: Answer, machine: Machine) -> Adjustment:
     """New offsets from those active in the controller and the answer."""
-    decimals = answer.decimals
+    decimals = max(answer.decimals, ENTERED_DECIMALS)
     joints = tuple(
         JointOffset(axis, previous, rounded(float(change), decimals), float(expanded))
         for axis, previous, change, expanded in zip(

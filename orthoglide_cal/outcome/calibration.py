@@ -21,6 +21,13 @@ from orthoglide_cal.outcome.adjustment import Adjustment, adjust
 from orthoglide_cal.outcome.answer import Answer, choose_answer, plain_answer
 from orthoglide_cal.outcome.case import Case, Conditions
 from orthoglide_cal.outcome.release import Release, release
+from orthoglide_cal.outcome.summary import (
+    Deviations,
+    Explained,
+    as_expected,
+    as_found,
+    explained,
+)
 from orthoglide_cal.outcome.traces import Traces, traces
 from orthoglide_cal.outcome.workspace import WorkspaceError, workspace_error
 from orthoglide_cal.verification import Verification
@@ -52,8 +59,8 @@ class Findings:
         plain: the same of the offsets alone, whatever the diagnosis says.
         adjustment: what to enter.
         traces: measured and predicted by the solution.
-        explained_mm: prediction of the diagnosed model on the same footing, shape (n,); None
-            without a diagnosis.
+        explained: what the diagnosis explains; None without a diagnosis.
+        found, expected: sizes of the differences as found and after the adjustment.
         workspace: tool-position error before and after; None if it cannot be computed.
     """
 
@@ -63,7 +70,9 @@ class Findings:
     plain: Answer
     adjustment: Adjustment
     traces: Traces
-    explained_mm: Floats | None
+    explained: Explained | None
+    found: Deviations | None
+    expected: Deviations | None
     workspace: WorkspaceError | None
 
 
@@ -162,9 +171,6 @@ def _findings(
     # Usable offsets are those that were solved for; otherwise the diagnosis knows better.
     answer = plain if decision.usable else choose_answer(solution, diagnosis)
     shown = traces(measured, _predicted(measured, machine, solution))
-    explained = None
-    if diagnosis is not None:
-        explained = shown.measured_mm - (diagnosis.measured_mm - diagnosis.explained_mm)
     real = machine if diagnosis is None else _with_causes(machine, diagnosis)
     return Findings(
         solution=solution,
@@ -173,7 +179,9 @@ def _findings(
         plain=plain,
         adjustment=adjust(solution, answer, machine),
         traces=shown,
-        explained_mm=explained,
+        explained=explained(diagnosis, shown.leg, shown.order) if diagnosis else None,
+        found=as_found(solution),
+        expected=as_expected(solution),
         workspace=_workspace(real, answer),
     )
 

@@ -39,8 +39,11 @@ def release(solution: Solution, diagnosis: Diagnosis | None) -> Release:
             ("The search for the offsets did not converge.",),
             ("Check the readings: orthocal validate",),
         )
+    if diagnosis is None and solution.suspicious:
+        return Release(False, (solution.judgement,), ("Find out what: orthocal diagnose FILE",))
     if diagnosis is None or diagnosis.verdict == CONSISTENT:
-        return Release(True)
+        # Without spare readings nothing can speak against the offsets, nor for them.
+        return Release(True, cautions=() if solution.dof else (solution.judgement,))
     if diagnosis.verdict == AMBIGUOUS:
         first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
         rivals = ", ".join(diagnosis.ambiguous_with) or "another cause"

@@ -42,6 +42,15 @@ class Traces:
         """measured − predicted, shape (n,)."""
         return self.measured_mm - self.predicted_mm
 
+    def rms_by_series(self) -> dict[str, float]:
+        """Root mean square residual of each (leg, direction) [mm], legs in order."""
+        names = sorted(set(self.series), key=lambda name: (name[2], name[0]))
+        chosen = {name: [s == name for s in self.series] for name in names}
+        return {
+            name: float(np.sqrt(np.mean(self.residual_mm[mask] ** 2)))
+            for name, mask in chosen.items()
+        }
+
 
 def traces(measured: Measured, predicted: Floats) -> Traces:
     """Prepare the pictures' arrays.

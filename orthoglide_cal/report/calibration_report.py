@@ -1,0 +1,42 @@
+"""The calibration report: one session, its result, and what to do."""
+
+from __future__ import annotations
+
+from orthoglide_cal.outcome import Calibration
+from orthoglide_cal.report import sections
+from orthoglide_cal.report.blocks import Code, Document, Facts, Given
+from orthoglide_cal.report.verification_report import outcome_section
+
+
+def calibration_report(calibration: Calibration) -> Document:
+    """The document, for any of the renderers."""
+    given = calibration.conditions
+    identity = calibration.identity
+    measured = given.finished or given.started
+    parts = (
+        sections.to_do(calibration),
+        sections.offsets(calibration),
+        sections.found_and_left(calibration),
+        outcome_section(calibration.verification) if calibration.verification else None,
+        sections.improvement(calibration),
+        sections.wrong(calibration),
+        sections.diagnosis(calibration),
+        sections.workspace(calibration),
+        sections.conditions(calibration),
+        sections.origin(calibration),
+    )
+    return Document(
+        kind="Calibration report",
+        title=calibration.machine.name,
+        number=identity.number,
+        facts=Facts(
+            (
+                ("Number", Code(identity.number)),
+                ("Measured", None if measured is None else Given(measured)),
+                ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
+            )
+        ),
+        notice=sections.notice(calibration),
+        sections=tuple(part for part in parts if part is not None),
+        signatures=("Measured by", "Adjusted by", "Checked by"),
+    )
