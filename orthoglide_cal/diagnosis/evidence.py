@@ -12,6 +12,7 @@ different size comparable.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,11 +38,17 @@ class NoiseGrid:
         return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
 
 
-def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats:
-    """ln Σ exp over an axis."""
+def log_sum(values: Floats) -> float:
+    """ln Σ exp of all entries."""
+    top = float(values.max())
+    return top + math.log(float(np.exp(values - top).sum()))
+
+
+def log_sums(values: Floats, axis: int) -> Floats:
+    """ln Σ exp along one axis."""
     top = values.max(axis=axis, keepdims=True)
-    total = np.exp(values - top).sum(axis=axis, keepdims=True)
-    return np.asarray(np.squeeze(top + np.log(total), axis=axis))
+    total = np.log(np.exp(values - top).sum(axis=axis))
+    return np.asarray(total + top.squeeze(axis))
 
 
 class Gaussian:

@@ -66,8 +66,8 @@ class Frame:
         return cls(
             machine,
             plan,
-            np.linalg.solve(root, matrix),
-            np.linalg.solve(root, posed.data),
+            np.asarray(np.linalg.solve(root, matrix), dtype=np.float64),
+            np.asarray(np.linalg.solve(root, posed.data), dtype=np.float64),
             root,
             tuple(effects),
             isinstance(measured, Readings),

@@ -42,7 +42,7 @@ class Posterior:
         logs = {key: value + menu.log_prior[key] for key, value in log_evidence.items()}
         share = np.log(UNLISTED / max(len(unlisted), 1))
         others = {key: value + share for key, value in unlisted.items()}
-        total = float(log_sum(np.array([*logs.values(), *others.values()])))
+        total = log_sum(np.array([*logs.values(), *others.values()]))
         return cls(
             {key: float(np.exp(value - total)) for key, value in logs.items()},
             {key: float(np.exp(value - total)) for key, value in others.items()},

@@ -96,7 +96,7 @@ def refine(
             data = frame.relabelled(extra.cause, extra.where)
             start = catalogue.offsets[extra.cause.id][place]
         else:
-            pattern = catalogue.columns[extra.cause.id][:, place]
+            pattern = catalogue.columns[:, catalogue.own[extra.cause.id]][:, place]
     offsets, sigma = start, float(noise.sigma[np.argmax(noise.log_weight)])
 
     extra_size, extra_std = _extra_prior(frame, score, widen)

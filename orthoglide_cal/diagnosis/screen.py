@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import Cause, PatternCause, RelabelCause, Where
 from orthoglide_cal.causes.gauge_slip import TURNS
-from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum, log_sums
 from orthoglide_cal.diagnosis.explanations import Menu, Names, names
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.estimation import fit_offsets
@@ -51,7 +53,9 @@ class Catalogue:
 
     Attributes:
         places: cause id → its places.
-        columns: cause id → W·pattern of one unit, shape (k, places) [mm per unit].
+        columns: W·pattern of one unit at each place of each pattern cause, one after the other,
+            shape (k, P) [mm per unit].
+        own: cause id → its columns.
         offsets: fitted offsets with each relabelling undone, id → (places, 3); "" → (3,).
         residuals: what is left then, id → (k, places); "" → (k,).
         slope: derivative of the data by the offsets at the offsets-only fit, (k, 3).
@@ -59,7 +63,8 @@ class Catalogue:
     """
 
     places: Mapping[str, tuple[Where, ...]]
-    columns: Mapping[str, Floats]
+    columns: Floats
+    own: Mapping[str, slice]
     offsets: Mapping[str, Floats]
     residuals: Mapping[str, Floats]
     slope: Floats
@@ -71,7 +76,10 @@ class Catalogue:
         places = {
             c.id: c.places(frame.plan, frame.machine) for c in (*menu.patterns, *menu.relabels)
         }
-        columns = {c.id: frame.matrix @ c.patterns(frame.plan, places[c.id]) for c in menu.patterns}
+        patterns = [c.patterns(frame.plan, places[c.id]) for c in menu.patterns]
+        ends = np.cumsum([0, *(pattern.shape[1] for pattern in patterns)])
+        own = {c.id: slice(*pair) for c, pair in zip(menu.patterns, pairwise(ends), strict=True)}
+        columns = frame.matrix @ np.hstack([np.zeros((len(frame.plan), 0)), *patterns])
         versions = [frame.data]
         for cause in menu.relabels:
             versions += [frame.relabelled(cause, where) for where in places[cause.id]]
@@ -87,7 +95,7 @@ class Catalogue:
         absent = [(c, np.zeros(c.prior_std(frame.machine).size)) for c in menu.broad]
         _, slope, slopes = frame.linearised(offsets[""], absent)
         linear = {c.id: part for c, part in zip(menu.broad, slopes, strict=True)}
-        return cls(places, columns, offsets, residuals, slope, linear)
+        return cls(places, columns, own, offsets, residuals, slope, linear)
 
 
 def base_columns(slope: Floats, slopes: Sequence[Floats], stds: Sequence[Floats]) -> Floats:
@@ -121,7 +129,9 @@ def score_base(
     """Scores of a base alone and with every extra that the menu allows beside it."""
     residual = catalogue.residuals[""]
     alone = density.log_density(residual[:, None])[:, 0]
-    scores = {names(*base): Score(float(log_sum(noise.log_weight + alone)), base, None)}
+    power = density.quadratic(catalogue.columns)
+    match = density.product(catalogue.columns, residual)
+    scores = {names(*base): Score(log_sum(noise.log_weight + alone), base, None)}
     extras: tuple[PatternCause | RelabelCause, ...] = (*menu.patterns, *menu.relabels)
     for cause in extras:
         key = names(*base, cause)
@@ -131,11 +141,11 @@ def score_base(
         if isinstance(cause, RelabelCause):
             log = density.log_density(catalogue.residuals[cause.id])[..., None]
         else:
-            log = pattern_density(
-                frame, cause, catalogue.columns[cause.id], density, alone, residual, widen
-            )
-        total, _, extra = _average(cause, places, log, noise)
-        scores[key] = Score(total, base, extra)
+            own = catalogue.own[cause.id]
+            log = pattern_density(frame, cause, power[:, own], match[:, own], alone, widen)
+        by_place = log_sums(log + noise.log_weight[:, None, None], 0) - math.log(len(places))
+        extra = _likeliest(cause, places, by_place)
+        scores[key] = Score(log_sum(by_place), base, extra)
     return scores
 
 
@@ -160,30 +170,36 @@ def evidence_beside(
     extra = score.extra
     if extra is None:
         by_sigma = noise.log_weight + alone
-        return float(log_sum(by_sigma)), by_sigma
+        return log_sum(by_sigma), by_sigma
     places = catalogue.places[extra.cause.id]
     if isinstance(extra.cause, RelabelCause):
         # Only the place at which it was undone; the others stay as the screening left them.
-        by_sigma = noise.log_weight + alone - np.log(len(places))
-        return float(log_sum(by_sigma)), by_sigma
-    columns = catalogue.columns[extra.cause.id]
-    log = pattern_density(frame, extra.cause, columns, density, alone, residual, widen)
-    total, by_sigma, _ = _average(extra.cause, places, log, noise)
-    return total, by_sigma
+        by_sigma = noise.log_weight + alone - math.log(len(places))
+        return log_sum(by_sigma), by_sigma
+    columns = catalogue.columns[:, catalogue.own[extra.cause.id]]
+    power, match = density.quadratic(columns), density.product(columns, residual)
+    log = pattern_density(frame, extra.cause, power, match, alone, widen)
+    by_sigma = noise.log_weight + log_sums(log.reshape(len(log), -1), 1) - math.log(len(places))
+    return log_sum(by_sigma), by_sigma
 
 
 def pattern_density(
-    frame: Frame,
-    cause: PatternCause,
-    columns: Floats,
-    density: Gaussian,
-    alone: Floats,
-    residual: Floats,
-    widen: float,
+    frame: Frame, cause: PatternCause, power: Floats, match: Floats, alone: Floats, widen: float
 ) -> Floats:
-    """Log density with a pattern at each place and size and ln of its share, (g, places, sizes)."""
-    power = density.quadratic(columns)[..., None]
-    match = density.product(columns, residual)[..., None]
+    """Log density with a pattern c at each place and size, and ln of the size's share.
+
+    Args:
+        frame: the data.
+        cause: whose pattern it is.
+        power: cᵀ S⁻¹ c, shape (g, places) [1].
+        match: cᵀ S⁻¹ r, shape (g, places).
+        alone: log density without it, shape (g,).
+        widen: factor on the tolerance.
+
+    Returns:
+        Shape (g, places, sizes).
+    """
+    power, match = power[..., None], match[..., None]
     if cause.id == "gauge_slip":
         revolution = frame.machine.gauge.revolution_mm or 0.0
         size = np.array(list(TURNS), dtype=np.float64) * revolution
@@ -196,16 +212,10 @@ def pattern_density(
     return np.asarray(alone[:, None, None] + gain)
 
 
-def _average(
-    cause: PatternCause | RelabelCause,
-    places: tuple[Where, ...],
-    log: Floats,
-    noise: NoiseGrid,
-) -> tuple[float, Floats, Extra]:
-    """Average over σ, sizes and places; the parts by σ; the place that counts most."""
-    weighted = log + noise.log_weight[:, None, None] - np.log(len(places))
-    by_place = log_sum(weighted, axis=0)
+def _likeliest(
+    cause: PatternCause | RelabelCause, places: tuple[Where, ...], by_place: Floats
+) -> Extra:
+    """The place, and for a slip the turns, that count most; by_place has shape (places, sizes)."""
     place, size = np.unravel_index(int(np.argmax(by_place)), by_place.shape)
     turns = list(TURNS)[size] if cause.id == "gauge_slip" else None
-    extra = Extra(cause, places[place], turns)
-    return float(log_sum(by_place)), log_sum(weighted, axis=(1, 2)), extra
+    return Extra(cause, places[place], turns)

@@ -6,6 +6,7 @@ something real that no listed cause explains, and its size goes into the uncerta
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -71,12 +72,12 @@ def unlisted_patterns(
 
 
 def _mean(logs: list[float]) -> float:
-    return float(log_sum(np.array(logs)) - np.log(len(logs)))
+    return log_sum(np.array(logs)) - math.log(len(logs))
 
 
 def _log_evidence(columns: Floats, residual: Floats, noise: NoiseGrid) -> float:
     log = Gaussian(columns, noise).log_density(residual[:, None])[:, 0]
-    return float(log_sum(noise.log_weight + log))
+    return log_sum(noise.log_weight + log)
 
 
 def _patterns(frame: Frame) -> Iterator[tuple[str, Floats]]:
