@@ -224,6 +224,14 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         pattern = max(unlisted, key=lambda name: unlisted[name])
         notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
         notes.append("Its size is part of the uncertainty of the offsets.")
+    if isinstance(measured, Differences) and causes:
+        unknowns = sum(len(act.cause.names) for act in causes)
+        spare = len(measured) - 3
+        notes.append(
+            f"{len(measured)} differences leave {spare} numbers beyond the three offsets, and this"
+            f" answer has {unknowns} unknowns: the name rests on plausible sizes, not on the data"
+            " alone. Raw readings, with more postures, carry more."
+        )
     if any(isinstance(act.cause, PatternCause) for act in causes) and isinstance(
         measured, Readings
     ):
