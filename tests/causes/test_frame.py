@@ -1,0 +1,130 @@
+"""What fixes the frame: moving or turning the whole machine is no cause of anything."""
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.axes import Floats
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.kinematics import Geometry
+from orthoglide_cal.machine import Machine
+from orthoglide_cal.plan import Plan
+from orthoglide_cal.protocols import double_posture, zero_free
+from orthoglide_cal.simulation import simulate
+from tests.machines import PROTOTYPE, both_machines
+
+OFFSETS = np.array([0.8, -1.3, 0.5])
+PAIRS = ((0, 1), (1, 2), (2, 0))
+
+
+def seen(machine: Machine, offsets: Floats, plan: Plan, geometry: Geometry) -> Floats:
+    """Predicted readings without their gauge zeros."""
+    return zero_free(plan) @ simulate(machine, offsets, plan, geometry=geometry)
+
+
+@both_machines
+def test_moving_the_whole_machine_changes_no_reading(machine: Machine) -> None:
+    plan, moved = double_posture(machine), np.array([1.7, -2.9, 0.6])
+    nominal = Geometry.nominal(machine)
+    away = Geometry(nominal.points + moved, nominal.directions, nominal.lengths)
+    before = seen(machine, OFFSETS, plan, nominal)
+    assert seen(machine, OFFSETS, plan, away) == pytest.approx(before, abs=1e-10)
+    # Along its own axis a rail that moves is an offset: the same machine, written otherwise.
+    across = Geometry(moved * (1.0 - np.eye(3)), nominal.directions, nominal.lengths)
+    assert seen(machine, OFFSETS + moved, plan, across) == pytest.approx(before, abs=1e-10)
+    assert np.abs(seen(machine, OFFSETS, plan, across) - before).max() > 0.1
+
+
+@both_machines
+def test_gaps_and_offsets_say_all_that_rails_moved_across_can_do(machine: Machine) -> None:
+    """Six shifts across are three gaps and three moves of the whole machine, exactly.
+
+    g_k = s_ij − s_kj for the pair (i, k) that passes along j; the mean of the two is the move,
+    and seen from the moved origin each offset is smaller by it.
+    """
+    plan, rng = double_posture(machine), np.random.default_rng(8)
+    nominal = Geometry.nominal(machine)
+    for _ in range(5):
+        shift = rng.uniform(-1.0, 1.0, (3, 3)) * (1.0 - np.eye(3))
+        moved = Geometry(shift, nominal.directions, nominal.lengths)
+        gaps, origin = np.zeros(3), np.zeros(3)
+        for k, (first, second) in enumerate(PAIRS):
+            along = 3 - first - second
+            gaps[k] = shift[first, along] - shift[second, along]
+            origin[along] = 0.5 * (shift[first, along] + shift[second, along])
+        cause = CAUSES["axis_gap"]
+        explained = simulate(machine, OFFSETS - origin, plan, [cause.at(gaps)])
+        assert zero_free(plan) @ explained == pytest.approx(
+            seen(machine, OFFSETS, plan, moved), abs=1e-10
+        )
+
+
+def turned(angles: Floats) -> Floats:
+    """Rotation matrix about a small vector, to second order and orthonormal."""
+    x, y, z = angles
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    left, _, right = np.linalg.svd(np.eye(3) + skew + 0.5 * skew @ skew)
+    return left @ right
+
+
+@both_machines
+def test_turning_the_machine_is_seen_to_second_order_only(machine: Machine) -> None:
+    """The gauges stay along the axes of the base, so a turned machine is not quite the same.
+
+    An adjusted machine moves each leg along itself: a turn ω tilts the line that a gauge touches,
+    which its zero takes up. What is left is ω times a deviation, here under 2e-3 · 1 mm, and
+    ω²: halving both the turn and the offsets quarters it.
+    """
+    plan, angles = double_posture(machine), np.array([1.1e-3, -0.7e-3, 1.6e-3])
+    nominal = Geometry.nominal(machine)
+
+    def change(scale: float) -> Floats:
+        leaning = Geometry(
+            nominal.points, nominal.directions @ turned(scale * angles).T, nominal.lengths
+        )
+        offsets = scale * OFFSETS
+        return seen(machine, offsets, plan, leaning) - seen(machine, offsets, plan, nominal)
+
+    whole, half = np.abs(change(1.0)).max(), np.abs(change(0.5)).max()
+    assert 0.0 < whole < 2e-3
+    assert half == pytest.approx(whole / 4.0, rel=0.05)
+
+
+@both_machines
+def test_squareness_and_turns_say_all_that_leaning_rails_can_do(machine: Machine) -> None:
+    """Six leans are three angles between axes and three turns of the whole machine.
+
+    To first order in the lean: the rest is lean × deviation, under 2e-3 · 1 mm, where the lean
+    itself moves readings by ten times as much.
+    """
+    plan, rng = double_posture(machine), np.random.default_rng(9)
+    nominal, cause = Geometry.nominal(machine), CAUSES["axis_squareness"]
+    for _ in range(5):
+        lean = rng.uniform(-1e-3, 1e-3, (3, 3)) * (1.0 - np.eye(3))
+        ways = np.eye(3) + lean
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        leaning = Geometry(nominal.points, ways, nominal.lengths)
+        angles = np.array([lean[i, j] + lean[j, i] for i, j in PAIRS])
+        explained = zero_free(plan) @ simulate(machine, OFFSETS, plan, [cause.at(angles)])
+        true = seen(machine, OFFSETS, plan, leaning)
+        assert np.abs(true - explained).max() < 2e-3
+        assert np.abs(true - seen(machine, OFFSETS, plan, nominal)).max() > 2e-2
+
+
+def test_an_angle_between_two_rails_is_what_the_parameter_says() -> None:
+    angles = np.array([2.1e-3, -0.9e-3, 1.4e-3])
+    rails = CAUSES["axis_squareness"].geometry(Geometry.nominal(PROTOTYPE), angles)
+    for angle, (i, j) in zip(angles, PAIRS, strict=True):
+        between = np.arccos(rails.directions[i] @ rails.directions[j])
+        assert between == pytest.approx(np.pi / 2 - angle, abs=1e-5)
+    assert np.linalg.norm(rails.directions, axis=1) == pytest.approx([1.0] * 3, abs=1e-15)
+
+
+def test_a_gap_is_the_distance_between_two_rails() -> None:
+    gaps = np.array([0.41, -0.27, 0.63])
+    rails = CAUSES["axis_gap"].geometry(Geometry.nominal(PROTOTYPE), gaps)
+    for gap, (i, j) in zip(gaps, PAIRS, strict=True):
+        normal = np.cross(rails.directions[i], rails.directions[j])
+        apart = abs((rails.points[i] - rails.points[j]) @ normal)
+        assert apart == pytest.approx(abs(gap), abs=1e-12)
+        along = 3 - i - j
+        assert rails.points[i, along] - rails.points[j, along] == pytest.approx(gap)
