@@ -21,8 +21,9 @@ MAX_ITERATIONS = 100
 BLOCK = 4096
 # An undamped step shorter than this ends the iteration [mm]; well below OPTIMAL_MM.
 SHORT_STEP_MM = 1e-10
-# An undamped step shorter than this is taken unseen: what it gains is lost in rounding [mm].
-SURE_STEP_MM = 1e-6
+# Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
+ROUNDING_MM = 1e-12
+ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
 
 
@@ -83,7 +84,7 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
 def _in_parallel(fit: Callable[[int], Any], count: int) -> list[Any]:
     """The results of `fit` for each block; numpy lets go of the interpreter in long loops."""
     starts = range(0, count, BLOCK)
-    if len(starts) == 1:
+    if len(starts) <= 1:
         return [fit(0)]
     from concurrent.futures import ThreadPoolExecutor
 
@@ -136,6 +137,8 @@ def _chosen(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.compress(mask, np.moveaxis(values, 0, -1), axis=-1), -1, 0)
 
 
+# What fails on the way shows as NaN and is refused there; warnings would say nothing more.
+@np.errstate(divide="ignore", over="ignore", invalid="ignore")
 def _fit_block(
     problem: Problem, data: Floats, start: Floats
 ) -> tuple[Floats, Floats, Floats, Ints]:
@@ -158,7 +161,7 @@ def _fit_block(
         newton = normal_step(at.slope, at.residual)
         size = np.abs(newton).max(axis=-1)
         open_ = (size > SHORT_STEP_MM) & (iteration < MAX_ITERATIONS)
-        if not np.all(open_):
+        if not np.all(open_) or not n:
             done = ~open_
             offsets[at.which[done]] = at.offsets[done]
             residuals[at.which[done]] = at.residual[done]
@@ -168,9 +171,8 @@ def _fit_block(
                 break
             at.slope = np.broadcast_to(at.slope, (len(done), *at.slope.shape[1:]))
             at.keep(open_)
-            newton, size = _chosen(newton, open_), size[open_]
-        sure = size < SURE_STEP_MM
-        damped = (at.damping > 0.0) & ~sure
+            newton = _chosen(newton, open_)
+        damped = at.damping > 0.0
         step = newton
         if np.any(damped):
             careful = normal_step(at.slope, at.residual, at.damping)
@@ -178,8 +180,10 @@ def _fit_block(
         trial = at.offsets + step
         model, slope = problem.model_with_jacobian(trial, strict=False)
         residual = at.data - model
-        # A NaN cost (posture out of reach) compares false and is refused like a worse one.
-        better = (residual**2).sum(axis=-1) <= (at.residual**2).sum(axis=-1)
-        better |= sure & np.isfinite(residual).all(axis=-1)
+        # A step whose gain is lost in rounding is taken; a NaN cost (posture out of reach)
+        # compares false and is refused like a worse one.
+        cost = (at.residual**2).sum(axis=-1)
+        slack = ROUNDING * cost + ROUNDING_MM * np.sqrt(cost)
+        better = (residual**2).sum(axis=-1) <= cost + slack
         at.accept(better, trial, residual, slope)
     return offsets, residuals, remaining, iterations
