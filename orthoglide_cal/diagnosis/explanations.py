@@ -14,9 +14,9 @@ from orthoglide_cal.causes import CAUSES, Cause, PatternCause, RelabelCause, Ste
 from orthoglide_cal.machine import Machine
 
 # Prior weight of the kinds of explanation.
-NOTHING = 0.50
-ONE_CAUSE = 0.40
-TWO_CAUSES = 0.06
+NOTHING = 0.48
+ONE_CAUSE = 0.36
+TWO_CAUSES = 0.12
 UNLISTED = 0.04
 
 Names = tuple[str, ...]

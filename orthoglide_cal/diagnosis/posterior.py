@@ -12,8 +12,9 @@ from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import UNLISTED, Menu, Names
 from orthoglide_cal.diagnosis.result import AMBIGUOUS, CONSISTENT, NAMED, UNEXPLAINED
 
-# A cause is named only if the data make it this many times likelier than "nothing is wrong".
-ODDS_TO_NAME = 15.0
+# Something is wrong only if that is this many times likelier than that nothing is: among healthy
+# sessions fewer than one in a hundred gets that far.
+ODDS_TO_NAME = 2.5
 # A rival this unlikely beside the best explanation is dismissed.
 DISMISSED = 0.01
 # A cause this unlikely beside "nothing is wrong" would have been seen at plausible sizes.
