@@ -41,7 +41,7 @@ def require_rank(problem: Problem) -> None:
     listed = " and ".join(f"Δρ_{axis}" for axis in axes)
     raise RankDeficientError(
         f"These readings do not determine {listed}.",
-        f"Add {_mend(problem, matrix)}.",
+        f"Add readings of {_mend(problem, matrix)}.",
         axes,
     )
 
