@@ -151,7 +151,9 @@ def forecast(
         sigma_mm: standard deviation of one reading; the gauge's stated one if None.
     """
     nominal = np.zeros(3)
-    slope = simulate_with_jacobian(machine, nominal, plan)[1]
+    base, slope = simulate_with_jacobian(machine, nominal, plan)
+    if effects:
+        base = simulate(machine, nominal, plan, effects)
     fresh = np.zeros(len(plan), dtype=np.intp) if fresh is None else fresh
     known = (fresh == 0)[:, None]
     tolerance = {**_DEFAULTS, **machine.tolerances}
@@ -169,7 +171,6 @@ def forecast(
             first_visit * tolerance["backlash"],
         )
     )
-    base = simulate(machine, nominal, plan, effects)
     stated = machine.gauge.noise_mm if sigma_mm is None else sigma_mm
     return Forecast(design, cells * known, _SIZES * misfit_mm(machine), base, stated)
 

@@ -11,8 +11,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orthoglide_cal.axes import AXES, Floats, Ints
+from orthoglide_cal.estimation.forecast import Prediction
 from orthoglide_cal.machine import Gauge
 from orthoglide_cal.session.doubts import Doubt, Question
 from orthoglide_cal.session.history import History
@@ -58,6 +60,51 @@ class Reversal:
     rows: Ints
 
 
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What speaks against a reading; batched over leading axes of the readings.
+
+    Attributes:
+        prediction: from the readings before.
+        tail: chance of a reading at least this far off, shape (...).
+        whole: reversals of whole legs that are worth a question.
+        gains: how much better they explain all readings: log likelihood ratios, (..., len(whole)).
+    """
+
+    prediction: Prediction
+    tail: Floats
+    whole: tuple[Reversal, ...]
+    gains: Floats
+
+    @property
+    def questioned(self) -> NDArray[np.bool_]:
+        """Whether a question is due, shape (...)."""
+        together = (self.gains > math.log(RATIO)).any(axis=-1)
+        return np.asarray((self.tail < RARE) | together)
+
+
+def gather(history: History, known: Floats, value: Floats | float) -> Evidence:
+    """Weigh a reading.
+
+    Args:
+        history: what was measured; its readings themselves are not used.
+        known: readings at `history.past`, shape (..., k) [mm].
+        value: the new one, shape (...) [mm].
+    """
+    past, new = history.past, len(history.value)
+    prediction = history.forecast.predict(known, past, new)
+    rows = np.append(past, new)
+    values = np.concatenate((known, np.asarray(value)[..., None]), axis=-1)
+    # All that the model says of a leg as a whole is said in its first cycle.
+    whole = () if history.repeats() else tuple(_unsettled(history, rows))
+    gains = np.zeros((*np.shape(value), len(whole)))
+    base = history.forecast.log_likelihood(values, rows) if whole else 0.0
+    for index, reversal in enumerate(whole):
+        fit = history.forecast.log_likelihood(values * reversal.signs, reversal.rows)
+        gains[..., index] = fit - base
+    return Evidence(prediction, prediction.tail(value), whole, gains)
+
+
 def check_reading(history: History, value: float, gauge: Gauge) -> Question | None:
     """The question that a reading raises, compared with those before it; None if it fits.
 
@@ -68,24 +115,28 @@ def check_reading(history: History, value: float, gauge: Gauge) -> Question | No
     """
     if not history.series():
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
-    past, new = history.past, len(history.value)
-    prediction = history.forecast.predict(history.value[past], past, new)
-    expected, std = float(prediction.mean), float(prediction.std)
+    evidence = gather(history, history.value[history.past], value)
+    if not evidence.questioned:
+        return None
+    if evidence.tail >= RARE:
+        best = evidence.whole[int(np.argmax(evidence.gains))]
+        words = f"{best.words} since step {best.first}?"
+        text = f"the readings together would fit far better: {words}"
+        return Question(best.doubt, text, best.first)
+    expected, std = float(evidence.prediction.mean), float(evidence.prediction.std)
     compared = _compared(history, value, expected, std)
-    if prediction.tail(value) >= RARE:
-        return _since_the_beginning(history, value)
     found = [
         explanation
-        for explanation in _explanations(history, value, gauge)
+        for explanation in _explanations(history, value, gauge, evidence.prediction)
         if explanation.chance >= _ORDINARY and LIMIT * explanation.std <= abs(value - expected)
     ]
     last = history.steps[history.series()[-1]].number
     if found:
-        best = max(found, key=lambda explanation: explanation.chance)
-        words = _words(found, best)
-        if history.repeats() and best.doubt != Doubt.REVOLUTION:
+        best_one = max(found, key=lambda explanation: explanation.chance)
+        words = _words(found, best_one)
+        if history.repeats() and best_one.doubt != Doubt.REVOLUTION:
             words += f" or has the stand moved since step {last}?"
-        return Question(best.doubt, f"{compared}: {words}", best.about)
+        return Question(best_one.doubt, f"{compared}: {words}", best_one.about)
     if history.repeats():
         moved = f"the stand seems to have moved since step {last}"
         return Question(Doubt.STAND, f"{compared}: {moved}")
@@ -119,31 +170,19 @@ def reversals(history: History, rows: Ints) -> Iterator[Reversal]:
             yield Reversal(Doubt.EXCHANGED, words, first, plain, swapped)
 
 
-def _since_the_beginning(history: History, value: float) -> Question | None:
-    """Readings that fit one by one, but together fit a reversal far better."""
-    if history.repeats():
-        return None  # all that the model says about this cell was said in the first cycle
-    rows = np.append(history.past, len(history.value))
-    values = np.append(history.value, value)[rows]
-    base = history.forecast.log_likelihood(values, rows)
-    best, gain = None, math.log(RATIO)
+def _unsettled(history: History, rows: Ints) -> Iterator[Reversal]:
+    """Reversals that were not answered already."""
     for reversal in reversals(history, rows):
-        if (reversal.doubt, reversal.first) in history.settled:
-            continue
-        fit = history.forecast.log_likelihood(values * reversal.signs, reversal.rows)
-        if fit - base > gain:
-            best, gain = reversal, float(fit - base)
-    if best is None:
-        return None
-    words = f"{best.words} since step {best.first}?"
-    return Question(best.doubt, f"the readings together would fit far better: {words}", best.first)
+        if (reversal.doubt, reversal.first) not in history.settled:
+            yield reversal
 
 
-def _explanations(history: History, value: float, gauge: Gauge) -> Iterator[_Explanation]:
+def _explanations(
+    history: History, value: float, gauge: Gauge, prediction: Prediction
+) -> Iterator[_Explanation]:
     """Blunders that may have made this reading what it is."""
     past, new = history.past, len(history.value)
     known = history.value[past]
-    prediction = history.forecast.predict(known, past, new)
     std = float(prediction.std)
 
     def corrected(doubt: Doubt, words: str, candidate: float) -> _Explanation:
@@ -163,7 +202,7 @@ def _explanations(history: History, value: float, gauge: Gauge) -> Iterator[_Exp
     if history.repeats():
         return
     rows = np.append(past, new)
-    for reversal in reversals(history, rows):
+    for reversal in _unsettled(history, rows):
         reversed_ = np.append(known, value) * reversal.signs
         other = history.forecast.predict(reversed_[:-1], reversal.rows[:-1], reversal.rows[-1])
         chance, spread = float(other.tail(reversed_[-1])), float(other.std)

@@ -96,7 +96,14 @@ def history(
     times = [item.take.minutes for _, item in taken] + [minutes]
     value = np.array([item.take.value_mm for _, item in taken], dtype=np.float64)
     takes = [item.take for _, item in taken]
-    doubted = np.array([_is_doubted(take, numbered) for take in takes], dtype=bool)
+    # A reading that showed that its stand was moved is right: only the zero before it is not.
+    doubted = np.array(
+        [
+            _is_doubted(item.take, numbered) and (number, item.rank) not in state.moved
+            for number, item in taken
+        ],
+        dtype=bool,
+    )
     settled = frozenset(
         (take.doubt, take.about) for take in takes if isinstance(take, Questioned) and take.about
     )
@@ -116,13 +123,9 @@ def history(
 
 def _partners(order: Sequence[Step], setup: Ints) -> Ints:
     """The set-up in which the other gauge of the same leg was read last; −1 without one."""
-    partner = np.full(len(order), -1, dtype=np.intp)
-    for index, step in enumerate(order):
-        for other in range(len(order)):
-            side_by_side = order[other].setup == step.setup and order[other].stand != step.stand
-            if side_by_side and order[other].leg == step.leg:
-                partner[index] = setup[other]
-    return partner
+    last = {(s.setup, s.leg, s.stand): int(k) for s, k in zip(order, setup, strict=True)}
+    others = [last.get((s.setup, s.leg, 1 - s.stand), -1) for s in order]
+    return np.array(others, dtype=np.intp)
 
 
 def _with_exchanged(plan: Plan, partner: Ints) -> Plan:

@@ -21,6 +21,7 @@ from orthoglide_cal.session.events import Event, Opened, from_dict, to_dict
 from orthoglide_cal.session.lock import lock
 
 START = 0
+_BEGIN = b'{"crc32":"'
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,9 @@ def decode(data: bytes, path: str) -> Recovered:
     """
     events: list[Event] = []
     checksum, size = START, 0
-    for number, line in enumerate(data.splitlines(keepends=True), start=1):
+    lines = [line + b"\n" for line in data.split(b"\n")]
+    lines[-1] = lines[-1][:-1]  # what follows the last line end
+    for number, line in enumerate([line for line in lines if line], start=1):
         whole = line.endswith(b"\n")
         try:
             event, after = _decode_line(line.rstrip(b"\n"), checksum)
@@ -69,7 +72,8 @@ def decode(data: bytes, path: str) -> Recovered:
                     file=path,
                     line=1,
                 ) from error
-            if data[size + len(line) :].strip(b"\0\n"):
+            rest = data[size + len(line) :].strip(b"\0\n")
+            if rest or line.count(_BEGIN) > 1:
                 raise InputError(
                     f"The journal is damaged here: {error}.",
                     "Restore the file from a copy; or keep the lines above this one in a copy of"
@@ -90,7 +94,7 @@ def decode(data: bytes, path: str) -> Recovered:
 
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
     head, separator, rest = line.partition(b',"record":')
-    if not separator or not head.startswith(b'{"crc32":"') or not rest.endswith(b"}"):
+    if not separator or not head.startswith(_BEGIN) or not rest.endswith(b"}"):
         raise ValueError("not a record")
     body = rest[:-1]
     after = zlib.crc32(body, checksum)

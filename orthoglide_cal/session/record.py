@@ -60,6 +60,8 @@ def session_record(state: State, steps: Sequence[Step], machine: Machine) -> Ses
 
 def segment(state: State, steps: Sequence[Step], step: Step, rank: int) -> int | None:
     """The step at which this gauge's stand last stood elsewhere before `rank`; None if never."""
+    if not state.moved:
+        return None
     numbered = {item.number: item for item in steps}
     moved = [
         number

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from orthoglide_cal.data import SessionRecord
 from orthoglide_cal.estimation import Solution
-from orthoglide_cal.machine import Machine
 from orthoglide_cal.session import guide, live
-from orthoglide_cal.session.checks import check_reading
 from orthoglide_cal.session.commands import Commands
 from orthoglide_cal.session.desk import Desk, Show, Typed
-from orthoglide_cal.session.doubts import MODEL_DOUBTS, Doubt, Question
-from orthoglide_cal.session.entry import check_entry
+from orthoglide_cal.session.doubts import MODEL_DOUBTS, Question
 from orthoglide_cal.session.events import (
     Answered,
     Ended,
@@ -24,34 +20,12 @@ from orthoglide_cal.session.events import (
 )
 from orthoglide_cal.session.gauges.source import Heard
 from orthoglide_cal.session.gauges.token import Token
-from orthoglide_cal.session.gauges.typed import Garbled, Refused, parse_typed
-from orthoglide_cal.session.history import history
+from orthoglide_cal.session.gauges.typed import Refused
+from orthoglide_cal.session.intake import Setting, understand, weigh
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.record import session_record
 from orthoglide_cal.session.state import State, advance, replay
 from orthoglide_cal.session.steps import Step, minutes_left
-from orthoglide_cal.simulation import Effect
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a session is measured with.
-
-    Attributes:
-        machine: nominal machine.
-        effects: causes accepted for it.
-        steps: all steps.
-        name: of the session file, for messages.
-        unit: "mm" or "in", for readings without a unit.
-        until_mm: end once every offset is known this well; None to take all readings.
-    """
-
-    machine: Machine
-    effects: Sequence[Effect]
-    steps: tuple[Step, ...]
-    name: str
-    unit: str = "mm"
-    until_mm: float | None = None
 
 
 class Run:
@@ -196,67 +170,37 @@ class Run:
         if not answer.text:
             self.show("Type the reading, or ? for help.")
             return
-        parsed = parse_typed(answer.text)
-        if isinstance(parsed, Refused):
-            for line in guide.wrapped(parsed.why):
+        understood = understand(answer, self.setting.unit)
+        if isinstance(understood, Refused):
+            for line in guide.wrapped(understood.why):
                 self.show(line, "bad")
             return
-        doubt = None
-        token = parsed.token if isinstance(parsed, Garbled) else parsed
-        if isinstance(parsed, Garbled):
-            value = token.mm(self.setting.unit) or 0.0
-            doubt = Question(
-                Doubt.LAYOUT,
-                f"{token.raw!r} would be {value:+.3f} mm typed on a {parsed.layout} keyboard"
-                " layout: is it?",
-            )
-        elif answer.hasty:
-            doubt = Question(Doubt.DOUBLE, "the same again at once: was the button pressed twice?")
+        token, doubt = understood
         self._read(step, token, "typed", doubt)
 
     def _read(self, step: Step, token: Token, source: str, doubt: Question | None = None) -> None:
-        """A reading arrived: check it, then accept it or ask."""
-        value = token.mm(self.setting.unit)
-        if value is None:
-            return
+        """A reading arrived: accept it, or put the question about it on the disk."""
         minutes = live.minutes_between(self.state.opened.at, self._now())
-        minutes = max([minutes, *(item.take.minutes for item in self.state.accepted.values())])
-        machine = self.setting.machine
-        past = history(self.state, self.setting.steps, machine, step, minutes, self.setting.effects)
-        inches = (token.unit or self.setting.unit) == "in"
-        question = (
-            check_reading(past, value, machine.gauge)
-            or check_entry(self.state, past, value, machine.gauge, inches)
-            or doubt
-        )
-        if question is not None and doubt is not None and question is not doubt:
-            question = Question(question.doubt, f"{doubt.text} {question.text}", question.about)
+        arrived = weigh(self.state, self.setting, step, token, minutes, doubt)
+        if arrived is None:
+            return
         values = {
             "step": step.number,
-            "minutes": minutes,
-            "value_mm": value,
+            "minutes": arrived.minutes,
+            "value_mm": arrived.value_mm,
             "raw": token.raw[:80],
             "source": source,
         }
+        question = arrived.question
         if question is None:
             self.append(Taken, **values)
-            self._acknowledge(step, value)
+            self._acknowledge(step, arrived.value_mm)
             return
-        confirmed = self._said_before(step, value, past.forecast.sigma_mm)
         asked = {"doubt": str(question.doubt), "question": question.text, "about": question.about}
         self.append(Questioned, **values, **asked)
-        if confirmed:
+        if arrived.confirmed:
             self.show("Read again, and the same: kept, with a note.")
             self._keep(step, moved=False)
-
-    def _said_before(self, step: Step, value: float, sigma_mm: float) -> bool:
-        """True if this reading was questioned already, given up, and has now come again."""
-        near = 3.0 * sigma_mm
-        pending = self.state.pending
-        earlier = [old.value_mm for old in self.state.refused(step.number)]
-        if pending is not None and pending.step == step.number:
-            earlier.append(pending.value_mm)
-        return any(abs(value - old) <= near for old in earlier)
 
     def _keep(self, step: Step, moved: bool) -> None:
         value = self.state.pending.value_mm if self.state.pending else 0.0

@@ -17,6 +17,7 @@ from orthoglide_cal.session.files import journal_path, new_session, resumed_sess
 from orthoglide_cal.session.gauges.port import GaugePair, PortSpec, SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.gauges.source import Gauge
+from orthoglide_cal.session.intake import Setting
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.opening import (
     SIMULATED,
@@ -26,7 +27,7 @@ from orthoglide_cal.session.opening import (
     open_record,
     refuse_changes,
 )
-from orthoglide_cal.session.run import Run, Setting
+from orthoglide_cal.session.run import Run
 from orthoglide_cal.session.state import replay
 from orthoglide_cal.session.steps import sequence
 

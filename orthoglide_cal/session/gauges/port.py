@@ -96,15 +96,15 @@ class SerialGauge:
                 f"The gauge on {spec.port} cannot be reached: {_reason(error)}.",
                 "Check its cable, or end with q and resume with another --gauge.",
             ) from error
-        self._splitter.clear()
+        self._splitter = Splitter()
 
     def begin(self, step: Step, takes: int) -> None:
         """Only what is sent while its prompt is shown counts."""
         self._stand = step.stand
-        self._splitter.clear()
         if self._line is not None:
-            with suppress(OSError):  # the next poll reports it
-                self._line.reset_input_buffer()
+            with suppress(OSError, TypeError):  # the next poll reports it
+                waiting = self._line.read(self._line.in_waiting)
+                self._splitter.discard(waiting, time.monotonic())
 
     def request(self) -> None:
         """Send the format's request, if it has one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -61,7 +62,8 @@ class SimulatedGauge:
         rng = np.random.default_rng([self._seed, _NOISE, self._step.number, self._takes])
         noisy = self._exact[self._step.number - 1] + rng.normal(0.0, gauge.repeatability_mm)
         value = round(round(float(noisy) / gauge.resolution_mm) * gauge.resolution_mm, 6)
-        return [Heard(Token(value, "mm", "", f"{value:g}"), "simulated")]
+        decimals = max(0, math.ceil(-math.log10(gauge.resolution_mm)))
+        return [Heard(Token(value, "mm", "", f"{value:+.{decimals}f}"), "simulated")]
 
     def reconnect(self) -> bool:
         """It is never lost."""

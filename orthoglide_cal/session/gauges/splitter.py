@@ -5,16 +5,17 @@ from __future__ import annotations
 _ENDS = b"\r\n\t"
 # Longer than any token in use: what exceeds it is noise on the line.
 _LONGEST = 120
-# A token whose end does not follow within this time was cut off on its way.
+# A token whose end does not follow within this time was cut off on its way [s].
 PATIENCE_S = 1.0
 
 
 class Splitter:
-    """Collects bytes; a token counts only when its end has arrived."""
+    """Collects bytes; a token counts only if all of it has arrived, to its end."""
 
     def __init__(self) -> None:
         self._rest = b""
         self._since = 0.0
+        self._headless = False
 
     def feed(self, data: bytes, now: float) -> list[str]:
         """Tokens completed by `data`, blank ones left out.
@@ -28,23 +29,31 @@ class Splitter:
         tokens: list[str] = []
         for byte in data:
             if byte in _ENDS:
-                tokens.append(self._take())
+                token = self._take()
+                if token.strip():
+                    tokens.append(token)
             else:
                 self._rest += bytes((byte,))
                 if len(self._rest) > _LONGEST:
-                    self._rest = b""
-        return [token for token in tokens if token.strip()]
+                    self._rest, self._headless = b"", True
+        return tokens
+
+    def discard(self, data: bytes, now: float) -> None:
+        """Forget everything up to now; of a token that is under way, its rest as well."""
+        self.feed(data, now)
+        self._headless = self._headless or bool(self._rest)
+        self._rest = b""
+        self._since = now
 
     def stale(self, now: float) -> str:
         """An unfinished token that is too old to be completed; it is thrown away."""
-        if self._rest and now - self._since > PATIENCE_S:
-            return self._take()
-        return ""
-
-    def clear(self) -> None:
-        """Forget what arrived so far."""
-        self._rest = b""
+        if now - self._since <= PATIENCE_S:
+            return ""
+        token = self._take() if self._rest else ""
+        self._headless = False
+        return token
 
     def _take(self) -> str:
-        rest, self._rest = self._rest, b""
-        return rest.decode("ascii", errors="replace").strip("\0")
+        rest, headless = self._rest, self._headless
+        self._rest, self._headless = b"", False
+        return "" if headless else rest.decode("ascii", errors="replace").strip("\0")

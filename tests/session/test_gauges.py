@@ -1,0 +1,215 @@
+"""What gauges say and people type: readings, and above all what never becomes one."""
+
+import math
+import string
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.data import default_machine
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.session.gauges import serial_format, serial_formats
+from orthoglide_cal.session.gauges.port import PortSpec
+from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges.splitter import PATIENCE_S, Splitter
+from orthoglide_cal.session.gauges.token import Token
+from orthoglide_cal.session.gauges.typed import Garbled, Refused, parse_typed
+
+from .virtual import steps_of
+
+LINES = [
+    ("mitutoyo", "01A+0000.123", 0.123, "", "01"),
+    ("mitutoyo", "02A-0012.340", -12.34, "", "02"),
+    ("uwave", "DT10001+0000.123M", 0.123, "mm", "0001"),
+    ("uwave", "DT10102-00.01234I", -0.01234, "in", "0102"),
+    ("sylvac", "+12.345", 12.345, "", ""),
+    ("sylvac", "-0.01", -0.01, "", ""),
+    ("mahr", "  -1.230 mm", -1.23, "mm", ""),
+    ("mahr", "12.345 mm", 12.345, "mm", ""),
+    ("cdi", "+ 2.1380, MM", 2.138, "mm", ""),
+    ("cdi", "-   0.0 12, IN", -0.012, "in", ""),
+    ("mux", "1 MW+003.4665 inch", 3.4665, "in", "1"),
+    ("mux", "2 MW-00088.29 mm", -88.29, "mm", "2"),
+    ("plain", "-1.23", -1.23, "", ""),
+    ("plain", "0,456 mm", 0.456, "mm", ""),
+]
+
+ERRORS = [
+    "ERR6", "ERR", "ERR 1", "911", "+911", "3 TO 999999.99 mm", "1 MW+999999.99 mm", "999999.99",
+    "01A+999999.9", "", " ", "-", "+", ".", "+.", "OVER", "LOW BAT", "1e3", "nan", "inf", "-inf",
+    "1_000.5", "0x10", "1.2.3", "1.2,3", "--1.0", "+-1.0", "1.0 kg", "1.0mmm", "12:34",
+    "01A+0000.123x", "x01A+0000.123", "DT2", "\x00\x01\x02", "١.٥", "１.５", "1.0\x00",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "line", "value", "unit", "channel"), LINES)
+def test_lines_in_use(name: str, line: str, value: float, unit: str, channel: str) -> None:
+    assert serial_format(name).parse(line) == Token(value, unit, channel, line)
+
+
+@pytest.mark.parametrize("name", sorted(serial_formats()))
+@pytest.mark.parametrize("line", ERRORS)
+def test_errors_never_become_values(name: str, line: str) -> None:
+    assert serial_format(name).parse(line).value is None
+
+
+@pytest.mark.parametrize("name", sorted(serial_formats()))
+def test_any_rubbish_is_survived(name: str) -> None:
+    rng = np.random.default_rng(5)
+    letters = np.array([*string.printable, "\x00", "é", "−", "\u2028"])
+    for _ in range(300):
+        text = "".join(rng.choice(letters, size=int(rng.integers(0, 40))))
+        value = serial_format(name).parse(text).value
+        assert value is None or math.isfinite(value)
+
+
+def test_formats_are_found_by_being_there() -> None:
+    assert {"cdi", "mahr", "mitutoyo", "mux", "plain", "sylvac", "uwave"} <= set(serial_formats())
+    sylvac = serial_format("sylvac")
+    line = (sylvac.baud, sylvac.data_bits, sylvac.parity, sylvac.stop_bits, sylvac.request)
+    assert line == (4800, 7, "E", 2, b"?\r")
+    with pytest.raises(UsageError, match="sylvac"):
+        serial_format("silvac")
+
+
+def test_inches_become_millimetres_once() -> None:
+    assert Token(0.005, "in", "", "").mm("mm") == pytest.approx(0.127)
+    assert Token(0.005, "", "", "").mm("in") == pytest.approx(0.127)
+    assert Token(0.005, "mm", "", "").mm("in") == 0.005
+    assert Token(None, "", "", "ERR6").mm("mm") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "port", "baud", "channels"),
+    [
+        ("sylvac:/dev/ttyUSB0", "/dev/ttyUSB0", 4800, ()),
+        ("mitutoyo:COM3", "COM3", 9600, ()),
+        ("mux:/dev/ttyS0@19200#1,2", "/dev/ttyS0", 19200, ("1", "2")),
+    ],
+)
+def test_ports(text: str, port: str, baud: int, channels: tuple[str, ...]) -> None:
+    spec = PortSpec.parse(text)
+    assert (spec.port, spec.baud, spec.channels) == (port, baud, channels)
+
+
+@pytest.mark.parametrize("text", ["sylvac", "sylvac:", "nothing:/dev/ttyUSB0", "", ":", "a:b@c"])
+def test_bad_ports_are_usage_errors(text: str) -> None:
+    with pytest.raises(UsageError):
+        PortSpec.parse(text)
+
+
+@pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n", b"\t"])
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
+def test_tokens_are_cut_at_any_line_end_in_pieces_of_any_size(end: bytes, size: int) -> None:
+    data = end.join([b"01A+0000.123", b"01A-0001.500", b""])
+    splitter, found = Splitter(), []
+    for at in range(0, len(data), size):
+        found += splitter.feed(data[at : at + size], now=0.0)
+    assert found == ["01A+0000.123", "01A-0001.500"]
+
+
+def test_a_token_that_was_under_way_when_the_prompt_appeared_is_not_used() -> None:
+    """Of "12.345 mm" no part may be taken for a reading, wherever the prompt cuts it."""
+    line = b"-12.345 mm\r\n"
+    for cut in range(len(line) + 1):
+        splitter = Splitter()
+        splitter.discard(line[:cut], now=0.0)
+        found = splitter.feed(line[cut:] + b"  1.000 mm\r\n", now=0.1)
+        whole = ["-12.345 mm"] if cut == 0 else []
+        assert found == [*whole, "  1.000 mm"]
+
+
+def test_a_gauge_that_fell_silent_in_mid_token_is_heard_again_later() -> None:
+    splitter = Splitter()
+    splitter.discard(b"12.3", now=0.0)
+    assert splitter.stale(now=2.0) == ""
+    assert splitter.feed(b"1.000 mm\r", now=2.1) == ["1.000 mm"]
+
+
+def test_a_token_without_its_end_is_thrown_away_after_a_while() -> None:
+    splitter = Splitter()
+    assert splitter.feed(b"01A+0000.1", now=10.0) == []
+    assert splitter.stale(now=10.0 + 0.9 * PATIENCE_S) == ""
+    assert splitter.stale(now=10.0 + 1.1 * PATIENCE_S) == "01A+0000.1"
+    assert splitter.feed(b"23\r", now=12.0) == ["23"]
+
+
+def test_noise_without_end_does_not_fill_the_memory() -> None:
+    splitter = Splitter()
+    for _ in range(1000):
+        assert splitter.feed(b"\xff" * 100, now=0.0) == []
+    assert len(splitter.stale(now=10.0)) <= 120
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "unit"),
+    [
+        ("1.23", 1.23, ""), ("-0.12", -0.12, ""), ("−0,12", -0.12, ""), ("+.5", 0.5, ""),
+        ("5.", 5.0, ""), (" 2 mm ", 2.0, "mm"), ("0.05in", 0.05, "in"), ('.005"', 0.005, "in"),
+        ("1 inch", 1.0, "in"), ("-0", 0.0, ""), ("- 0.4", -0.4, ""), ("007.5", 7.5, ""),
+    ],
+)  # fmt: skip
+def test_typed_numbers(text: str, value: float, unit: str) -> None:
+    parsed = parse_typed(text)
+    assert isinstance(parsed, Token)
+    assert (parsed.value, parsed.unit) == (value, unit)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "nan", "inf", "1e3", "1_000", "0x1f", "1,234.5", "1.234.567", "1 2", "911", "ERR6",
+        "3 TO 999999.99 mm", "999999.99", "x", "+", "-", ".", "1.0 m/s", "1..2", "½", "١٢",
+        "1" * 200, "\x1b[A", "\x00", "1.2\x7f", "; rm -rf", "--help", "1.5kg", "1.231.23",
+    ],
+)  # fmt: skip
+def test_typed_text_that_is_no_reading(text: str) -> None:
+    parsed = parse_typed(text)
+    assert isinstance(parsed, Refused)
+    assert parsed.why.isprintable()
+    assert len(parsed.why) < 120
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "layout"),
+    [
+        ("&:é\"'", 1.234, "French"), (")&:é", -1.2, "French"), ("!<@#", 1.23, "US"),
+        ("ß1.234", -1.234, "German"), ("/1.234", -1.234, "German"), ("à:à&", 0.01, "French"),
+    ],
+)  # fmt: skip
+def test_a_wrong_keyboard_layout_is_recognised_and_asked_about(
+    text: str, value: float, layout: str
+) -> None:
+    parsed = parse_typed(text)
+    assert isinstance(parsed, Garbled)
+    assert parsed.token.value == value
+    assert layout in parsed.layout
+
+
+def test_any_typed_rubbish_is_survived() -> None:
+    rng = np.random.default_rng(6)
+    letters = np.array([*string.printable, "−", "é", "ß", "\u202e", "\x1b", "\x00", "𝟙"])
+    for _ in range(2000):
+        parsed = parse_typed("".join(rng.choice(letters, size=int(rng.integers(0, 12)))))
+        if isinstance(parsed, Token):
+            assert parsed.value is not None
+            assert math.isfinite(parsed.value)
+
+
+def test_the_simulated_gauge_reads_the_same_after_a_restart() -> None:
+    steps = steps_of()
+
+    def read(gauge: SimulatedGauge, index: int, takes: int) -> float | None:
+        gauge.begin(steps[index], takes)
+        assert gauge.poll() == []  # it waits to be asked
+        gauge.request()
+        return gauge.poll()[0].token.value
+
+    one, other = (SimulatedGauge(default_machine(), steps, 7) for _ in range(2))
+    forth = [read(one, index, 0) for index in range(60)]
+    back = [read(other, index, 0) for index in reversed(range(60))][::-1]
+    assert forth == back
+    assert [read(one, index, 1) for index in range(60)] != forth
+    assert not np.array_equal(
+        SimulatedGauge(default_machine(), steps, 8).offsets_mm, one.offsets_mm
+    )

@@ -1,0 +1,254 @@
+"""The journal keeps every acknowledged record through anything that can happen to a file."""
+
+import errno
+import itertools
+import os
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.session import journal as journal_module
+from orthoglide_cal.session.events import (
+    Answered,
+    Ended,
+    Event,
+    Noted,
+    Questioned,
+    Retake,
+    Skipped,
+    Undone,
+    from_dict,
+    to_dict,
+)
+from orthoglide_cal.session.journal import START, Journal, decode, encode
+from orthoglide_cal.session.state import replay
+
+from .virtual import AT, opened, readings_of, steps_of, taken
+
+
+def eventful() -> list[Event]:
+    """A session in which everything happens that can."""
+    return [
+        opened(operator='Zoë "the" \\ technician\n', temperature_c=20.5),
+        taken(1, -0.64),
+        taken(2, 0.41, 0.1),
+        Noted(AT, 3, "µ ± 中 \u2028 line"),
+        taken(3, -0.95, 0.2),
+        Undone(AT),
+        taken(3, -0.96, 0.3),
+        Questioned(AT, 4, 0.4, 1.43, "1.43", "typed", "", "revolution", "one revolution?"),
+        Answered(AT, False),
+        taken(4, 0.43, 0.5),
+        Retake(AT, [2], "doubtful"),
+        taken(2, 0.42, 0.6),
+        Skipped(AT, 5, "blocked"),
+        Questioned(AT, 6, 0.7, 0.2, "0.2", "typed", "", "stand", "stand?"),
+        Answered(AT, True, True),
+        Ended(AT, "complete"),
+    ]
+
+
+def written(events: list[Event]) -> tuple[bytes, list[int]]:
+    """The journal's bytes and where each record ends."""
+    data, checksum, ends = b"", START, []
+    for event in events:
+        line, checksum = encode(event, checksum)
+        data += line
+        ends.append(len(data))
+    return data, ends
+
+
+@pytest.mark.parametrize("event", eventful(), ids=lambda event: event.kind)
+def test_every_record_comes_back_as_it_was(event: Event) -> None:
+    assert from_dict(to_dict(event)) == event
+
+
+def test_a_journal_comes_back_as_it_was() -> None:
+    data, _ = written(eventful())
+    assert list(decode(data, "j").events) == eventful()
+
+
+def assert_every_cut_is_harmless(events: list[Event]) -> None:
+    """After any record, the next one cut at any byte: exactly the records before it are there."""
+    data, ends = written(events)
+    states = [replay(events[: count + 1]) for count in range(len(events))]
+    for count, (begin, end) in enumerate(itertools.pairwise(ends)):
+        for cut in range(begin, end):
+            found = decode(data[:cut], "j")
+            # Only when nothing but the line end is missing the record is there already.
+            expected = count + 1 if cut == end - 1 else count
+            assert len(found.events) == expected + 1
+            assert found.lost == (0 if cut == end - 1 else cut - begin)
+            assert replay(found.events) == states[expected]
+
+
+def test_every_byte_of_every_last_record_cut_off() -> None:
+    assert_every_cut_is_harmless(eventful())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
+def test_every_byte_of_every_step_of_a_session_cut_off(protocol: str) -> None:
+    steps = steps_of(protocol)
+    values = readings_of(steps)
+    assert_every_cut_is_harmless(
+        [opened(protocol), *(taken(s.number, v) for s, v in zip(steps, values, strict=True))]
+    )
+
+
+def test_a_power_loss_that_leaves_zeros_or_rubbish_is_a_cut() -> None:
+    data, ends = written(eventful())
+    for tail in (b"\0" * 300, b"\0", b'{"crc32":"00000000","record":{}}\n', b"\xff\xfe rubbish"):
+        found = decode(data[: ends[4]] + tail, "j")
+        assert list(found.events) == eventful()[:5]
+        assert found.lost == len(tail)
+
+
+@pytest.mark.parametrize("mask", [0x01, 0x80])
+def test_any_changed_byte_before_the_last_record_is_noticed(mask: int) -> None:
+    data, ends = written(eventful()[:4])
+    for at in range(ends[-2]):
+        changed = bytearray(data)
+        changed[at] ^= mask
+        with pytest.raises(InputError):
+            decode(bytes(changed), "j")
+
+
+def test_removed_and_exchanged_records_are_noticed() -> None:
+    lines = written(eventful())[0].splitlines(keepends=True)
+    with pytest.raises(InputError, match="line 3"):
+        decode(b"".join(lines[:2] + lines[3:]), "j")
+    with pytest.raises(InputError, match="line 4"):
+        decode(b"".join([*lines[:3], lines[4], lines[3], *lines[5:]]), "j")
+
+
+@pytest.mark.parametrize("data", [b"", b"\n", b"hello\n", b"leg,posture\nx,iso\n", b"\0" * 9])
+def test_other_files_are_refused(data: bytes) -> None:
+    with pytest.raises(InputError):
+        decode(data, "other.txt")
+
+
+def test_append_and_resume(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    events = eventful()
+    first = events[0]
+    with Journal.create(path, first) as journal:  # type: ignore[arg-type]
+        journal.append(events[1])
+        assert list(decode(path.read_bytes(), "j").events) == events[:2]
+    for event in events[2:]:
+        with Journal.resume(path) as journal:
+            journal.append(event)
+    assert list(decode(path.read_bytes(), "j").events) == events
+
+
+def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Path) -> None:
+    data, ends = written(eventful()[:4])
+    path = tmp_path / "s.journal"
+    for cut in (ends[2], ends[2] + 1, ends[3] - 2, ends[3] - 1, ends[3]):
+        path.write_bytes(data[:cut])
+        with Journal.resume(path) as journal:
+            kept = list(journal.recovered.events)
+            journal.append(Noted(AT, 1, "after"))
+            journal.append(Noted(AT, 1, "again"))
+        found = decode(path.read_bytes(), "j")
+        assert list(found.events) == [*kept, Noted(AT, 1, "after"), Noted(AT, 1, "again")]
+        assert found.lost == 0
+
+
+def test_looking_at_a_cut_journal_changes_nothing(tmp_path: Path) -> None:
+    data, ends = written(eventful()[:4])
+    path = tmp_path / "s.journal"
+    path.write_bytes(data[: ends[3] - 5])
+    Journal.resume(path).close()
+    assert path.read_bytes() == data[: ends[3] - 5]
+
+
+def test_an_existing_file_is_never_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    path.write_text("precious")
+    with pytest.raises(UsageError, match="exists"):
+        Journal.create(path, opened())
+    assert path.read_text() == "precious"
+
+
+def test_two_sessions_on_one_file_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    with Journal.create(path, opened()), pytest.raises(UsageError, match="in use"):
+        Journal.resume(path)
+    Journal.resume(path).close()
+
+
+def test_a_lock_dies_with_its_process(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    Journal.create(path, opened()).close()
+    child = os.fork()
+    if child == 0:
+        Journal.resume(path)
+        os.kill(os.getpid(), 9)
+    os.waitpid(child, 0)
+    Journal.resume(path).close()
+
+
+@pytest.mark.parametrize("room", [0, 1, 17, 100])
+def test_a_full_disk_loses_nothing_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    path = tmp_path / "s.journal"
+    journal = Journal.create(path, opened())
+    journal.append(taken(1, 0.1))
+    before = path.read_bytes()
+    real = os.write
+    left = room
+
+    def full(descriptor: int, data: memoryview) -> int:
+        nonlocal left
+        if left == 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        part = data[:left]
+        left -= len(part)
+        return real(descriptor, part)
+
+    monkeypatch.setattr(journal_module.os, "write", full)
+    with pytest.raises(InputError, match="No space left on device") as caught:
+        journal.append(taken(2, 0.2))
+    assert "--resume" in caught.value.remedy
+    assert path.read_bytes() == before
+    monkeypatch.undo()
+    journal.append(taken(2, 0.2))  # space was made: it goes on
+    journal.close()
+    assert replay(decode(path.read_bytes(), "j").events).accepted.keys() == {1, 2}
+
+
+def test_a_disk_that_fails_at_the_very_end_of_writing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "s.journal"
+    journal = Journal.create(path, opened())
+    before = path.read_bytes()
+
+    def fail(descriptor: int) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(journal_module.os, "fsync", fail)
+    with pytest.raises(InputError, match="could not be saved"):
+        journal.append(taken(1, 0.1))
+    monkeypatch.undo()
+    journal.close()
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("what", ["removed", "replaced", "changed"])
+def test_a_journal_that_is_taken_away_stops_the_session(tmp_path: Path, what: str) -> None:
+    path = tmp_path / "s.journal"
+    journal = Journal.create(path, opened())
+    if what == "changed":
+        path.write_bytes(path.read_bytes() + b"x")
+    else:
+        path.unlink()
+        if what == "replaced":
+            path.write_text("other")
+    with pytest.raises(InputError, match="could not be saved"):
+        journal.append(taken(1, 0.1))
+    journal.close()
+    assert what != "replaced" or path.read_text() == "other"

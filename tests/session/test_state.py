@@ -1,0 +1,175 @@
+"""Laws of the fold: undo, retake, skip, questions, and that replaying is all there is."""
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.session.events import (
+    Answered,
+    Ended,
+    Event,
+    Noted,
+    Questioned,
+    Reopened,
+    Retake,
+    Shortened,
+    Skipped,
+    Undone,
+)
+from orthoglide_cal.session.state import State, advance, replay
+
+from .virtual import AT, opened, taken
+
+
+def after(*events: Event) -> State:
+    return replay([opened(), *events])
+
+
+def asked(step: int, value: float, doubt: str = "stand") -> Questioned:
+    return Questioned(AT, step, 0.0, value, f"{value}", "typed", "", doubt, "really?")
+
+
+def values(state: State) -> dict[int, float]:
+    return {number: item.take.value_mm for number, item in state.in_time()}
+
+
+def random_events(rng: np.random.Generator, count: int) -> list[Event]:
+    """Records in any order, sensible or not."""
+    events: list[Event] = []
+    for _ in range(count):
+        step = int(rng.integers(1, 9))
+        value = round(float(rng.normal()), 2)
+        events.append(
+            [
+                taken(step, value),
+                asked(step, value),
+                Answered(AT, bool(rng.integers(2)), bool(rng.integers(2))),
+                Undone(AT),
+                Retake(AT, [step, step + 1], "why"),
+                Skipped(AT, step, "why"),
+                Noted(AT, step, "note"),
+                Reopened(AT, ["simulated"]),
+                Shortened(AT, [step, 9], "known"),
+            ][int(rng.choice(9, p=[0.4, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05]))]
+        )
+    return events
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_replaying_any_prefix_then_going_on_is_the_whole(seed: int) -> None:
+    events = random_events(np.random.default_rng(seed), 60)
+    whole = after(*events)
+    for cut in range(0, 61, 7):
+        state = after(*events[:cut])
+        for event in events[cut:]:
+            state = advance(state, event)
+        assert state == whole
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_reading_ever_vanishes(seed: int) -> None:
+    """Every value that arrived is accepted, replaced or waiting for an answer, exactly once."""
+    events = random_events(np.random.default_rng(seed + 100), 80)
+    state = replay([opened()])
+    arrived: list[float] = []
+    for event in events:
+        if isinstance(event, Questioned) or event.kind == "taken":
+            # A second reading of an accepted step is only possible after a retake or an undo.
+            if not state.is_open(event.step):  # type: ignore[attr-defined]
+                continue
+            arrived.append(event.value_mm)  # type: ignore[attr-defined]
+        state = advance(state, event)
+        held = [item.take.value_mm for item in state.accepted.values()]
+        held += [item.take.value_mm for item in state.replaced]
+        held += [state.pending.value_mm] if state.pending else []
+        if not isinstance(event, Questioned):
+            assert sorted(held) == sorted(arrived)
+        else:
+            break  # a question over an open question does not happen in the loop
+
+
+def test_undo_gives_back_what_was_there() -> None:
+    before = after(taken(1, 0.1), taken(2, 0.2))
+    now = after(taken(1, 0.1), taken(2, 0.2), taken(3, 0.3), Undone(AT))
+    assert values(now) == values(before)
+    assert [(old.take.value_mm, old.reason) for old in now.replaced] == [(0.3, "taken back")]
+    assert now.is_open(3)
+
+
+def test_undo_of_a_retake_restores_the_old_reading() -> None:
+    now = after(taken(1, 0.1), taken(2, 0.2), Retake(AT, [1], "why"), Undone(AT))
+    assert values(now) == {1: 0.1, 2: 0.2}
+    assert now.replaced == ()
+
+
+def test_undo_after_a_retaken_reading_goes_back_one_thing_at_a_time() -> None:
+    events = [taken(1, 0.1), taken(2, 0.2), Retake(AT, [1], "why"), taken(1, 0.15)]
+    once = after(*events, Undone(AT))
+    assert values(once) == {2: 0.2}
+    assert {old.take.value_mm for old in once.replaced} == {0.1, 0.15}
+    twice = after(*events, Undone(AT), Undone(AT))
+    assert values(twice) == {1: 0.1, 2: 0.2}
+    assert [old.take.value_mm for old in twice.replaced] == [0.15]
+
+
+def test_undo_with_nothing_to_undo_does_nothing() -> None:
+    assert values(after(Undone(AT), Undone(AT))) == {}
+
+
+def test_a_retaken_reading_comes_last_in_time() -> None:
+    state = after(taken(1, 0.1), taken(2, 0.2), Retake(AT, [1], "why"), taken(1, 0.3))
+    assert [number for number, _ in state.in_time()] == [2, 1]
+
+
+def test_a_kept_doubt_counts_and_a_refused_one_is_replaced() -> None:
+    kept = after(asked(1, 0.1), Answered(AT, True))
+    assert values(kept) == {1: 0.1}
+    refused = after(asked(1, 0.1), Answered(AT, False), taken(1, 0.2))
+    assert values(refused) == {1: 0.2}
+    assert refused.replaced[0].reason == "read again: really?"
+    assert [old.value_mm for old in refused.refused(1)] == [0.1]
+
+
+def test_a_new_reading_answers_an_open_question() -> None:
+    state = after(asked(1, 0.1), taken(1, 0.2))
+    assert state.pending is None
+    assert values(state) == {1: 0.2}
+    assert len(state.replaced) == 1
+
+
+def test_a_question_survives_the_end_of_the_process() -> None:
+    pending = after(asked(1, 0.1)).pending
+    assert pending is not None
+    assert pending.value_mm == 0.1
+
+
+def test_a_moved_stand_is_remembered_and_undone_with_its_reading() -> None:
+    state = after(taken(1, 0.1), asked(3, 0.9), Answered(AT, True, True))
+    assert [step for step, _ in state.moved] == [3]
+    assert advance(state, Undone(AT)).moved == ()
+
+
+def test_takes_counts_every_reading_of_a_step_once() -> None:
+    events = [asked(1, 0.1), Answered(AT, False), taken(1, 0.2), Retake(AT, [1], "why")]
+    assert [after(*events[:count]).takes(1) for count in range(5)] == [0, 1, 1, 2, 2]
+    assert after(*events, Undone(AT)).takes(1) == 2
+
+
+def test_skipped_steps_can_be_measured_after_all() -> None:
+    state = after(Skipped(AT, 4, "blocked"), Retake(AT, [4], "free again"), taken(4, 0.4))
+    assert dict(state.skipped) == {}
+    assert values(state) == {4: 0.4}
+
+
+def test_undo_brings_dropped_steps_back() -> None:
+    state = after(taken(1, 0.1), Shortened(AT, [2, 3], "known"))
+    assert not state.is_open(2)
+    back = advance(state, Undone(AT))
+    assert back.is_open(1)
+    assert back.is_open(2)
+    assert back.shortened is None
+
+
+def test_an_ended_session_says_why() -> None:
+    ended = after(Ended(AT, "complete")).ended
+    assert ended is not None
+    assert ended.reason == "complete"
