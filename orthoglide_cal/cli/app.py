@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 from typing import Annotated, Any
 
@@ -11,6 +12,7 @@ from typer.core import TyperGroup
 
 from orthoglide_cal import __version__
 from orthoglide_cal.cli.common import NoColour, leave_closed_pipe, tell_error
+from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.measure import measure
 from orthoglide_cal.cli.paper import paper
 from orthoglide_cal.cli.simulate import simulate
@@ -61,12 +63,14 @@ def _orthocal(
     pass
 
 
-for command in (measure, solve, simulate, validate, paper):
+for command in (measure, solve, diagnose, simulate, validate, paper):
     app.command()(command)
 
 
 def main() -> None:
     """Entry point of the `orthocal` program."""
+    # All matrices here are small: threads of the linear algebra only get in each other's way.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A terminal without Greek letters shows a question mark instead of failing.

@@ -5,6 +5,7 @@ Heavy modules are imported inside the functions that need them, so that `--help`
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import sys
@@ -85,8 +86,15 @@ def read_input(path: str, machine_file: Path | None) -> tuple[Measured, Machine]
     """The measured data at `path` ("-": standard input) and the machine to judge it by."""
     from orthoglide_cal import data
 
-    named = data.read_machine(machine_file) if machine_file else None
-    return data.read_input(path, named)
+    return data.read_input(path, _read_machine(machine_file) if machine_file else None)
+
+
+@functools.cache
+def _read_machine(machine_file: Path) -> Machine:
+    """One machine file judges many inputs: it is read once."""
+    from orthoglide_cal import data
+
+    return data.read_machine(machine_file)
 
 
 def print_json(value: Mapping[str, Any]) -> None:

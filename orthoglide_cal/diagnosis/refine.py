@@ -103,7 +103,10 @@ def refine(
     stds = np.concatenate([np.full(3, OFFSETS_MM), *sizes, extra_std])
     free = None if pattern is None or extra_std.size == 0 else pattern[:, None]
     fixed = np.zeros(len(frame)) if pattern is None else pattern * extra_size
-    # First the linear model of the screening, then that of the fit it gives, and so on.
+    # First the linear model of the screening, then that of the fit it gives, and so on. The
+    # screening's is already that of the offsets alone.
+    if not base and data is frame.data:
+        iterations = 0
     slope, slopes = catalogue.slope, [catalogue.linear[cause.id] for cause in base]
     linear = _residual_of(catalogue, extra) - fixed
     for iteration in range(iterations + 1):
