@@ -155,7 +155,7 @@ def _diagnose(measured: Measured, machine: Machine) -> Diagnosis | None:
     from orthoglide_cal.diagnosis import diagnose
 
     try:
-        return diagnose(measured, machine)
+        return diagnose(measured, machine, machine_effects(machine), sensitivity=True)
     except UnusableResultError:
         return None
 

@@ -27,7 +27,7 @@ from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.simulation import Commanded, Effect
 
-SAMPLES = 9  # along each edge of the cube
+SAMPLES = 17  # along each edge of the cube
 
 
 @dataclass(frozen=True, eq=False)

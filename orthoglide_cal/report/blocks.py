@@ -82,13 +82,14 @@ class Figure:
     """A picture.
 
     Attributes:
-        title: what it is.
+        title: what it is; empty if its section's title says it.
         finding: what one sees in it, in words.
         panels: SVG parts that are laid out side by side as far as they fit.
         sketch: the same for the terminal, in characters; may be empty.
         columns: most panels beside each other.
         key: explanation of the marks.
-        pairs: panels come two by two (before and after) and stay so on a narrow screen.
+        pairs: the panels are a first half and a second half, which are set side by side.
+        legend: a further panel below all others.
     """
 
     title: str
@@ -98,6 +99,7 @@ class Figure:
     columns: int = 3
     key: str = ""
     pairs: bool = False
+    legend: Html | None = None
 
 
 @dataclass(frozen=True)
@@ -120,10 +122,11 @@ Block = Paragraph | Notice | Facts | Table | Figure | Steps
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of the report."""
+    """A titled part of the report; `beside` sets it beside the next one where there is room."""
 
     title: str
     blocks: tuple[Block, ...]
+    beside: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,8 +139,9 @@ class Document:
         number: unique number; only letters, digits and "-".
         facts: the most important ones, under the title.
         notice: the answer in one box.
-        sections: the rest.
-        signatures: lines to sign on.
+        sheet: what belongs on the first page, to be pinned to the machine.
+        sections: the evidence, from the second page on.
+        signatures: lines to sign on, at the end of the first page.
     """
 
     kind: str
@@ -145,5 +149,6 @@ class Document:
     number: str
     facts: Facts
     notice: Notice
+    sheet: tuple[Section, ...]
     sections: tuple[Section, ...]
     signatures: tuple[str, ...] = field(default=())

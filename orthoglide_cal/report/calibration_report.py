@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orthoglide_cal.outcome import Calibration
 from orthoglide_cal.report import sections
-from orthoglide_cal.report.blocks import Code, Document, Facts, Given
+from orthoglide_cal.report.blocks import Code, Document, Facts
 from orthoglide_cal.report.verification_report import outcome_section
 
 
@@ -13,10 +13,13 @@ def calibration_report(calibration: Calibration) -> Document:
     given = calibration.conditions
     identity = calibration.identity
     measured = given.finished or given.started
-    parts = (
+    sheet = (
         sections.to_do(calibration),
         sections.offsets(calibration),
         sections.found_and_left(calibration),
+        sections.intervals(calibration),
+    )
+    evidence = (
         outcome_section(calibration.verification) if calibration.verification else None,
         sections.improvement(calibration),
         sections.wrong(calibration),
@@ -32,11 +35,12 @@ def calibration_report(calibration: Calibration) -> Document:
         facts=Facts(
             (
                 ("Number", Code(identity.number)),
-                ("Measured", None if measured is None else Given(measured)),
+                ("Measured", sections.moment(measured)),
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
             )
         ),
         notice=sections.notice(calibration),
-        sections=tuple(part for part in parts if part is not None),
+        sheet=tuple(part for part in sheet if part is not None),
+        sections=tuple(part for part in evidence if part is not None),
         signatures=("Measured by", "Adjusted by", "Checked by"),
     )

@@ -57,7 +57,8 @@ def history_report(history: History, identity: Identity) -> Document:
             )
         ),
         notice=_notice(history),
-        sections=tuple(sections),
+        sheet=tuple(sections),
+        sections=(),
     )
 
 
@@ -144,10 +145,10 @@ def _sessions(history: History) -> Section:
         "Sessions",
         (
             Table(
-                ("session", "x, mm", "y, mm", "z, mm", "residual, mm", "adjusted to"),
+                ("session", "x", "y", "z", "residual", "adjusted to"),
                 tuple(rows),
                 words=(0, 5),
-                caption="Offset in the controller plus the offset found, with U (95 %).",
+                caption="In mm: offset in the controller plus the offset found, with U (95 %).",
             ),
         ),
     )

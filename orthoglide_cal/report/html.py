@@ -82,13 +82,25 @@ def _main(document: Document) -> Html:
     signatures = [tag("div", f"{role}, date") for role in document.signatures]
     return tag(
         "main",
-        *(_section(section) for section in document.sections),
+        *_sections(document.sheet),
         tag("div", *signatures, class_="sign") if signatures else None,
+        tag("div", *_sections(document.sections), class_="evidence"),
     )
 
 
 def _footer(document: Document) -> Html:
     return tag("footer", f"{document.kind} {document.number}")
+
+
+def _sections(sections: tuple[Section, ...]) -> list[Html]:
+    parts: list[Html] = []
+    waiting: list[Html] = []
+    for section in sections:
+        waiting.append(_section(section))
+        if not section.beside:
+            parts.append(tag("div", *waiting, class_="beside") if len(waiting) > 1 else waiting[0])
+            waiting = []
+    return parts + waiting
 
 
 def _section(section: Section) -> Html:
@@ -163,8 +175,9 @@ def _figure(figure: Figure) -> Html:
     layout = "pairs" if figure.pairs else _COLUMNS[figure.columns]
     return tag(
         "figure",
-        tag("figcaption", tag("strong", figure.title), figure.finding),
+        tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding),
         tag("div", *figure.panels, class_=f"panels {layout}"),
+        tag("div", figure.legend, class_="legend") if figure.legend else None,
         tag("p", figure.key, class_="small") if figure.key else None,
     )
 

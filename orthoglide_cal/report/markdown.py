@@ -28,7 +28,7 @@ def markdown(document: Document) -> str:
         _block(document.facts),
         _block(document.notice),
     ]
-    for section in document.sections:
+    for section in (*document.sheet, *document.sections):
         parts.append(f"## {in_markdown(section.title)}")
         parts += [_block(block) for block in section.blocks]
     parts += [f"{in_markdown(role)}, date: {_BLANK}" for role in document.signatures]
@@ -48,7 +48,8 @@ def _block(block: Block) -> str:
             return _table(block)
         case Figure():
             key = f" {in_markdown(block.key)}" if block.key and not block.sketch else ""
-            title = f"*{in_markdown(block.title)}.* {in_markdown(block.finding)}{key}"
+            name = f"*{in_markdown(block.title)}.* " if block.title else ""
+            title = f"{name}{in_markdown(block.finding)}{key}"
             sketch = "\n".join(visible(row) for row in block.sketch)
             return f"{title}\n\n```text\n{sketch}\n```" if sketch else title
         case Steps():

@@ -37,7 +37,7 @@ def renderable(document: Document) -> RenderableType:
         _block(document.facts),
         _block(document.notice),
     ]
-    for section in document.sections:
+    for section in (*document.sheet, *document.sections):
         parts.append(Text())
         parts.append(Text(visible(section.title), style="bold underline"))
         parts += [_block(block) for block in section.blocks]
@@ -105,7 +105,8 @@ def _table(table: Table) -> RenderableType:
 
 
 def _figure(figure: Figure) -> RenderableType:
-    parts: list[RenderableType] = [Text(f"{visible(figure.title)}. {visible(figure.finding)}")]
+    name = f"{visible(figure.title)}. " if figure.title else ""
+    parts: list[RenderableType] = [Text(f"{name}{visible(figure.finding)}")]
     if figure.sketch:
         rows = Text("\n".join(visible(row) for row in figure.sketch), no_wrap=True)
         parts.append(Padding(rows, (0, 0, 0, 2)))

@@ -52,9 +52,8 @@ def verification_report(
             )
         ),
         notice=notice(verification),
+        sheet=(outcome_section(verification), _response(verification)),
         sections=(
-            outcome_section(verification),
-            _response(verification),
             _remaining(verification),
             _origin(verification, software),
         ),
@@ -198,11 +197,10 @@ def _response(verification: Verification) -> Section:
                 )
             ),
             Table(
-                ("axis", "applied, mm", "found, mm", "95 % interval", "coefficient"),
+                ("axis", "applied", "found", "95 % interval", "coefficient"),
                 tuple(rows),
-                caption="Change of each joint, fitted together.",
+                caption="Change of each joint, mm, fitted together.",
             ),
-            Paragraph(answer_text(verification)),
             Paragraph(other),
         ),
     )
@@ -222,9 +220,9 @@ def _remaining(verification: Verification) -> Section:
         "Offsets that remain",
         (
             Table(
-                ("axis", "Δρ, mm", "U, mm"),
+                ("axis", "Δρ", "U"),
                 rows,
-                caption="Identified from the second session, beside what was applied.",
+                caption="In mm; identified from the second session, beside what was applied.",
             ),
         ),
     )

@@ -1,4 +1,4 @@
-"""Offsets with their intervals, and what is active in the controller."""
+"""Offsets with their intervals: where they lie, and a closer look around them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from orthoglide_cal.report.figures.canvas import (
     ticks,
     words,
 )
-from orthoglide_cal.report.markup import Html, join, tag
+from orthoglide_cal.report.markup import Html, tag
 
-WIDTH, ROW = 360.0, 20.0
+WIDTH, ROW, LEFT = 280.0, 16.0, 34.0
 
 
 @dataclass(frozen=True)
@@ -30,58 +30,79 @@ class Bar:
     half_mm: Sequence[float]
 
 
-def intervals(bars: Sequence[Bar]) -> Html:
-    """One row per axis and bar; marks differ from bar to bar.
+def intervals(bars: Sequence[Bar]) -> tuple[Html, ...]:
+    """Two pictures: all offsets on one scale, and their distance from the first bar's.
 
     Args:
-        bars: at least one, each with three values.
+        bars: at least one, each with three values; their marks differ.
     """
-    ends = [
-        v + s * h
-        for bar in bars
-        for v, h in zip(bar.value_mm, bar.half_mm, strict=True)
-        for s in (-1, 1)
-    ]
-    low, high = around(ends, 0.01)
-    across = Scale(low, high, 40.0, WIDTH - 16.0)
-    top = 16.0
-    group = ROW * len(bars) + 10.0
-    bottom = top + 3 * group
-    values = ticks(low, high, 5)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    parts = [
-        join(
-            (
-                line(
-                    across(v), top - 8, across(v), bottom, "zero" if abs(v) < step / 1e6 else "grid"
-                ),
-                words(across(v), bottom + 14, tick_text(v, step), "middle"),
-            )
+    first = bars[0]
+    nearer = [
+        Bar(
+            bar.label,
+            [1000.0 * (v - at) for v, at in zip(bar.value_mm, first.value_mm, strict=True)],
+            [1000.0 * half for half in bar.half_mm],
         )
-        for v in values
+        for bar in bars
     ]
-    parts.append(words((40.0 + WIDTH - 16.0) / 2, bottom + 28, "offset, mm", "middle", "muted"))
-    sentences = []
+    said = "; ".join(
+        f"{axis}, {bar.label}: {bar.value_mm[k]:+.3f} ± {bar.half_mm[k]:.3f} mm"
+        for k, axis in enumerate(AXES)
+        for bar in bars
+    )
+    closer = "; ".join(
+        f"{axis}: ±{first.half_mm[k] * 1000.0:.0f} µm" for k, axis in enumerate(AXES)
+    )
+    return (
+        _panel("intervals", bars, "offset, mm", "Offsets", said + "."),
+        _panel(
+            "intervals-near",
+            nearer,
+            f"distance from the offset {first.label}, µm" if len(bars) > 1 else "closer: U, µm",
+            "Intervals, closer",
+            closer + ".",
+        ),
+    )
+
+
+def _panel(name: str, bars: Sequence[Bar], axis_title: str, title: str, finding: str) -> Html:
+    ends = [
+        value + side * half
+        for bar in bars
+        for value, half in zip(bar.value_mm, bar.half_mm, strict=True)
+        for side in (-1.0, 1.0)
+    ]
+    across = Scale(*around(ends, 0.01), LEFT, WIDTH - 10.0)
+    top = 12.0
+    group = ROW * len(bars) + 12.0
+    bottom = top + 3 * group
+    values = ticks(across.low, across.high, 4)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    parts: list[Html] = []
+    for value in values:
+        x = across(value)
+        parts.append(line(x, top - 6, x, bottom, "zero" if abs(value) < step / 1e6 else "grid"))
+        parts.append(words(x, bottom + 14, tick_text(value, step), "middle"))
+    parts.append(words((LEFT + WIDTH) / 2, bottom + 29, axis_title, "middle", "muted"))
     for k, axis in enumerate(AXES):
         base = top + k * group
-        row = [words(8, base + (group - 10.0) / 2 + 5, axis, class_="axis")]
+        row = [words(8, base + group / 2 - 1, axis, class_="axis")]
         for n, bar in enumerate(bars):
             y = base + ROW * (n + 0.5)
-            value, half = bar.value_mm[k], bar.half_mm[k]
-            left, right = across(value - half), across(value + half)
-            row += [
-                line(left, y, right, y, "whisker"),
-                line(left, y - 5, left, y + 5, "whisker"),
-                line(right, y - 5, right, y + 5, "whisker"),
-                mark(across(value), y, 2 * n, "mark" if n == 0 else "mark open", 4.4),
-            ]
-            sentences.append(f"{axis}, {bar.label}: {value:+.3f} ± {half:.3f} mm")
-        parts.append(tag("g", join(row), class_=f"c-{axis}"))
-    return svg(
-        "intervals",
-        WIDTH,
-        bottom + 34.0,
-        "Offsets with their intervals",
-        "; ".join(sentences) + ".",
-        *parts,
-    )
+            row += _whisker(
+                across(bar.value_mm[k] - bar.half_mm[k]),
+                across(bar.value_mm[k] + bar.half_mm[k]),
+                y,
+            )
+            shape = "mark" if n == 0 else "mark open"
+            row.append(mark(across(bar.value_mm[k]), y, 2 * n, shape, 4.4))
+        parts.append(tag("g", *row, class_=f"c-{axis}"))
+    return svg(name, WIDTH, bottom + 34.0, title, finding, *parts)
+
+
+def _whisker(left: float, right: float, y: float) -> list[Html]:
+    return [
+        line(left, y, right, y, "whisker"),
+        line(left, y - 5, left, y + 5, "whisker"),
+        line(right, y - 5, right, y + 5, "whisker"),
+    ]

@@ -10,7 +10,7 @@ from orthoglide_cal.axes import AXES, Floats
 from orthoglide_cal.report.figures.canvas import line, svg, words
 from orthoglide_cal.report.markup import Html, join, tag
 
-WIDTH, HEIGHT = 360.0, 330.0
+WIDTH, HEIGHT = 360.0, 296.0
 CENTRE = np.array([180.0, 186.0])
 LEG = 128.0  # length of a leg in the picture
 # Where the axes x, y, z point on the paper.

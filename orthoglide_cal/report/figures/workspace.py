@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from orthoglide_cal.report.numbers import two_figures
 CLASSES = 7
 # White letters are read better than black ones from this colour class on.
 FIRST_DARK = 5
-SIZE, LEFT, TOP = 190.0, 40.0, 34.0
-WIDTH, HEIGHT = 240.0, 262.0
+SIZE, LEFT, TOP = 186.0, 46.0, 34.0
+WIDTH, HEIGHT = 240.0, 258.0
 
 
 def class_limits(largest: float) -> Floats:
@@ -42,8 +43,8 @@ def slices(
     limits = class_limits(float(max(before_mm.max(), after_mm.max())))
     return tuple(
         _slice(f"{when}-{k}", when, float(levels_mm[k]), axis_mm, values[k], limits)
-        for k in reversed(range(len(levels_mm)))
         for when, values in (("before", before_mm), ("after", after_mm))
+        for k in reversed(range(len(levels_mm)))
     )
 
 
@@ -56,10 +57,11 @@ def legend(largest: float) -> Html:
         x = k * wide
         parts.append(rectangle(x, 2, wide, 14, f"heat h{k}"))
         parts.append(words(x + wide, 30, two_figures(limit), "end"))
-    parts.append(words(0, 30, "0 mm"))
+    parts.append(words(0, 30, "0"))
+    parts.append(words(wide * CLASSES + 6, 30, "mm"))
     return svg(
         "workspace-legend",
-        wide * CLASSES + 4,
+        wide * CLASSES + 30,
         36,
         "Colours of the workspace pictures",
         f"{CLASSES} steps from 0 to {two_figures(float(limits[-1]))} mm; darker is larger.",
@@ -75,11 +77,13 @@ def _slice(
     classes = np.minimum(np.searchsorted(limits, values), CLASSES - 1)
     paths: dict[int, list[str]] = {}
     for row in range(n):
-        for column in range(n):
-            x, y = LEFT + column * cell, TOP + (n - 1 - row) * cell
-            # A little larger than the cell, so that no seams shine through.
-            square = f"M{x:.1f} {y:.1f}h{cell + 0.4:.1f}v{cell + 0.4:.1f}h{-cell - 0.4:.1f}z"
-            paths.setdefault(int(classes[row, column]), []).append(square)
+        y = TOP + (n - 1 - row) * cell
+        for class_, run in groupby(range(n), key=classes[row].__getitem__):
+            columns = list(run)
+            x, wide = LEFT + columns[0] * cell, len(columns) * cell
+            # A little larger than the cells, so that no seams shine through.
+            strip = f"M{x:.1f} {y:.1f}h{wide + 0.4:.1f}v{cell + 0.4:.1f}h{-wide - 0.4:.1f}z"
+            paths.setdefault(int(class_), []).append(strip)
     parts = [tag("path", d="".join(path), class_=f"heat h{k}") for k, path in paths.items()]
     for row in (0, n // 2, n - 1):
         for column in (0, n // 2, n - 1):
@@ -97,9 +101,9 @@ def _slice(
         words(LEFT, bottom + 14, low),
         words(LEFT + SIZE / 2, bottom + 14, "x, mm", "middle", "muted"),
         words(LEFT + SIZE, bottom + 14, high, "end"),
-        words(LEFT - 5, bottom, low, "end"),
-        words(LEFT - 5, TOP + SIZE / 2 + 4, "y", "end", "muted"),
-        words(LEFT - 5, TOP + 10, high, "end"),
+        words(LEFT - 7, bottom - 4, low, "end"),
+        words(LEFT - 7, TOP + SIZE / 2 + 4, "y", "end", "muted"),
+        words(LEFT - 7, TOP + 11, high, "end"),
     ]
     finding = (
         f"Tool-position error {when} the adjustment in the slice z = {level:.0f} mm:"

@@ -1,8 +1,8 @@
 """The parts of a calibration report, each made from the calibration's results."""
 
-from orthoglide_cal.report.sections.answer import notice, offsets, to_do
+from orthoglide_cal.report.sections.answer import intervals, notice, offsets, to_do
 from orthoglide_cal.report.sections.cause import diagnosis
-from orthoglide_cal.report.sections.conditions import conditions, origin
+from orthoglide_cal.report.sections.conditions import conditions, moment, origin
 from orthoglide_cal.report.sections.fit import found_and_left, improvement, wrong
 from orthoglide_cal.report.sections.workspace import workspace
 
@@ -11,6 +11,8 @@ __all__ = [
     "diagnosis",
     "found_and_left",
     "improvement",
+    "intervals",
+    "moment",
     "notice",
     "offsets",
     "origin",

@@ -41,7 +41,7 @@ def to_do(calibration: Calibration) -> Section:
     """What to do next, step by step."""
     findings, decision = calibration.findings, calibration.release
     if findings is None or not decision.usable:
-        items = [Step(_with_file(line, calibration)) for line in decision.remedies]
+        items = [Step(with_file(line, calibration)) for line in decision.remedies]
         if findings is not None:
             items.append(
                 Step("An export that is forced all the same is marked as forced, in every format.")
@@ -73,22 +73,25 @@ def to_do(calibration: Calibration) -> Section:
 
 def check_text(check: CheckPosture) -> Line:
     """The check posture as an instruction."""
-    expected = (
+    return (
+        check_words(check) + " ",
         Strong(with_uncertainty(check.expected_mm, check.tolerance_mm) + " mm"),
         f" (before the adjustment: {signed(check.before_mm, 2)} mm).",
     )
+
+
+def check_words(check: CheckPosture) -> str:
+    """The same without the number that is expected."""
     if check.ends:
         return (
             f"Check: drive to {position(check.first)}. Read the height of leg {check.leg} along"
             f" {check.direction} at the joint end, then at the tool end. The second reading minus"
-            " the first should be ",
-            *expected,
+            " the first should be"
         )
     return (
         f"Check: put the gauge at the middle of leg {check.leg}, along {check.direction}. Read it"
         f" at {position(check.first)}, then at {position(check.second)}. The second reading minus"
-        " the first should be ",
-        *expected,
+        " the first should be"
     )
 
 
@@ -107,7 +110,7 @@ def offsets(calibration: Calibration) -> Section | None:
         return None
     answer, adjustment = findings.answer, findings.adjustment
     allowed = calibration.release.usable
-    last = "enter, mm" if allowed else "not to be entered, mm"
+    last = "enter" if allowed else "would be"
     rows = [
         (
             Strong(joint.axis),
@@ -119,14 +122,13 @@ def offsets(calibration: Calibration) -> Section | None:
     ]
     blocks: list[Block] = [
         Table(
-            ("axis", "in the controller, mm", "Δρ ± U, mm", last),
+            ("axis", "now", "Δρ ± U", last),
             tuple(rows),
-            caption="True joint position = indicated position + Δρ.",
+            caption="In mm. Now: active in the controller. True joint position = indicated + Δρ.",
         ),
         Paragraph(coverage(answer), small=True),
-        _interval_figure(findings),
     ]
-    return Section("Joint offsets", tuple(blocks))
+    return Section("Joint offsets", tuple(blocks), beside=True)
 
 
 def coverage(answer: Answer) -> str:
@@ -142,6 +144,14 @@ def coverage(answer: Answer) -> str:
     )
 
 
+def intervals(calibration: Calibration) -> Section | None:
+    """The offsets with their intervals as a picture; None without a result."""
+    findings = calibration.findings
+    if findings is None:
+        return None
+    return Section("Offsets with their 95 % intervals", (_interval_figure(findings),))
+
+
 def _interval_figure(findings: Findings) -> Figure:
     answer, plain_ = findings.answer, findings.plain
     bars = [Bar(_model(answer), answer.offsets_mm.tolist(), answer.expanded_mm.tolist())]
@@ -151,13 +161,18 @@ def _interval_figure(findings: Findings) -> Figure:
         key += ", □ offsets alone"
     values, halves = answer.offsets_mm.tolist(), answer.expanded_mm.tolist()
     return Figure(
-        "Offsets with their 95 % intervals",
-        f"The intervals are ±{two_figures(min(halves))} to ±{two_figures(max(halves))} mm wide.",
-        (figures.intervals(bars),),
+        "",
+        f"Expanded uncertainty: {_range(min(halves), max(halves))} mm.",
+        figures.intervals(bars),
         sketch=interval_lines(AXES, values, halves),
-        columns=1,
-        key=key + ". The vertical line is zero.",
+        columns=2,
+        key=key + ".",
     )
+
+
+def _range(low: float, high: float) -> str:
+    low_text, high_text = two_figures(low), two_figures(high)
+    return low_text if low_text == high_text else f"{low_text} to {high_text}"
 
 
 def _model(answer: Answer) -> str:
@@ -169,7 +184,7 @@ def _path(calibration: Calibration) -> str:
     return path if path == "-" else shlex.quote(path)
 
 
-def _with_file(line: str, calibration: Calibration) -> Line:
+def with_file(line: str, calibration: Calibration) -> Line:
     """The sentence with the file's name, and its command set off."""
     sentence, found, command = line.partition("orthocal ")
     if not found:

@@ -8,7 +8,6 @@ from orthoglide_cal.outcome import Calibration, Findings
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.blocks import (
     Block,
-    Code,
     Figure,
     Line,
     Paragraph,
@@ -17,6 +16,7 @@ from orthoglide_cal.report.blocks import (
     Table,
 )
 from orthoglide_cal.report.numbers import chance, percent, plain, two_figures, with_uncertainty
+from orthoglide_cal.report.sections.answer import with_file
 from orthoglide_cal.report.sketch import bar_lines
 
 _RIVALS = 5
@@ -30,7 +30,7 @@ def diagnosis(calibration: Calibration) -> Section | None:
     found = findings.diagnosis
     blocks: list[Block] = [Paragraph(_verdict(found)), Paragraph(_fit(found), small=True)]
     for cause in found.causes:
-        blocks += _cause(cause)
+        blocks += _cause(cause, calibration)
     if found.verdict != CONSISTENT:
         blocks += _explained(findings, found)
         blocks += _ranking(found)
@@ -42,6 +42,12 @@ def diagnosis(calibration: Calibration) -> Section | None:
 
 def _title(cause_id: str) -> str:
     return CAUSES[cause_id].title if cause_id in CAUSES else cause_id
+
+
+def _explanation(name: str) -> str:
+    if "+" in name:
+        return name.replace("+", " and ")
+    return _title(name) if name else "no cause"
 
 
 def _verdict(found: Diagnosis) -> Line:
@@ -67,7 +73,7 @@ def _fit(found: Diagnosis) -> str:
     )
 
 
-def _cause(cause: NamedCause) -> list[Block]:
+def _cause(cause: NamedCause, calibration: Calibration) -> list[Block]:
     rows: list[tuple[Line | None, ...]] = [
         ("probability among all causes tried", percent(cause.probability)),
     ]
@@ -102,9 +108,10 @@ def _cause(cause: NamedCause) -> list[Block]:
     if cause.in_machine:
         blocks.append(
             Paragraph(
-                (
-                    "Making it part of the model is recommended: ",
-                    Code(f"orthocal diagnose FILE --accept {cause.id}"),
+                with_file(
+                    "Making it part of the model is recommended:"
+                    f" orthocal diagnose FILE --accept {cause.id}",
+                    calibration,
                 )
                 if cause.recommended
                 else "Making it part of the model is not recommended: it does not predict readings"
@@ -162,7 +169,7 @@ def _ranking(found: Diagnosis) -> list[Block]:
     blocks: list[Block] = [
         Table(
             ("explanation", "probability"),
-            tuple((_title(name) if name else "no cause", percent(p)) for name, p in best),
+            tuple((_explanation(name), percent(p)) for name, p in best),
             caption="The best explanations of all that were tried.",
         )
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 from orthoglide_cal.measured import Readings
 from orthoglide_cal.outcome import Calibration, Conditions
 from orthoglide_cal.report import figures
@@ -33,8 +35,8 @@ def conditions(calibration: Calibration) -> Section:
     rows: list[tuple[str, Line | None]] = [
         ("Protocol", _given(given.protocol)),
         ("Operator", _given(given.operator)),
-        ("Started", _given(given.started)),
-        ("Finished", _given(given.finished)),
+        ("Started", moment(given.started)),
+        ("Finished", moment(given.finished)),
         ("Temperature", _temperature(given)),
     ]
     rows += [(name, Given(text)) for name, text in given.environment if name != "temperature_c"]
@@ -72,6 +74,18 @@ def conditions(calibration: Calibration) -> Section:
     return Section("Conditions and gauges", tuple(blocks))
 
 
+def moment(written: str | None) -> Given | None:
+    """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
+    if written is None:
+        return None
+    try:
+        time = datetime.fromisoformat(written)
+    except ValueError:
+        return Given(written)
+    zone = f" {time:%z}" if time.tzinfo else ""
+    return Given(f"{time:%Y-%m-%d %H:%M:%S}{zone[:4]}{':' if zone else ''}{zone[4:6]}")
+
+
 def _given(text: str | None) -> Line | None:
     return None if text is None else Given(text)
 
@@ -107,6 +121,8 @@ def _machine(calibration: Calibration, readings: Readings) -> Figure:
         " towards the dial.",
         (figures.machine(machine.leg_length_mm, machine.joint_limits_mm, places),),
         columns=1,
+        key="● tool, ■ carriage, double line: leg, pale line: travel of the carriage, ○ dial with"
+        " the direction in which its reading grows.",
     )
 
 

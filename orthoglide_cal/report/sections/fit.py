@@ -7,7 +7,7 @@ import numpy as np
 from orthoglide_cal.outcome import Calibration, Findings
 from orthoglide_cal.outcome.summary import Deviations
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.blocks import Block, Figure, Line, Paragraph, Section, Strong, Table
+from orthoglide_cal.report.blocks import Figure, Line, Paragraph, Section, Strong, Table
 from orthoglide_cal.report.numbers import plain, signed, two_figures
 from orthoglide_cal.report.sketch import bar_lines
 
@@ -27,20 +27,13 @@ def found_and_left(calibration: Calibration) -> Section | None:
     table = Table(
         ("", "as found", "expected", "as left"),
         (
-            ("r.m.s., mm", plain(found.rms_mm, 3), plain(expected.rms_mm, 3), left[0]),
-            ("largest, mm", _largest(found), _largest(expected), left[1]),
+            ("r.m.s.", plain(found.rms_mm, 3), plain(expected.rms_mm, 3), left[0]),
+            ("largest", _largest(found), _largest(expected), left[1]),
         ),
-        caption="Deviation of the legs from parallel motion, before and after the adjustment.",
+        caption="Deviation of the legs from parallel motion, mm"
+        + ("; as left is blank until it is measured again." if verification is None else "."),
     )
-    blocks: list[Block] = [table]
-    if verification is None:
-        blocks.append(
-            Paragraph(
-                "As left is blank until the machine has been measured again after the adjustment.",
-                small=True,
-            )
-        )
-    return Section("As found, as left", tuple(blocks))
+    return Section("As found, as left", (table,))
 
 
 def _largest(deviations: Deviations) -> str:
@@ -77,9 +70,10 @@ def improvement(calibration: Calibration) -> Section | None:
         "Expected improvement",
         (
             Table(
-                ("difference", "measured, mm", "by the offsets, mm", "expected, mm"),
+                ("difference", "measured", "modelled", "expected"),
                 tuple(rows),
-                caption=f"{what.capitalize()}; dx_y is along x on leg y.",
+                caption=f"In mm: {what}; dx_y is along x on leg y. Modelled: what the offsets"
+                " explain; expected: what should remain.",
                 last_is_total=True,
             ),
         ),

@@ -35,12 +35,8 @@ def workspace(calibration: Calibration) -> Section | None:
             Figure(
                 "Distance between commanded and true tool position, mm",
                 f"Up to {two_figures(found.before_max_mm)} mm before and {after} mm after.",
-                (
-                    *figures.slices(
-                        found.axis_mm, found.levels_mm, found.before_mm, found.after_mm
-                    ),
-                    figures.legend(largest),
-                ),
+                figures.slices(found.axis_mm, found.levels_mm, found.before_mm, found.after_mm),
+                legend=figures.legend(largest),
                 sketch=bar_lines(
                     ("before, largest", "before, mean", "after, largest", "after, mean"),
                     (
