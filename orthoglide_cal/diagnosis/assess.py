@@ -18,8 +18,8 @@ from orthoglide_cal.diagnosis.screen import Catalogue, Score, screen
 from orthoglide_cal.diagnosis.unlisted import Unlisted, unlisted_patterns
 
 # Explanations within this much log evidence of the best are fitted nonlinearly, the best few.
-WORTH_A_FIT = 10.0
-FITS = 4
+WORTH_A_FIT = 8.0
+FITS = 3
 # A cause this probable beside "nothing is wrong" widens the offsets' uncertainty.
 WEIGHS = 0.01
 

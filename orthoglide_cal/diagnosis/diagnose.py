@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from orthoglide_cal.axes import Floats
-from orthoglide_cal.causes import Acting, PatternCause
+from orthoglide_cal.causes import Acting, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.gain import HeldOut, leave_out_cells, predict_later
@@ -28,7 +28,7 @@ from orthoglide_cal.diagnosis.separate import best_next
 from orthoglide_cal.estimation.accuracy import scatter_of_repeats
 from orthoglide_cal.machine import Estimate, Machine
 from orthoglide_cal.measured import Differences, Measured, Readings
-from orthoglide_cal.simulation import Effect, simulate
+from orthoglide_cal.simulation import Effect
 
 # A held-out error counts as lower if it falls below this share of the one before.
 LOWER = 0.98
@@ -183,15 +183,14 @@ def _pictures(
 ) -> tuple[Floats, Floats, Floats]:
     """Measured values, the offsets-only prediction and the accepted one, shape (m,) [mm]."""
     if isinstance(measured, Differences):
-        parts = (frame.data, *(frame.model(f.offsets, f.acting) for f in (nothing, accepted)))
-        data, nominal, explained = (frame.root @ part for part in parts)
-        return data, nominal, explained
-    plan, predicted = measured.plan, []
-    for fit in (nothing, accepted):
-        model = simulate(frame.machine, fit.offsets, plan, (*frame.effects, *fit.acting))
-        zeros = np.linalg.lstsq(plan.zeros, measured.value - model, rcond=None)[0]
-        predicted.append(model + plan.zeros @ zeros)
-    return measured.value, predicted[0], predicted[1]
+        data, *left = (frame.root @ v for v in (frame.data, nothing.residual, accepted.residual))
+    else:
+        data, left = measured.value, [frame.matrix.T @ f.residual for f in (nothing, accepted)]
+        for act in accepted.acting:
+            if isinstance(act.cause, RelabelCause):
+                index, sign = act.cause.relabel(frame.plan, act.where)
+                left[1] = sign * left[1][index]
+    return data, data - left[0], data - left[1]
 
 
 def _next(found: Assessment) -> NextMeasurement | None:

@@ -8,7 +8,6 @@ cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -113,20 +112,32 @@ class Frame:
     def linearised(
         self, offsets: Floats, causes: Sequence[tuple[Cause, Floats]]
     ) -> tuple[Floats, Floats, list[Floats]]:
-        """Prediction (k,), its derivatives by the offsets (k, 3) and by each cause's θ (k, p).
+        """Prediction (k,), its derivatives by the offsets (k, 3) and by each cause's θ (k, p)."""
+        acting = [cause.at(theta) for cause, theta in causes]
+        readings, slopes = differentiate(self.machine, self.plan, offsets, acting, self.effects)
+        ends = np.cumsum([3, *(theta.size for _, theta in causes)])
+        by_offsets, *by_causes = np.split(self.matrix @ slopes, ends[:-1], axis=1)
+        return self.matrix @ readings, by_offsets, by_causes
 
-        One simulation: itself, then a complex step in every unknown in turn.
-        """
-        sizes = [3, *(theta.size for _, theta in causes)]
-        ends = np.cumsum([1, *sizes])
-        step = 1j * STEP * np.eye(ends[-1], ends[-1] - 1, k=-1)
-        blocks = [step[:, start - 1 : end - 1] for start, end in itertools.pairwise(ends)]
-        acting = [
-            cause.at(theta + block)
-            for (cause, theta), block in zip(causes, blocks[1:], strict=True)
-        ]
-        effects = (*self.effects, *acting)
-        readings = simulate(self.machine, offsets + blocks[0], self.plan, effects)
-        slopes = self.matrix @ readings.imag.T / STEP
-        parts = [slopes[:, start:end] for start, end in itertools.pairwise(ends)]
-        return self.matrix @ readings[0].real, parts[0], parts[1:]
+
+def differentiate(
+    machine: Machine,
+    plan: Plan,
+    offsets: Floats,
+    acting: Sequence[Acting],
+    fixed: Sequence[Effect] = (),
+) -> tuple[Floats, Floats]:
+    """Readings (n,) and their derivatives by offsets and all parameters of `acting`, (n, q).
+
+    One simulation of many machines: this one, then a complex step in every unknown in turn.
+    """
+    sizes = [3, *(act.theta.size for act in acting)]
+    ends = np.cumsum(sizes)
+    step = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
+    by_offsets, *by_causes = np.split(step, ends[:-1], axis=1)
+    stepped = [
+        act.cause.at(act.theta + block, act.where)
+        for act, block in zip(acting, by_causes, strict=True)
+    ]
+    readings = simulate(machine, offsets + by_offsets, plan, (*fixed, *stepped))
+    return readings[0].real, readings[1:].imag.T / STEP

@@ -15,10 +15,14 @@ from orthoglide_cal.causes.gauge_slip import TURNS
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum, log_sums
 from orthoglide_cal.diagnosis.explanations import Menu, Names, names
 from orthoglide_cal.diagnosis.frame import Frame
-from orthoglide_cal.estimation import fit_offsets
+from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.estimation.problem import normal_step
 
 # Offsets are not judged by their size: one standard deviation of their prior [mm].
 OFFSETS_MM = 10.0
+# After a step this short the linear model is exact to less than a nanometre.
+SHORT_STEP_MM = 1e-3
+MAX_ITERATIONS = 30
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
 
@@ -83,19 +87,37 @@ class Catalogue:
         versions = [frame.data]
         for cause in menu.relabels:
             versions += [frame.relabelled(cause, where) for where in places[cause.id]]
-        fit = fit_offsets(frame.problem, np.stack(versions))
-        offsets: dict[str, Floats] = {"": fit.offsets_mm[0]}
-        residuals: dict[str, Floats] = {"": fit.residuals_mm[0]}
+        fitted, left = _fit_all(frame, np.stack(versions))
+        offsets: dict[str, Floats] = {"": fitted[0]}
+        residuals: dict[str, Floats] = {"": left[0]}
         start = 1
         for cause in menu.relabels:
             stop = start + len(places[cause.id])
-            offsets[cause.id] = fit.offsets_mm[start:stop]
-            residuals[cause.id] = fit.residuals_mm[start:stop].T
+            offsets[cause.id] = fitted[start:stop]
+            residuals[cause.id] = left[start:stop].T
             start = stop
         absent = [(c, np.zeros(c.prior_std(frame.machine).size)) for c in menu.broad]
         _, slope, slopes = frame.linearised(offsets[""], absent)
         linear = {c.id: part for c, part in zip(menu.broad, slopes, strict=True)}
         return cls(places, columns, own, offsets, residuals, slope, linear)
+
+
+def _fit_all(frame: Frame, versions: Floats) -> tuple[Floats, Floats]:
+    """Offsets (v, 3) and residuals (v, k) of several versions of the data, by Gauss–Newton.
+
+    Raises:
+        NotConvergedError: the steps do not become short.
+    """
+    offsets = np.zeros((len(versions), 3))
+    for _ in range(MAX_ITERATIONS):
+        model, slope = frame.problem.model_with_jacobian(offsets)
+        step = normal_step(slope, versions - model)
+        offsets = offsets + step
+        if np.abs(step).max() < SHORT_STEP_MM:
+            return offsets, versions - model - (slope @ step[..., None])[..., 0]
+    raise NotConvergedError(
+        "No offsets fit these data: the search does not settle.", "Run: orthocal validate"
+    )
 
 
 def base_columns(slope: Floats, slopes: Sequence[Floats], stds: Sequence[Floats]) -> Floats:

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats
-from orthoglide_cal.causes import Acting
 from orthoglide_cal.causes.base import reading_label
-from orthoglide_cal.diagnosis.frame import Frame
+from orthoglide_cal.diagnosis.frame import Frame, differentiate
 from orthoglide_cal.diagnosis.refine import Fitted
 from orthoglide_cal.diagnosis.result import NextMeasurement
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Contact, Plan
 from orthoglide_cal.protocols import double_posture, zero_free
-from orthoglide_cal.simulation import STEP, simulate
 
 # Below this distance no reading of the kind is worth taking.
 WORTHLESS_SIGMA = 1.0
@@ -60,11 +58,11 @@ def separation(frame: Frame, first: Fitted, second: Fitted, option: Option) -> f
 def _forecast(frame: Frame, fit: Fitted, option: Option) -> tuple[Floats, Floats]:
     """Mean (q,) and covariance (q, q) of what an explanation expects, free of gauge zeros."""
     plan, n = option.plan, option.continues
-    acting = [act for act in fit.acting if act.cause.lasting or n]
-    effects = (*frame.effects, *acting)
-    readings = simulate(frame.machine, fit.offsets, plan, effects)
-    lasting = [act for act in acting if act.cause.lasting]
-    slopes = _slopes(frame.machine, fit.offsets, plan, (*frame.effects,), lasting)
+    lasting = [act for act in fit.acting if act.cause.lasting]
+    passing = [act for act in fit.acting if not act.cause.lasting and n]
+    readings, slopes = differentiate(
+        frame.machine, plan, fit.offsets, lasting, (*frame.effects, *passing)
+    )
     known = fit.covariance[: slopes.shape[1], : slopes.shape[1]]
     if n:
         # The zeros are known from the session: compare with the mean of its residual readings.
@@ -74,24 +72,6 @@ def _forecast(frame: Frame, fit: Fitted, option: Option) -> tuple[Floats, Floats
         matrix = zero_free(plan)
     slope = matrix @ slopes
     return matrix @ readings, slope @ known @ slope.T
-
-
-def _slopes(
-    machine: Machine,
-    offsets: Floats,
-    plan: Plan,
-    effects: tuple[object, ...],
-    acting: list[Acting],
-) -> Floats:
-    """Derivatives of the readings by offsets and lasting parameters, shape (n, q)."""
-    fixed = (*effects, *acting)
-    stepped = offsets + 1j * STEP * np.eye(3)
-    parts = [simulate(machine, stepped, plan, fixed).imag.T / STEP]  # type: ignore[arg-type]
-    for k, act in enumerate(acting):
-        theta = act.theta + 1j * STEP * np.eye(act.theta.size)
-        moved = (*effects, *acting[:k], act.cause.at(theta, act.where), *acting[k + 1 :])
-        parts.append(simulate(machine, offsets, plan, moved).imag.T / STEP)  # type: ignore[arg-type]
-    return np.hstack(parts)
 
 
 def _options(frame: Frame, first: Fitted) -> list[Option]:
