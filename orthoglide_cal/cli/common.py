@@ -115,8 +115,14 @@ def messages() -> Console:
 def _console(*, stderr: bool) -> Console:
     from rich.console import Console
 
+    class Terminal(Console):
+        """Leaves a closed pipe to the program, where rich would exit with code 1."""
+
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
     plain = bool(os.environ.get("NO_COLOR"))
-    return Console(
+    return Terminal(
         stderr=stderr,
         color_system=None if plain else "auto",
         highlight=False,
