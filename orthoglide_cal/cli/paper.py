@@ -36,6 +36,7 @@ def paper(
     no_colour: NoColour = False,
 ) -> None:
     """Reproduce the tables of the paper that the method comes from."""
+    missed = False
     for name in TableName if table is None else (table,):
         found = _compute(name, seed)
         if json:
@@ -46,8 +47,9 @@ def paper(
             from orthoglide_cal.report.paper_text import render
 
             output().print(render(found))
-        if not found.reproduced:
-            raise typer.Exit(UnusableResultError.exit_code)
+        missed |= not found.reproduced
+    if missed:
+        raise typer.Exit(UnusableResultError.exit_code)
 
 
 def _compute(name: TableName, seed: int) -> Reproduction:

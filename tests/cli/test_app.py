@@ -1,0 +1,208 @@
+"""The program as a whole: start, help, exit codes, streams, interruptions."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal import __version__
+from orthoglide_cal.cli import common
+from orthoglide_cal.errors import InputError, RankDeficientError, UsageError
+from tests.cli.program import (
+    DOUBLE,
+    ROOT,
+    SIX,
+    UNDETERMINED,
+    lines,
+    modules_after,
+    process,
+    run,
+)
+
+COMMANDS = (
+    "measure", "solve", "diagnose", "report", "verify", "simulate", "validate", "export", "paper",
+)  # fmt: skip
+HEAVY = {"numpy", "scipy", "matplotlib", "jinja2", "rich", "yaml"}
+
+
+def test_help_names_every_command() -> None:
+    shown = run("--help")
+    assert shown.exit_code == 0
+    names = [
+        line.split()[0] for line in shown.stdout.partition("Commands:")[2].splitlines() if line
+    ]
+    for command in COMMANDS:
+        assert command in names
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command: str) -> None:
+    shown = run(command, "--help")
+    assert shown.exit_code == 0
+    assert shown.stdout.startswith("Usage: ")
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("solve", "--help")])
+def test_help_and_version_load_nothing_heavy(arguments: tuple[str, ...]) -> None:
+    assert not HEAVY & modules_after(*arguments)
+
+
+def test_solving_six_differences_loads_no_optimiser_and_no_plots() -> None:
+    loaded = modules_after("solve", SIX)
+    assert "numpy" in loaded
+    assert not {"scipy.optimize", "scipy.stats", "scipy.linalg", "matplotlib", "jinja2"} & loaded
+
+
+def test_version_is_one_line_and_quick() -> None:
+    """Best of three under two seconds, where about 0.15 s are usual."""
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        shown = process("--version")
+        times.append(time.perf_counter() - start)
+        assert shown.stdout == f"orthocal {__version__}\n"
+        assert shown.returncode == 0
+    assert min(times) < 2.0
+
+
+def test_without_a_command_the_help_is_shown_as_a_usage_error() -> None:
+    assert run().exit_code == 2
+    assert "Commands:" in run().output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("solve", SIX), 0),
+        (("solve",), 2),
+        (("solve", "--nonsense", SIX), 2),
+        (("nonsense",), 2),
+        (("solve", "--method", "best", SIX), 2),
+        (("simulate", "--cycles", "0"), 2),
+        (("paper", "--table", "2"), 2),
+        (("solve", "no such file.csv"), 3),
+        (("solve", "--machine", "no such machine.yaml", SIX), 3),
+        (("solve", "--machine", SIX, SIX), 3),
+        (("simulate", "--offsets", "400", "400", "400", "--seed", "1"), 3),
+    ],
+)
+def test_exit_codes(arguments: tuple[str, ...], code: int) -> None:
+    shown = run(*arguments)
+    assert shown.exit_code == code
+    if code:
+        assert shown.stdout == ""
+        assert shown.stderr.strip()
+
+
+def test_a_result_that_must_not_be_used_is_exit_code_4() -> None:
+    shown = run("solve", "-", text=UNDETERMINED)
+    assert shown.exit_code == 4
+    assert shown.stdout == ""
+    assert "standard input: These readings do not determine Δρ_z." in shown.stderr
+    assert "Add readings of leg" in shown.stderr
+
+
+def test_the_worst_exit_code_wins_and_every_file_has_its_place(tmp_path: Path) -> None:
+    bad = tmp_path / "undetermined.csv"
+    bad.write_text(UNDETERMINED, encoding="utf-8")
+    files = (SIX, "nowhere.csv", str(bad), DOUBLE)
+    shown = run("solve", "--json", *files)
+    assert shown.exit_code == 4
+    found = lines(shown)
+    assert [entry["input"]["path"] for entry in found] == list(files)
+    assert ["error" in entry for entry in found] == [False, True, True, False]
+    assert set(found[1]) == {"input", "error"}
+    assert "no such file" in found[1]["error"]
+    assert shown.stderr == ""
+    plain = run("solve", *files)
+    assert plain.exit_code == 4
+    assert plain.stdout.count("Joint offsets") == 2
+    assert len(plain.stderr.splitlines()) == 2
+
+
+def test_messages_name_the_place_once(capsys: pytest.CaptureFixture[str]) -> None:
+    common.tell_error(InputError("Bad.", "Mend.", file="a.csv", line=3, column="leg"), "a.csv")
+    common.tell_error(RankDeficientError("Too few.", "Add one.", ["x"]), "a.csv")
+    common.tell_error(UsageError("No.", "Yes."))
+    assert capsys.readouterr().err.splitlines() == [
+        "a.csv, line 3, column leg: Bad. Mend.",
+        "a.csv: Too few. Add one.",
+        "No. Yes.",
+    ]
+
+
+def test_an_unexpected_failure_is_not_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(path: str, machine: object) -> None:
+        raise ZeroDivisionError("unexpected")
+
+    monkeypatch.setattr("orthoglide_cal.cli.solve.read_input", fail)
+    shown = run("solve", SIX)
+    assert shown.exit_code == 1
+    assert isinstance(shown.exception, ZeroDivisionError)
+
+
+def test_an_interruption_is_exit_code_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(path: str, machine: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("orthoglide_cal.cli.solve.read_input", interrupt)
+    assert run("solve", SIX).exit_code == 130
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of Unix")
+def test_ctrl_c_during_a_long_run() -> None:
+    program = subprocess.Popen(
+        [sys.executable, "-m", "orthoglide_cal", "paper", "--table", "3"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(3.0)
+    program.send_signal(signal.SIGINT)
+    _, said = program.communicate(timeout=60)
+    assert program.returncode == 130
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("enough", [True, False])
+def test_a_reader_that_stops_reading_is_no_failure(enough: bool) -> None:
+    """As `orthocal … | head -1`, with little output (buffered to the end) and with much."""
+    files = (DOUBLE,) if enough else (DOUBLE,) * 40
+    program = subprocess.Popen(
+        [sys.executable, "-m", "orthoglide_cal", "solve", *files],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        program.stdout.close()
+        said = program.stderr.read()
+    assert program.returncode == 0
+    assert said == ""
+
+
+@pytest.mark.parametrize("how", ["option", "before the command", "environment"])
+def test_no_colour_means_no_escape_codes(how: str) -> None:
+    arguments = {
+        "option": ("solve", SIX, "--no-color"),
+        "before the command": ("--no-color", "solve", SIX),
+        "environment": ("solve", SIX),
+    }[how]
+    forced = {"FORCE_COLOR": "1", "TERM": "xterm-256color"}
+    quiet = {**forced, "NO_COLOR": "1"} if how == "environment" else forced
+    assert "\x1b" not in process(*arguments, environment=quiet).stdout
+    assert "\x1b" in process("solve", SIX, environment={**forced, "NO_COLOR": ""}).stdout
+
+
+def test_a_terminal_without_greek_letters_gets_question_marks() -> None:
+    shown = process("solve", SIX, environment={"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"})
+    assert shown.returncode == 0
+    assert "?" in shown.stdout

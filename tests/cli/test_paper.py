@@ -1,0 +1,67 @@
+"""`orthocal paper`: each table from the command line."""
+
+from dataclasses import replace
+
+import pytest
+
+from orthoglide_cal import published
+from orthoglide_cal.estimation import reproduction
+from tests.cli.program import lines, process, run
+
+
+@pytest.mark.parametrize("table", ["1", "4", "5", "accuracy"])
+def test_a_table_is_shown_and_reproduced(table: str) -> None:
+    shown = run("paper", "--table", table)
+    assert shown.exit_code == 0
+    assert "published" in shown.stdout
+    assert "computed" in shown.stdout
+    assert "Reproduced in every figure that can be computed." in shown.stdout
+    assert max(len(line) for line in shown.stdout.splitlines()) <= 80
+    (found,) = lines(run("paper", "--table", table, "--json"))
+    assert found["table"] == table
+    assert found["reproduced"] is True
+    for row in found["rows"]:
+        for printed, computed in zip(row["published"], row["computed"] or (), strict=False):
+            if printed is not None:
+                assert computed == pytest.approx(printed, abs=row["allowed"] + 1e-12)
+
+
+def test_rows_that_cannot_be_reproduced_say_so() -> None:
+    (found,) = lines(run("paper", "--table", "5", "--json"))
+    twelve = [row for row in found["rows"] if "twelve" in row["name"]]
+    assert [row["computed"] for row in twelve] == [None] * 3
+    assert [row["reproduced"] for row in twelve] == [None] * 3
+    assert published.TWELVE_NOT_REPRODUCIBLE in found["notes"]
+    assert "cannot be recomputed" in run("paper", "--table", "5").stdout
+
+
+def test_a_table_that_is_not_reproduced_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = replace(published.EXPERIMENTS[2], six_offsets=(-0.53, 0.59, -1.70))
+    monkeypatch.setattr(published, "EXPERIMENTS", {2: wrong})
+    shown = run("paper", "--table", "5")
+    assert shown.exit_code == 4
+    assert "NOT reproduced" in shown.stdout
+
+
+def test_table_3_is_one_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here with 1/50 of the solves; the full table is a slow test."""
+    quick = reproduction.monte_carlo
+
+    def few(machine: object, rng: object, progress: object = None) -> object:
+        return quick(machine, rng, replications=4, runs=1000, progress=progress)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(reproduction, "monte_carlo", few)
+    found = lines(run("paper", "--json"))
+    assert [table["table"] for table in found] == ["1", "3", "4", "5", "accuracy"]
+    cells = found[1]["rows"]
+    assert len(cells) == 4
+    for row in cells:
+        assert row["computed"][0] == pytest.approx(row["published"][0], rel=0.03)
+
+
+@pytest.mark.slow
+def test_table_3_in_full_from_the_command_line() -> None:
+    shown = process("paper", "--table", "3")
+    assert shown.returncode == 0
+    assert "Reproduced in every figure" in shown.stdout
+    assert shown.stderr == ""

@@ -1,0 +1,203 @@
+"""`orthocal simulate`: synthetic sessions that every other command can read."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.data import read_input, read_measured, read_session
+from orthoglide_cal.measured import Readings
+from orthoglide_cal.plan import Contact
+from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, run
+from tests.machines import LARGE, PROTOTYPE, ROOT
+
+LARGE_FILE = str(ROOT / "configs" / "orthoglide_large.yaml")
+CAUSES = (
+    "axis_gap=0.1,0.2,-0.1", "axis_squareness=1,-1,0.5", "leg_length=0.01,0,-0.02",
+    "encoder_scale=1,-1,2", "backlash=0.02,0.01,0.03", "thermal_drift=0.05,0.1,-0.1",
+    "bar_skew=1,2,-1,0.5,0.2,-2", "gauge_drift@x,y=0.05", "stand_shift@12=0.1",
+    "gauge_slip@7=1", "gauge_slip@7+=-1", "misread@60=0.1", "sign_flip@z,x", "swapped_gauges@y",
+)  # fmt: skip
+
+
+def session(*arguments: str) -> Readings:
+    """The readings of a simulated session."""
+    shown = run("simulate", "--seed", "5", *arguments)
+    assert shown.exit_code == 0, shown.stderr
+    assert shown.stderr == ""
+    path = Path("session.csv")
+    path.write_text(shown.stdout, encoding="utf-8")
+    measured = read_measured(str(path), PROTOTYPE)
+    assert isinstance(measured, Readings)
+    return measured
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_the_same_seed_gives_the_same_session() -> None:
+    one, two = run("simulate", "--seed", "3").stdout, run("simulate", "--seed", "3").stdout
+    assert one == two
+    assert one != run("simulate", "--seed", "4").stdout
+
+
+def test_without_a_seed_the_one_used_is_told() -> None:
+    shown = run("simulate")
+    seed = shown.stderr.split()[-1]
+    assert shown.stderr == f"seed {seed}\n"
+    assert run("simulate", "--seed", seed).stdout == shown.stdout
+
+
+@pytest.mark.parametrize("protocol", ["double", "single"])
+@pytest.mark.parametrize("machine", ["prototype", LARGE_FILE])
+def test_solve_finds_the_offsets_that_were_simulated(protocol: str, machine: str) -> None:
+    option = ("--machine", machine) if machine != "prototype" else ()
+    offsets = (1.42, -2.31, 0.87)
+    made = run(
+        "simulate", "--protocol", protocol, "--offsets", *map(str, offsets), "--seed", "6", *option
+    )
+    (found,) = lines(run("solve", "--json", *option, "-", text=made.stdout))
+    for axis, value in zip("xyz", offsets, strict=True):
+        assert abs(found["offsets_mm"][axis] - value) < 4.0 * found["std_mm"][axis]
+    assert found["lack_of_fit_p"] > 0.001
+
+
+def test_shape_of_a_double_posture_session() -> None:
+    readings = session("--cycles", "2")
+    assert len(readings) == 6 * (3 * 2 + 1)
+    assert readings.timed
+    assert readings.posture[:6] == ("iso", "iso", "max", "max", "min", "min")
+    assert readings.cycle.max() == 3
+    assert np.all(readings.plan.contact == Contact.FIXED)
+
+
+def test_shape_of_a_single_posture_session() -> None:
+    readings = session("--protocol", "single", "--cycles", "2")
+    assert len(readings) == 24
+    assert set(readings.plan.contact.tolist()) == {Contact.JOINT, Contact.TOOL}
+
+
+def test_the_gauge_of_the_machine_or_another() -> None:
+    usual = session().value / 0.01
+    assert np.abs(usual - np.rint(usual)).max() < 1e-6
+    coarse = session("--resolution", "0.05").value / 0.05
+    assert np.abs(coarse - np.rint(coarse)).max() < 1e-6
+    exact = session("--noise", "0", "--resolution", "0", "--offsets", "1", "2", "3")
+    plan = exact.plan
+    cell = (plan.leg == 1) & (plan.direction == 0) & (plan.displacement == -100)
+    assert np.ptp(exact.value[cell]) == 0.0
+    noisy = session("--noise", "0.5")
+    # Ten readings of nothing but noise; a chance of 1e-3 to be outside, and the seed is fixed.
+    assert 0.2 < np.std(noisy.value[(plan.leg == 0) & (plan.direction == 1)]) < 0.9
+
+
+def test_gauge_position_is_recorded() -> None:
+    assert set(session("--gauge-at", "0.4").plan.gauge_at.tolist()) == {0.4}
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_every_cause_changes_the_readings(cause: str) -> None:
+    exact = ("--noise", "0", "--resolution", "0", "--offsets", "0.5", "-0.4", "0.3")
+    healthy, wrong = session(*exact), session(*exact, "--cause", cause)
+    change = wrong.value - healthy.value
+    zeros = np.stack([wrong.plan.setup == k for k in range(6)]).astype(float)
+    zeros /= zeros.sum(axis=1, keepdims=True)
+    assert np.abs(change - (zeros @ change)[wrong.plan.setup]).max() > 1e-4
+
+
+def test_a_placed_cause_acts_there_and_nowhere_else() -> None:
+    exact = ("--noise", "0", "--resolution", "0")
+    healthy = session(*exact)
+
+    def changed(cause: str) -> list[int]:
+        change = session(*exact, "--cause", cause).value - healthy.value
+        return (np.flatnonzero(np.abs(change) > 1e-6) + 1).tolist()
+
+    assert changed("misread@12=0.1") == [12]
+    assert changed("gauge_slip@12=2") == [12]
+    assert changed("gauge_slip@12+=2") == [12, 14, 16, 18, 20]
+    assert changed("stand_shift@12=0.1") == [12, 14, 16, 18, 20]
+    assert changed("gauge_drift@y,x=0.5") == list(range(21, 41, 2))
+
+
+def test_causes_add_up() -> None:
+    exact = ("--noise", "0", "--resolution", "0")
+    both = session(*exact, "--cause", "misread@3=0.1", "--cause", "gauge_slip@3=1")
+    assert both.value[2] - session(*exact).value[2] == pytest.approx(1.1, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("cause", "said"),
+    [
+        ("rust=1", "There is no cause 'rust'"),
+        ("axis_gap=1,2", "takes 3 values in mm, not 2. Write axis_gap=xy,yz,zx"),
+        ("axis_gap", "takes 3 values"),
+        ("axis_gap=1,2,x", "This is not a number."),
+        ("axis_gap@x=1,2,3", "axis_gap cannot act at 'x'"),
+        ("backlash=-1,0,0", "cannot be negative"),
+        ("misread=0.1", "misread cannot act in this session"),
+        ("misread@61=0.1", "misread cannot act at '61'"),
+        ("misread@0=0.1", "misread cannot act at '0'"),
+        ("gauge_drift@x,x=0.1", "gauge_drift cannot act at 'x,x'"),
+        ("sign_flip@x,y=1", "takes 0 values, not 1"),
+        ("swapped_gauges@q", "swapped_gauges cannot act at 'q'"),
+    ],
+)
+def test_causes_that_make_no_sense(cause: str, said: str) -> None:
+    shown = run("simulate", "--seed", "1", "--cause", cause)
+    assert shown.exit_code == 2
+    assert said in shown.stderr
+    assert shown.stdout == ""
+
+
+@pytest.mark.parametrize("option", ["--noise", "--resolution"])
+@pytest.mark.parametrize("size", ["-0.1", "nan", "inf"])
+def test_gauges_that_do_not_exist(option: str, size: str) -> None:
+    shown = run("simulate", option, size)
+    assert shown.exit_code == 2
+    assert f"{option} cannot be" in shown.stderr
+
+
+def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:
+    target = tmp_path / "made.csv"
+    shown = run("simulate", "--seed", "3", "--output", str(target))
+    assert shown.exit_code == 0
+    assert shown.stdout == ""
+    assert str(target) in shown.stderr
+    written = target.read_text(encoding="utf-8")
+    assert written == run("simulate", "--seed", "3").stdout
+    again = run("simulate", "--seed", "4", "--output", str(target))
+    assert again.exit_code == 2
+    assert target.read_text(encoding="utf-8") == written
+
+
+def test_output_as_a_session_holds_the_machine_and_the_same_readings(tmp_path: Path) -> None:
+    target = tmp_path / "made.yaml"
+    arguments = ("simulate", "--seed", "3", "--machine", LARGE_FILE, "--gauge-at", "0.4")
+    assert run(*arguments, "--output", str(target)).exit_code == 0
+    (tmp_path / "made.csv").write_text(run(*arguments).stdout, encoding="utf-8")
+    written, machine = read_input(str(target))
+    plain = read_measured(str(tmp_path / "made.csv"), LARGE)
+    assert machine == LARGE
+    assert isinstance(written, Readings)
+    assert isinstance(plain, Readings)
+    assert np.array_equal(written.value, plain.value)
+    assert np.array_equal(written.plan.setup, plain.plan.setup)
+    assert written.plan.hours == pytest.approx(plain.plan.hours, abs=1e-9)
+    record = read_session(target)
+    assert record.protocol == "double-posture"
+    assert record.operator is None
+    assert record.started is None
+
+
+def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
+    text = (SAMPLES / "README.md").read_text(encoding="utf-8")
+    commands = [line.split() for line in text.splitlines() if line.startswith("orthocal simulate")]
+    assert len(commands) == 3
+    for command in commands:
+        assert run(*command[1:]).exit_code == 0
+    for file in (DOUBLE, SINGLE):
+        assert (tmp_path / Path(file).name).read_bytes() == Path(file).read_bytes()
+    assert read_session(tmp_path / "session.yaml").readings == read_session(SESSION).readings

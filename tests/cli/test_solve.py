@@ -1,0 +1,197 @@
+"""`orthocal solve`: what a technician reads, and what a program reads."""
+
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from orthoglide_cal import estimation
+from orthoglide_cal.data import default_machine, machine_text, read_measured
+from tests.cli.program import DOUBLE, SESSION, SINGLE, SIX, lines, process, run
+
+FIELDS: dict[str, Any] = {
+    "schema_version": int, "input": dict, "machine": str, "method": str, "offsets_mm": dict,
+    "std_mm": dict, "ci95_mm": dict, "correlation": list, "sigma_mm": float,
+    "sigma_rho_mm": float, "dof": int, "rms_before_mm": float, "rms_after_mm": float,
+    "converged": bool, "table": list, "warnings": list,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])
+def test_json_has_every_field_of_the_contract(file: str) -> None:
+    shown = run("solve", "--json", file)
+    assert shown.exit_code == 0
+    (found,) = lines(shown)
+    for name, kind in FIELDS.items():
+        assert type(found[name]) is kind, name
+    content = Path(file).read_bytes()
+    measured = read_measured(file, default_machine())
+    assert found["input"] == {
+        "path": file,
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "kind": measured.kind,
+        "readings": len(measured),
+    }
+    for name in ("offsets_mm", "std_mm"):
+        assert list(found[name]) == ["x", "y", "z"]
+        assert all(type(value) is float for value in found[name].values())
+    for axis in "xyz":
+        low, high = found["ci95_mm"][axis]
+        assert low < found["offsets_mm"][axis] < high
+    assert [len(row) for row in found["correlation"]] == [3, 3, 3]
+    assert len(found["table"]) == 6
+    for row in found["table"]:
+        assert set(row) == {"difference", "measured_mm", "modelled_mm", "expected_mm"}
+        gap = row["measured_mm"] - row["modelled_mm"]
+        assert row["expected_mm"] == pytest.approx(gap, abs=1e-15)
+    assert all(type(warning) is str for warning in found["warnings"])
+
+
+def test_json_is_the_solution() -> None:
+    (found,) = lines(run("solve", "--json", DOUBLE))
+    solution = estimation.solve(read_measured(DOUBLE, default_machine()), default_machine())
+    assert list(found["offsets_mm"].values()) == solution.offsets_mm.tolist()
+    assert list(found["std_mm"].values()) == solution.std_mm.tolist()
+    assert list(found["ci95_mm"].values()) == solution.interval_mm.tolist()
+    assert found["sigma_rho_mm"] == solution.sigma_rho_mm
+    assert found["dof"] == 51
+
+
+@pytest.mark.parametrize(
+    ("file", "truth"),
+    [(DOUBLE, (0.42, -0.31, 0.87)), (SINGLE, (0.42, -0.31, 0.87))],
+)
+def test_the_sample_sessions_give_their_true_offsets(file: str, truth: tuple[float, ...]) -> None:
+    (found,) = lines(run("solve", "--json", file))
+    for axis, value in zip("xyz", truth, strict=True):
+        assert abs(found["offsets_mm"][axis] - value) < 3.0 * found["std_mm"][axis]
+
+
+def test_without_spare_readings_nothing_is_not_a_number() -> None:
+    text = "difference,value_mm\ndx_y,0.1\ndy_x,0.2\ndz_x,-0.3\n"
+    shown = run("solve", "--json", "-", text=text)
+    (found,) = lines(shown)
+    assert found["dof"] == 0
+    assert found["sigma_residuals_mm"] is None
+    assert found["sigma_repeats_mm"] is None
+    assert math.isfinite(found["std_mm"]["x"])
+    assert any("no spare readings" in warning for warning in found["warnings"])
+    assert "unknown" in run("solve", "-", text=text).stdout
+
+
+def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
+    """New = active + Δρ, with the machine's active offsets."""
+    machine = tmp_path / "tuned.yaml"
+    text = machine_text(default_machine())
+    machine.write_text(
+        text.replace("{x: 0.0, y: 0.0, z: 0.0}", "{x: 0.25, y: -1.5, z: 0.0}"), encoding="utf-8"
+    )
+    shown = run("solve", "--machine", str(machine), SIX).stdout
+    (found,) = lines(run("solve", "--json", "--machine", str(machine), SIX))
+    cells = {row.split()[0]: row.split() for row in shown.splitlines() if row[:3] in {"  x", "  y"}}
+    for axis, active in (("x", 0.25), ("y", -1.5)):
+        row = cells[axis]
+        assert float(row[1]) == pytest.approx(found["offsets_mm"][axis], abs=5e-4)
+        assert float(row[-2]) == active
+        assert float(row[-1]) == pytest.approx(active + found["offsets_mm"][axis], abs=5e-4)
+    assert "true position = indicated + Δρ" in shown
+
+
+def test_text_shows_the_papers_table_4() -> None:
+    shown = run("solve", SIX).stdout.splitlines()
+    at = next(i for i, line in enumerate(shown) if line.startswith("Expected improvement"))
+    assert shown[at + 1].split() == ["x_y", "x_z", "y_x", "y_z", "z_x", "z_y", "r.m.s."]
+    measured, expected = shown[at + 2].split(), shown[at + 3].split()
+    assert " ".join(measured[1:]) == "-0.43 -0.37 +0.42 -0.18 -1.14 -0.70 0.62"
+    assert " ".join(expected[2:]) == "-0.28 +0.25 +0.21 -0.14 -0.13 +0.09 0.20"
+    assert "0.6219 before, 0.1953 after" in shown[at + 4]
+
+
+def test_text_puts_the_sigmas_side_by_side() -> None:
+    shown = run("solve", DOUBLE).stdout
+    (found,) = lines(run("solve", "--json", DOUBLE))
+    heading = next(line for line in shown.splitlines() if "q/√12" in line)
+    assert heading.split()[:3] == ["repeats", "residuals", "stated"]
+    numbers = shown.splitlines()[shown.splitlines().index(heading) + 1].split()[1:]
+    names = ("repeats", "residuals", "stated", "floor")
+    expected = [found[f"sigma_{name}_mm"] for name in names] + [found["sigma_mm"]]
+    assert [float(number) for number in numbers] == pytest.approx(expected, abs=5e-5)
+
+
+@pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])
+def test_text_fits_80_columns(file: str) -> None:
+    shown = process("solve", file, environment={"COLUMNS": "80"}).stdout
+    assert max(len(line) for line in shown.splitlines()) <= 80
+
+
+def test_healthy_residuals_are_said_to_be_so() -> None:
+    shown = " ".join(run("solve", DOUBLE).stdout.split())
+    assert "The residuals are what this gauge's noise would give" in shown
+    assert "diagnose" not in shown
+
+
+def test_unhealthy_residuals_name_the_command_to_run_next(tmp_path: Path) -> None:
+    copy = tmp_path / "my session.yaml"
+    copy.write_bytes(Path(SESSION).read_bytes())
+    shown = run("solve", str(copy)).stdout.replace("\n", "")
+    assert "larger than this gauge's noise would give" in shown
+    assert f"Run next: orthocal diagnose '{copy}'" in shown
+    machine = Path("configs") / "orthoglide_prototype.yaml"
+    shown = run("solve", "--machine", str(machine), SIX).stdout.replace("\n", "")
+    assert f"orthocal diagnose {SIX} --machine {machine}" in shown
+
+
+def test_standard_input_is_a_file_like_others() -> None:
+    text = Path(DOUBLE).read_text(encoding="utf-8")
+    (piped,) = lines(run("solve", "--json", "-", text=text))
+    (named,) = lines(run("solve", "--json", DOUBLE))
+    assert piped["input"]["path"] == "-"
+    assert piped["input"]["sha256"] == named["input"]["sha256"]
+    assert piped["offsets_mm"] == named["offsets_mm"]
+    assert process("solve", "--json", "-", text=text).stdout == json.dumps(piped) + "\n"
+
+
+@pytest.mark.parametrize("method", ["readings", "six", "twelve", "six-linear", "twelve-linear"])
+def test_methods_by_name(method: str) -> None:
+    (found,) = lines(run("solve", "--json", "--method", method, DOUBLE))
+    assert found["method"] == method
+    assert found["offsets_mm"]["z"] == pytest.approx(0.87, abs=0.05)
+    assert method in run("solve", "--method", method, DOUBLE).stdout
+
+
+def test_a_method_that_cannot_use_a_file_says_which_can() -> None:
+    shown = run("solve", "--method", "readings", SIX)
+    assert shown.exit_code == 2
+    assert "Choose one of six-linear, six." in shown.stderr
+
+
+def test_a_session_is_judged_by_its_own_machine_unless_told_otherwise() -> None:
+    (own,) = lines(run("solve", "--json", SESSION))
+    assert own["machine"] == "Orthoglide prototype"
+    (other,) = lines(run("solve", "--json", "--machine", "configs/orthoglide_large.yaml", SESSION))
+    assert other["machine"] == "Orthoglide large"
+    assert any("differs from the machine given" in warning for warning in other["warnings"])
+
+
+def test_known_causes_of_the_machine_are_used(tmp_path: Path) -> None:
+    """The session's hidden axis gap, accepted in the machine file, makes the residuals healthy."""
+    text = machine_text(default_machine())
+    accepted = (
+        "identified:\n"
+        "- cause: axis_gap\n"
+        "  date: '2026-01-01'\n"
+        f"  data_sha256: '{'0' * 64}'\n"
+        "  parameters:\n"
+        "    xy: {value: 0.30, std: 0.01, unit: mm}\n"
+        "    yz: {value: -0.25, std: 0.01, unit: mm}\n"
+        "    zx: {value: 0.35, std: 0.01, unit: mm}\n"
+    )
+    machine = tmp_path / "known.yaml"
+    machine.write_text(text.replace("identified: []\n", accepted), encoding="utf-8")
+    (found,) = lines(run("solve", "--json", "--machine", str(machine), SESSION))
+    assert found["lack_of_fit_p"] > 0.001
+    for axis, value in zip("xyz", (-0.18, 0.55, 0.26), strict=True):
+        assert abs(found["offsets_mm"][axis] - value) < 3.5 * found["std_mm"][axis]
