@@ -13,11 +13,14 @@ from typer.core import TyperGroup
 from orthoglide_cal import __version__
 from orthoglide_cal.cli.common import NoColour, leave_closed_pipe, tell_error
 from orthoglide_cal.cli.diagnose import diagnose
+from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.measure import measure
 from orthoglide_cal.cli.paper import paper
+from orthoglide_cal.cli.report import report
 from orthoglide_cal.cli.simulate import simulate
 from orthoglide_cal.cli.solve import solve
 from orthoglide_cal.cli.validate import validate
+from orthoglide_cal.cli.verify import verify
 from orthoglide_cal.errors import OrthocalError
 
 
@@ -63,7 +66,9 @@ def _orthocal(
     pass
 
 
-for command in (measure, solve, diagnose, simulate, validate, paper):
+for command in (
+    measure, solve, diagnose, report, verify, export, simulate, validate, paper
+):  # fmt: skip
     app.command()(command)
 
 
