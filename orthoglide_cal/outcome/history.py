@@ -59,7 +59,7 @@ class Drift:
     """Change of the total offsets between two sessions.
 
     Attributes:
-        since: "the last adjustment" or "the first session".
+        since: "the first session" or "the last adjustment".
         days: between the two.
         change_mm: last − first, one per axis.
         expanded_mm: expanded uncertainty of the change, one per axis.
@@ -85,7 +85,8 @@ class History:
         machine: name.
         folder: as the user gave it.
         entries: at least one.
-        drift: since the last adjustment (else since the first session); None with one session.
+        drifts: since the first session and, if there was one later, since the last adjustment;
+            empty with one session.
         last_adjusted: moment of the first session with the present offsets; None if they
             never changed.
         left_out: (file, reason).
@@ -94,7 +95,7 @@ class History:
     machine: str
     folder: str
     entries: tuple[Entry, ...]
-    drift: Drift | None
+    drifts: tuple[Drift, ...]
     last_adjusted: float | None
     left_out: tuple[tuple[str, str], ...]
 
@@ -140,7 +141,7 @@ def history(folder: Path, machine: str | None = None) -> History:
         machine=chosen,
         folder=str(folder),
         entries=ordered,
-        drift=_drift(ordered),
+        drifts=_drifts(ordered),
         last_adjusted=adjusted[-1].moment if adjusted else None,
         left_out=tuple(left_out),
     )
@@ -174,15 +175,21 @@ def _with_adjustments(entries: list[Entry]) -> tuple[Entry, ...]:
     return tuple(marked)
 
 
-def _drift(entries: tuple[Entry, ...]) -> Drift | None:
-    start = max((k for k, entry in enumerate(entries) if entry.adjusted), default=0)
-    since = "the last adjustment" if start else "the first session"
-    if start == len(entries) - 1:
-        # Nothing measured since the adjustment: the session before it is the one to compare.
-        if start == 0:
-            return None
-        start, since = start - 1, "the session before"
-    first, last = entries[start], entries[-1]
+def _drifts(entries: tuple[Entry, ...]) -> tuple[Drift, ...]:
+    adjusted = max((k for k, entry in enumerate(entries) if entry.adjusted), default=0)
+    starts = (
+        {0: "the first session", adjusted: "the last adjustment"}
+        if adjusted
+        else {0: "the first session"}
+    )
+    return tuple(
+        _drift(since, entries[k], entries[-1])
+        for k, since in starts.items()
+        if k < len(entries) - 1
+    )
+
+
+def _drift(since: str, first: Entry, last: Entry) -> Drift:
     change = last.total_mm - first.total_mm
     expanded = np.hypot(first.expanded_mm, last.expanded_mm)
     return Drift(

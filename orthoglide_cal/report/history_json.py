@@ -20,7 +20,7 @@ def as_json(history: History) -> dict[str, Any]:
         "machine": history.machine,
         "folder": history.folder,
         "sessions": [_entry(entry) for entry in history.entries],
-        "drift": _drift(history.drift) if history.drift else None,
+        "drifts": [_drift(drift) for drift in history.drifts],
         "last_adjusted_before": None if adjusted is None else _time(adjusted),
         "left_out": [{"file": name, "reason": reason} for name, reason in history.left_out],
     }

@@ -20,7 +20,7 @@ from orthoglide_cal.report.blocks import (
     Section,
     Table,
 )
-from orthoglide_cal.report.numbers import counted, plain, signed, with_uncertainty
+from orthoglide_cal.report.numbers import counted, plain, signed, two_figures, with_uncertainty
 from orthoglide_cal.report.sketch import interval_lines
 
 
@@ -63,30 +63,25 @@ def history_report(history: History, identity: Identity) -> Document:
 
 
 def _notice(history: History) -> Notice:
-    drift = history.drift
-    if drift is None:
+    if not history.drifts:
         return Notice("info", "One session: nothing to compare yet")
-    moved = [axis for axis, yes in zip(AXES, drift.moved, strict=True) if yes]
-    days = counted(round(drift.days), "day")
+    lines = tuple(_sentence(drift) for drift in history.drifts)
+    moved = [axis for k, axis in enumerate(AXES) if any(drift.moved[k] for drift in history.drifts)]
     if not moved:
-        return Notice(
-            "good",
-            f"No drift since {drift.since}",
-            (f"Within {days} no offset changed by more than its uncertainty.",),
+        return Notice("good", "No drift beyond the uncertainty", lines)
+    axes = f"axis {moved[0]}" if len(moved) == 1 else f"axes {', '.join(moved)}"
+    return Notice("warn", f"The offsets drift: {axes}", lines)
+
+
+def _sentence(drift: Drift) -> str:
+    days = counted(round(drift.days), "day")
+    changes = ", ".join(
+        f"{axis} {with_uncertainty(change, expanded)}{' (drifts)' if yes else ''}"
+        for axis, change, expanded, yes in zip(
+            AXES, drift.change_mm, drift.expanded_mm, drift.moved, strict=True
         )
-    return Notice(
-        "warn",
-        f"Drift since {drift.since}: {', '.join(moved)}",
-        tuple(
-            f"{axis}: {with_uncertainty(change, expanded)} mm in {days}."
-            for axis, change, expanded, yes in _changes(drift)
-            if yes
-        ),
     )
-
-
-def _changes(drift: Drift) -> list[tuple[str, float, float, bool]]:
-    return list(zip(AXES, drift.change_mm, drift.expanded_mm, drift.moved, strict=True))
+    return f"Since {drift.since} ({days}), mm: {changes}."
 
 
 def _drift(history: History) -> Section:
@@ -108,7 +103,8 @@ def _drift(history: History) -> Section:
     sketch: tuple[str, ...] = ()
     for k, axis in enumerate(AXES):
         names = [f"{axis}  {date(entry.moment)}" for entry in entries]
-        sketch += interval_lines(names, total[:, k].tolist(), expanded[:, k].tolist())
+        values, halves = total[:, k].tolist(), expanded[:, k].tolist()
+        sketch += interval_lines(names, values, halves, zero=False)
     return Section(
         "Drift of the offsets",
         (
@@ -125,34 +121,27 @@ def _drift(history: History) -> Section:
 
 
 def _sessions(history: History) -> Section:
-    rows: list[tuple[Line | None, ...]] = []
-    for entry in history.entries:
-        totals = (
-            with_uncertainty(value, expanded)
-            for value, expanded in zip(
-                entry.total_mm.tolist(), entry.expanded_mm.tolist(), strict=True
-            )
+    rows: list[tuple[Line | None, ...]] = [
+        (
+            date(entry.moment) + ("" if entry.dated else " (file)"),
+            *(signed(value, 3) for value in entry.total_mm.tolist()),
+            two_figures(float(entry.expanded_mm.max())),
+            plain(entry.rms_after_mm, 4),
+            " ".join(signed(value, 3) for value in entry.active_mm.tolist())
+            if entry.adjusted
+            else "",
         )
-        rows.append(
-            (
-                date(entry.moment) + ("" if entry.dated else " (file)"),
-                *totals,
-                plain(entry.rms_after_mm, 4),
-                _adjustment(entry.active_mm.tolist()) if entry.adjusted else "",
-            )
-        )
+        for entry in history.entries
+    ]
     return Section(
         "Sessions",
         (
             Table(
-                ("session", "x", "y", "z", "residual", "adjusted to"),
+                ("session", "x", "y", "z", "U", "residual", "adjusted to"),
                 tuple(rows),
-                words=(0, 5),
-                caption="In mm: offset in the controller plus the offset found, with U (95 %).",
+                words=(0,),
+                caption="In mm: offset in the controller plus the offset found; the largest"
+                " expanded uncertainty (95 %); residual r.m.s.",
             ),
         ),
     )
-
-
-def _adjustment(active: list[float]) -> str:
-    return " ".join(signed(value, 3) for value in active)

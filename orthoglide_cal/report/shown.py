@@ -7,8 +7,10 @@ import unicodedata
 
 # Characters that change the direction of what follows: U+202E turns "exe.csv" around.
 _DIRECTION = "\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
-# Of Markdown and of the HTML that it lets through; "." and "-" only matter at a line's beginning.
-_MARKDOWN = re.compile(r"([\\`*_{}\[\]()<>#+!|~&])")
+# What Markdown obeys anywhere in a line; other signs matter only at its beginning, where no text
+# from outside stands. Addresses become links by themselves unless they are written so.
+_MARKDOWN = re.compile(r"([\\`*_\[\]<|~&$])")
+_ADDRESS = (("://", ":&#47;&#47;"), ("www.", "www&#46;"), ("@", "&#64;"))
 _FORMULA = "=+-@\t\r\n"
 
 
@@ -34,7 +36,10 @@ def _visible(character: str, lines: bool) -> str:
 
 def in_markdown(text: str) -> str:
     """The text so that Markdown shows it as it stands, on one line."""
-    return _MARKDOWN.sub(r"\\\1", visible(text))
+    escaped = _MARKDOWN.sub(r"\\\1", visible(text))
+    for plain, written in _ADDRESS:
+        escaped = escaped.replace(plain, written)
+    return escaped
 
 
 def in_csv(text: str) -> str:

@@ -12,14 +12,17 @@ def interval_lines(
     values: Sequence[float],
     halves: Sequence[float],
     width: int = WIDTH,
+    zero: bool = True,
 ) -> tuple[str, ...]:
-    """One line per value: its interval on a common scale, with zero marked.
+    """One line per value: its interval on a common scale, with zero marked if it is wanted.
 
     >>> print(interval_lines(["x"], [1.0], [0.5], 13)[0])
     x  │   ├───●───┤
     """
     ends = [v + s * h for v, h in zip(values, halves, strict=True) for s in (-1.0, 1.0)]
-    low, high = min([0.0, *ends]), max([0.0, *ends])
+    if zero:
+        ends.append(0.0)
+    low, high = min(ends), max(ends)
     span = (high - low) or 1.0
 
     def place(value: float) -> int:
@@ -28,7 +31,8 @@ def interval_lines(
     lines = []
     for name, value, half in zip(names, values, halves, strict=True):
         cells = [" "] * width
-        cells[place(0.0)] = "│"
+        if zero:
+            cells[place(0.0)] = "│"
         left, middle, right = place(value - half), place(value), place(value + half)
         for k in range(left, right + 1):
             cells[k] = "─"

@@ -40,7 +40,10 @@ def renderable(document: Document) -> RenderableType:
     for section in (*document.sheet, *document.sections):
         parts.append(Text())
         parts.append(Text(visible(section.title), style="bold underline"))
-        parts += [_block(block) for block in section.blocks]
+        for number, block in enumerate(section.blocks):
+            if number and isinstance(block, Table | Figure | Facts):
+                parts.append(Text())
+            parts.append(_block(block))
     if document.signatures:
         parts.append(Text())
         parts += [Text(f"{role}, date: {_BLANK}") for role in document.signatures]

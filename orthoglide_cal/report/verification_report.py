@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from datetime import datetime
 
+import numpy as np
+
+from orthoglide_cal.report import figures
 from orthoglide_cal.report.blocks import (
     Block,
     Code,
     Document,
     Facts,
+    Figure,
     Given,
     Line,
     Notice,
@@ -52,8 +56,9 @@ def verification_report(
             )
         ),
         notice=notice(verification),
-        sheet=(outcome_section(verification), _response(verification)),
+        sheet=(outcome_section(verification),),
         sections=(
+            _response(verification),
             _remaining(verification),
             _origin(verification, software),
         ),
@@ -63,10 +68,11 @@ def verification_report(
 
 def notice(verification: Verification) -> Notice:
     """The answer in one box."""
+    digits = 3 if verification.kind == "readings" else 2
     lines: list[Line] = [
-        f"Promised {plain(verification.rms_promised_mm, 2)} mm, measured"
-        f" {plain(verification.rms_after_mm, 2)} mm (r.m.s.; before"
-        f" {plain(verification.rms_before_mm, 2)} mm).",
+        f"Promised {plain(verification.rms_promised_mm, digits)} mm, measured"
+        f" {plain(verification.rms_after_mm, digits)} mm (r.m.s.; before"
+        f" {plain(verification.rms_before_mm, digits)} mm).",
         answer_text(verification),
     ]
     decision = verification.decision
@@ -119,22 +125,23 @@ def interval(coefficient: Coefficient) -> str:
 
 def outcome_section(verification: Verification) -> Section:
     """Promised and measured, difference by difference."""
+    digits = 3 if verification.kind == "readings" else 2
     rows: list[tuple[Line | None, ...]] = [
         (
             f"d{d.name}",
-            signed(d.before_mm, 2),
-            signed(d.promised_mm, 2),
-            signed(d.after_mm, 2),
-            signed(d.after_mm - d.promised_mm, 2),
+            signed(d.before_mm, digits),
+            signed(d.promised_mm, digits),
+            signed(d.after_mm, digits),
+            signed(d.after_mm - d.promised_mm, digits),
         )
         for d in verification.deviations
     ]
     rows.append(
         (
             "r.m.s.",
-            Strong(plain(verification.rms_before_mm, 2)),
-            Strong(plain(verification.rms_promised_mm, 2)),
-            Strong(plain(verification.rms_after_mm, 2)),
+            Strong(plain(verification.rms_before_mm, digits)),
+            Strong(plain(verification.rms_promised_mm, digits)),
+            Strong(plain(verification.rms_after_mm, digits)),
             "",
         )
     )
@@ -159,6 +166,20 @@ def outcome_section(verification: Verification) -> Section:
             )
         )
         blocks.append(Paragraph(f"Decision rule: {RULE}", small=True))
+    blocks.append(
+        Figure(
+            "",
+            "How far each difference is from its promise.",
+            figures.difference_rows(
+                [d.name for d in verification.deviations],
+                np.array([d.after_mm for d in verification.deviations]),
+                np.array([d.promised_mm for d in verification.deviations]),
+                "promised",
+            ),
+            columns=1,
+            key="○ measured after the adjustment, ■ promised.",
+        )
+    )
     return Section("Promised and measured", tuple(blocks))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from orthoglide_cal.axes import Floats, Ints
@@ -13,15 +15,15 @@ WIDTH, HEIGHT = 300.0, 190.0
 
 
 def residual_strips(
-    names: tuple[str, str],
-    residuals_mm: tuple[Floats, Floats],
+    names: Sequence[str],
+    residuals_mm: Sequence[Floats],
     legs: Ints,
     noise_mm: float,
 ) -> tuple[Html, ...]:
-    """Residuals in order of time, under two models, on one scale.
+    """Residuals in order of time, under one or two models, on one scale.
 
     Args:
-        names: of the two models.
+        names: of the models.
         residuals_mm: in order of time, each of shape (n,).
         legs: 0, 1, 2: leg of each, shape (n,); sets the colour.
         noise_mm: standard deviation of one reading; the band is twice as high.

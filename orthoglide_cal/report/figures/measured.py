@@ -82,9 +82,16 @@ def reading_panels(
 
 
 def difference_rows(
-    names: Sequence[str], measured_mm: Floats, predicted_mm: Floats
+    names: Sequence[str],
+    measured_mm: Floats,
+    predicted_mm: Floats,
+    model: str = "predicted",
 ) -> tuple[Html, ...]:
-    """A line for each difference: measured (circle), predicted (square), and what is left."""
+    """A line for each difference: measured (circle), predicted (square), and what is left.
+
+    Args:
+        model: what the prediction is called.
+    """
     width, top = 360.0, 22.0
     height = top + ROW * len(names) + 34.0
     low, high = around([*measured_mm.tolist(), *predicted_mm.tolist()], 0.02)
@@ -114,13 +121,13 @@ def difference_rows(
             line(first, y, second, y, "gap"),
             mark(second, y, 2, "mark", 5.0),
             mark(first, y, 0, "mark open", 5.5),
-            words(width - 4, y + 4, f"{left:+.2f}", "end"),
+            words(width - 4, y + 4, f"{left:+.3f}", "end"),
         )
         parts.append(tag("g", join(row), class_=f"c-{name[2]}"))
     worst = int(np.argmax(np.abs(measured_mm - predicted_mm)))
     finding = (
-        f"Of {len(names)} differences the model misses d{names[worst]} most: measured"
-        f" {measured_mm[worst]:+.2f} mm, predicted {predicted_mm[worst]:+.2f} mm."
+        f"Of {len(names)} differences d{names[worst]} is missed most: measured"
+        f" {measured_mm[worst]:+.3f} mm, {model} {predicted_mm[worst]:+.3f} mm."
     )
-    title = "Measured and predicted differences"
-    return (svg("measured", width, height, title, finding, *parts),)
+    title = f"Measured and {model} differences"
+    return (svg(f"measured-{model}", width, height, title, finding, *parts),)

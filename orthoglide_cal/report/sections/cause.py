@@ -133,31 +133,39 @@ def _explained(findings: Findings, found: Diagnosis) -> list[Block]:
     parts = findings.explained
     if parts is None:
         return []
-    names = " and ".join(cause.id for cause in found.causes)
-    cause = names or "listed causes"
-    bars = bar_lines(
-        (cause, "noise", "unexplained"),
-        (parts.by_cause, parts.noise, parts.unexplained),
-        (percent(parts.by_cause), percent(parts.noise), percent(parts.unexplained)),
-        width=30,
-    )
-    models = ("offsets alone", f"with {names}" if names else "best explanation")
-    panels = figures.residual_strips(
-        models, (parts.before_mm, parts.after_mm), parts.leg, found.lack_of_fit.noise_mm
-    )
-    finding = (
-        f"{cause} explains {percent(parts.by_cause)} of the residuals' sum of squares;"
-        f" {percent(parts.unexplained)} stays unexplained. r.m.s."
-        f" {two_figures(parts.rms_before_mm)} → {two_figures(parts.rms_after_mm)} mm."
-    )
+    cause = " and ".join(cause.id for cause in found.causes)
+    models, residuals = ["offsets alone"], [parts.before_mm]
+    if cause:
+        models.append(f"with {cause}")
+        residuals.append(parts.after_mm)
+        finding = (
+            f"{cause} explains {percent(parts.by_cause)} of the residuals' sum of squares;"
+            f" {percent(parts.unexplained)} stays unexplained. r.m.s."
+            f" {two_figures(parts.rms_before_mm)} → {two_figures(parts.rms_after_mm)} mm."
+        )
+    else:
+        finding = (
+            f"{percent(parts.unexplained)} of the residuals' sum of squares stays unexplained:"
+            f" r.m.s. {two_figures(parts.rms_before_mm)} mm."
+        )
+    shares = {
+        cause or "listed causes": parts.by_cause,
+        "noise": parts.noise,
+        "unexplained": parts.unexplained,
+    }
     return [
         Figure(
             "Explained and unexplained",
             finding,
-            (*panels, figures.share_bar(cause, parts.by_cause, parts.noise, parts.unexplained)),
-            sketch=bars,
+            figures.residual_strips(models, residuals, parts.leg, found.lack_of_fit.noise_mm),
+            sketch=bar_lines(
+                list(shares), list(shares.values()), [percent(s) for s in shares.values()], width=30
+            ),
             columns=2,
             key="Leg x ●, y ▲, z ■. Band: what the gauge's noise explains (95 %).",
+            legend=figures.share_bar(
+                cause or "listed causes", parts.by_cause, parts.noise, parts.unexplained
+            ),
         )
     ]
 
