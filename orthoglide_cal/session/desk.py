@@ -91,7 +91,10 @@ class Desk:
         while True:
             line = self._keyboard.read(None if gauge is None else POLL_S)
             if line is not None and (line.strip() or gauge is None):
-                return self._typed(line.strip(), self._clock() - since)
+                waited = self._clock() - since
+                if not self._keyboard.live:
+                    self._show(_printable(line.strip()))  # a terminal has shown it itself
+                return self._typed(line.strip(), waited)
             if gauge is None:
                 continue
             heard = self._listen(gauge, asked=line is not None, prompt=prompt)
@@ -124,7 +127,7 @@ class Desk:
                 self._show(item.token.raw)
                 return item
             self._show("")
-            said = "".join(c if c.isprintable() else "?" for c in item.token.raw)[:40]
+            said = _printable(item.token.raw)
             why = item.elsewhere or "That is no reading: nothing is recorded."
             self._show(f"The gauge says '{said}'. {why}", "bad")
             self._show(prompt, "prompt", end="")
@@ -142,3 +145,8 @@ class Desk:
         self._show("The gauge is back.", "good")
         self._show(prompt, "prompt", end="")
         return True
+
+
+def _printable(text: str) -> str:
+    """Text as it may be shown: short, without control characters."""
+    return "".join(c if c.isprintable() else "?" for c in text)[:40]

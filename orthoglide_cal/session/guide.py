@@ -9,6 +9,7 @@ from orthoglide_cal.axes import AXES, Floats
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Contact
+from orthoglide_cal.session.desk import Show
 from orthoglide_cal.session.pictures import fixed_gauges, side, sliding_gauge
 from orthoglide_cal.session.state import State
 from orthoglide_cal.session.steps import Step
@@ -194,8 +195,15 @@ def _ruled(heading: str, right: str) -> str:
     return f"-- {heading} {'-' * max(dashes, 1)} {right}"
 
 
-def wrapped(text: str, indent: str = "") -> list[str]:
-    """Text in lines that fit the screen."""
-    return textwrap.wrap(
-        text, WIDTH, initial_indent=indent, subsequent_indent=indent, break_long_words=True
-    )
+def wrapping(show: Show) -> Show:
+    """The same, with lines broken where the screen ends; prompts stay as they are."""
+
+    def show_wrapped(text: str, style: str = "", end: str = "\n") -> None:
+        if end != "\n" or len(text) <= WIDTH:
+            show(text, style, end)
+            return
+        indent = " " * (len(text) - len(text.lstrip()))
+        for line in textwrap.wrap(text, WIDTH, subsequent_indent=indent):
+            show(line, style)
+
+    return show_wrapped

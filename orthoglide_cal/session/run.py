@@ -37,7 +37,7 @@ class Run:
         self.setting = setting
         self.state: State = replay(journal.recovered.events)
         self.desk = desk
-        self.show = show
+        self.show = guide.wrapping(show)
         self._journal = journal
         self._now = now
         self._numbered = {step.number: step for step in setting.steps}
@@ -145,10 +145,8 @@ class Run:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self._numbered[pending.step]
         model = pending.doubt in MODEL_DOUBTS and not pending.about
-        for line in guide.wrapped(f"Step {step.number}, {pending.value_mm:+.3f} mm:", ""):
-            self.show(line, "question")
-        for line in guide.wrapped(pending.question, "  "):
-            self.show(line, "question")
+        self.show(f"Step {step.number}, {pending.value_mm:+.3f} mm:", "question")
+        self.show(f"  {pending.question}", "question")
         keys = "k keep it, m the stand moved" if model else "k keep it"
         hint = f", {self.desk.hint}" if self.desk.hint else ""
         prompt = f"{step.number}. {keys}, or read again{hint} > "
@@ -172,8 +170,7 @@ class Run:
             return
         understood = understand(answer, self.setting.unit)
         if isinstance(understood, Refused):
-            for line in guide.wrapped(understood.why):
-                self.show(line, "bad")
+            self.show(understood.why, "bad")
             return
         token, doubt = understood
         self._read(step, token, "typed", doubt)

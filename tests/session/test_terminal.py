@@ -1,0 +1,284 @@
+"""Whole sessions through a real pseudo-terminal, typed and through a serial gauge."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pexpect
+import pytest
+
+from orthoglide_cal.data import default_machine, read_measured, read_session
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+
+from .terminal import PROGRAM, PROMPT, QUESTION, SerialLine, Terminal
+from .virtual import readings_of, steps_of
+
+ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Iterator[SerialLine]:
+    gauge = SerialLine(tmp_path / "ttyUSB0")
+    yield gauge
+    gauge.close()
+
+
+def assert_fits(seen: str) -> None:
+    """No line is longer than the screen is wide, nothing but text and line ends."""
+    for shown in seen.replace("\r\n", "\n").split("\n"):
+        assert len(shown) <= 80, shown
+    assert not ESCAPE.search(seen)
+    assert all(c.isprintable() or c in "\r\n" for c in seen)
+
+
+def assert_found(folder: Path, protocol: str, seed: int, values: list[float]) -> None:
+    """The session file holds the readings, and they give the hidden offsets."""
+    machine = default_machine()
+    measured = read_measured(str(folder / "s.yaml"), machine)
+    assert measured.value.tolist() == values
+    hidden = SimulatedGauge(machine, steps_of(protocol), seed).offsets_mm
+    assert np.abs(solve(measured, machine).offsets_mm - hidden).max() < 0.08
+
+
+@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
+def test_a_complete_session_typed(tmp_path: Path, protocol: str) -> None:
+    steps = steps_of(protocol)
+    values = readings_of(steps, 5)
+    options = ("s.yaml", "--protocol", protocol.split("-")[0], "--operator", "Ada")
+    with Terminal(tmp_path, *options) as terminal:
+        for step, value in zip(steps, values, strict=True):
+            assert terminal.step() == step.number
+            terminal.type(f"{value:.2f}")
+        assert terminal.finish() == 0
+    assert_fits(terminal.seen)
+    assert_found(tmp_path, protocol, 5, values)
+    assert "Next: orthocal diagnose s.yaml" in terminal.seen
+    record = read_session(tmp_path / "s.yaml")
+    assert (record.protocol, record.operator) == (protocol, "Ada")
+    assert record.finished is not None
+    assert len(record.readings) == len(steps)
+
+
+@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
+def test_a_complete_session_through_a_serial_gauge(
+    tmp_path: Path, line: SerialLine, protocol: str
+) -> None:
+    steps = steps_of(protocol)
+    values = readings_of(steps, 6)
+    options = ("s.yaml", "--protocol", protocol.split("-")[0], "--gauge", f"mahr:{line.path}")
+    with Terminal(tmp_path, *options) as terminal:
+        for step, value in zip(steps, values, strict=True):
+            assert terminal.step() == step.number
+            line.send(f"  {value:.3f} mm\r\n".encode())
+        assert terminal.finish() == 0
+    assert_fits(terminal.seen)
+    assert_found(tmp_path, protocol, 6, values)
+
+
+@pytest.mark.slow
+def test_a_complete_simulated_session(tmp_path: Path) -> None:
+    options = ("s.yaml", "--gauge", "simulated", "--seed", "4")
+    with Terminal(tmp_path, *options) as terminal:
+        for number in range(1, 61):
+            assert terminal.step() == number
+            terminal.type("")
+        assert terminal.finish() == 0
+    assert_fits(terminal.seen)
+    assert "Hidden in it, and found" in terminal.seen
+    hidden = SimulatedGauge(default_machine(), steps_of(), 4).offsets_mm
+    assert f"hidden {hidden[0]:+.4f}" in terminal.seen
+    record = read_session(tmp_path / "s.yaml")
+    assert record.environment == {"readings_from": "simulated", "seed": "4"}
+
+
+def test_colours_only_where_they_are_wanted(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml", colour=True) as terminal:
+        terminal.step()
+        assert ESCAPE.search(terminal.seen)
+    with Terminal(tmp_path, "t.yaml", "--no-color", colour=True) as terminal:
+        terminal.step()
+        assert not ESCAPE.search(terminal.seen)
+
+
+@pytest.mark.slow
+def test_a_narrow_and_a_wide_terminal(tmp_path: Path) -> None:
+    for name, columns in (("n.yaml", 40), ("w.yaml", 200)):
+        with Terminal(tmp_path, name, columns=columns) as terminal:
+            assert terminal.step() == 1
+            terminal.type("0.12")
+            assert terminal.step() == 2
+
+
+# ---- keyboard-wedge gauges
+
+
+@pytest.mark.parametrize("end", ["\r", "\n", "\t", "\r\n"])
+def test_a_wedge_may_end_its_number_with_return_or_tab(tmp_path: Path, end: str) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        for number, value in ((1, "-0.64"), (2, "0.41"), (3, "-0.95")):
+            assert terminal.step() == number
+            terminal.type(value, end)
+            terminal.expect(f"saved {float(value):+.3f}".replace("+", r"\+"))
+
+
+def test_a_double_press_does_not_answer_the_next_prompt(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.64\r-0.64")  # both before the next prompt
+        assert terminal.step() == 2
+        time.sleep(0.3)
+        assert not terminal.child.expect([pexpect.TIMEOUT, "saved"], timeout=0.5)
+        terminal.type("0.41")
+        assert terminal.step() == 3
+        # The second press arrives just after the prompt: it is asked about.
+        terminal.type("-0.95")
+        assert terminal.step() == 4
+        terminal.type("-0.95")
+        terminal.expect(QUESTION)
+        assert "pressed twice?" in terminal.seen
+        time.sleep(0.4)
+        terminal.type("0.43")
+        assert terminal.step() == 5
+
+
+def test_backspace_edits_the_line(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        assert terminal.step() == 1
+        terminal.type("0.13\x7f2")
+        terminal.expect(r"saved \+0\.120")
+
+
+# ---- interruptions
+
+
+@pytest.mark.parametrize(
+    ("how", "when"),
+    [
+        ("ctrl-c", "prompt"), ("ctrl-d", "prompt"), ("SIGTERM", "prompt"), ("SIGHUP", "prompt"),
+        ("q", "prompt"), ("closed", "prompt"), ("ctrl-c", "question"), ("q", "question"),
+    ],
+)  # fmt: skip
+def test_every_interruption_keeps_everything(tmp_path: Path, how: str, when: str) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        for value in ("-0.64", "0.41"):
+            terminal.step()
+            terminal.type(value)
+        assert terminal.step() == 3
+        if when == "question":
+            terminal.type("12.345")
+            terminal.expect(QUESTION)
+        child = terminal.child
+        if how.startswith("ctrl"):
+            child.sendcontrol(how[-1])
+        elif how.startswith("SIG"):
+            child.kill(getattr(signal, how))
+        elif how == "closed":
+            child.close(force=False)
+        else:
+            terminal.type("q")
+        if how == "closed":
+            assert child.exitstatus in (130, None)
+        else:
+            assert terminal.finish() == 130
+            assert "orthocal measure s.yaml --resume" in terminal.seen
+            assert "Traceback" not in terminal.seen
+    assert not (tmp_path / "s.yaml").exists()
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        with Terminal(tmp_path, "s.yaml", "--resume") as terminal:
+            terminal.child.expect([QUESTION, PROMPT, "in use"])
+            if terminal.child.after != "in use":  # a closed terminal takes a moment
+                assert "Resumed: 2 readings" in terminal.child.before
+                assert terminal.child.match.group(1) == "3"
+                return
+    pytest.fail("the interrupted session still holds its lock")
+
+
+def test_the_terminal_is_left_as_it_was(tmp_path: Path) -> None:
+    """TAB ends a line only while the session runs."""
+    script = (
+        "import sys, subprocess, termios;"
+        "before = termios.tcgetattr(0);"
+        f"subprocess.run([sys.executable, '-c', {PROGRAM!r}, 'measure', 's.yaml']);"
+        "print('same' if termios.tcgetattr(0) == before else 'changed')"
+    )
+    child = pexpect.spawn(
+        sys.executable, ["-c", script], cwd=str(tmp_path), encoding="utf-8", timeout=30
+    )
+    child.expect(PROMPT)
+    child.send("q\r")
+    assert child.expect(["same", "changed"]) == 0
+    child.close(force=True)
+
+
+# ---- without a terminal
+
+
+def run(folder: Path, *arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM, "measure", *arguments],
+        cwd=folder,
+        input=stdin,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_readings_from_a_pipe(tmp_path: Path, end: str) -> None:
+    steps = steps_of("single-posture")
+    values = readings_of(steps, 5)
+    text = "".join(f"{value:.2f}{end}" for value in values)
+    done = run(tmp_path, "s.yaml", "--protocol", "single", stdin=text)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert_fits(done.stdout)
+    assert_found(tmp_path, "single-posture", 5, values)
+
+
+def test_a_pipe_that_ends_too_early_is_an_interruption(tmp_path: Path) -> None:
+    done = run(tmp_path, "s.yaml", stdin="-0.64\n0.41\n")
+    assert done.returncode == 130
+    assert "orthocal measure s.yaml --resume" in done.stderr
+    again = run(tmp_path, "s.yaml", "--resume", stdin="-0.95")
+    assert again.returncode == 130
+    assert "Resumed: 2 readings" in again.stdout
+    assert "saved -0.950" in again.stdout
+
+
+def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:
+    done = run(tmp_path, "s.yaml", "--gauge", "simulated", "--seed", "9", "--json")
+    assert done.returncode == 0
+    result = json.loads(done.stdout)
+    hidden = SimulatedGauge(default_machine(), steps_of(), 9).offsets_mm
+    found = [result["offsets_mm"][axis] for axis in "xyz"]
+    assert np.abs(np.array(found) - hidden).max() < 0.05
+    assert "Step 1 of 60" in done.stderr
+
+
+def test_a_reader_that_goes_away(tmp_path: Path) -> None:
+    command = f"{sys.executable} -c '{PROGRAM}' measure s.yaml --gauge simulated | head -n 3"
+    done = subprocess.run(
+        command, shell=True, cwd=tmp_path, capture_output=True, text=True, timeout=60,
+        stdin=subprocess.DEVNULL, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "s.journal").exists()
+
+
+def test_the_first_prompt_comes_soon(tmp_path: Path) -> None:
+    begin = time.monotonic()
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        terminal.step()
+        assert time.monotonic() - begin < 5.0
