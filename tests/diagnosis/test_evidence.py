@@ -7,7 +7,6 @@ import pytest
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import CAUSES, Cause, PatternCause, RelabelCause
-from orthoglide_cal.causes.gauge_slip import TURNS
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Names
@@ -125,7 +124,7 @@ def by_brute_force(found: Assessment, key: Names) -> float:
             pattern = acting.contact(np.zeros(len(frame.plan)), np.zeros(1), commanded)
             pattern = frame.matrix @ acting.record(pattern, commanded)
             if extra.id == "gauge_slip":
-                for turns, chance in TURNS.items():
+                for turns, chance in CAUSES["gauge_slip"].counts.items():
                     left = residual - turns * pattern
                     square = left @ inverse @ left
                     parts.append(share + np.log(chance) - 0.5 * (square + log_det))
