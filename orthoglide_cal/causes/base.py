@@ -6,8 +6,10 @@ of its parameters it is an `Effect` of the forward model, the same one that solv
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
 
 import numpy as np
 
@@ -69,6 +71,10 @@ class Cause:
     timed: bool = False
     advice: str
 
+    def possible(self, machine: Machine) -> bool:
+        """Whether it can happen on this machine and its gauge."""
+        return machine.tolerances.get(self.id, 0.0) > 0.0
+
     @property
     def in_machine(self) -> bool:
         """True if the machine itself is wrong, not the contact or the record."""
@@ -121,9 +127,21 @@ class Cause:
 
 
 class PatternCause(Cause):
-    """A cause of one parameter that adds a known pattern of readings, at one of many places."""
+    """A cause of one parameter that adds a known pattern of readings, at one of many places.
+
+    Attributes:
+        counts: sizes that it can take where they are whole numbers, with how plausible each is;
+            empty for a size of any value.
+        hides_reading: True if the reading at its place says nothing any more.
+    """
 
     names = ("size",)
+    counts: Mapping[int, float] = MappingProxyType({})
+    hides_reading: bool = False
+
+    def millimetres(self, machine: Machine) -> float:
+        """One unit of its size in what the patterns are multiplied by."""
+        return 1.0
 
     def patterns(self, plan: Plan, places: tuple[Where, ...]) -> Floats:
         """Readings added by one internal unit at each place, shape (n, places)."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from orthoglide_cal.axes import Floats, Numbers
@@ -11,14 +13,11 @@ from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.simulation import Commanded
 
-# How plausible each miscount is: nearly always one turn.
-TURNS = {-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01}
-
 
 class GaugeSlip(PatternCause):
     """Turns added to one reading, or to all readings of a set-up from one on.
 
-    The parameter is a whole number, so it is not estimated but tried.
+    The parameter is a whole number, nearly always one, so it is not estimated but tried.
     """
 
     id = "gauge_slip"
@@ -26,7 +25,16 @@ class GaugeSlip(PatternCause):
     step = Step.RECORD
     unit = "turns"
     names = ("turns",)
+    counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
     advice = "Count the turns again: add or take off whole revolutions at this reading."
+
+    def possible(self, machine: Machine) -> bool:
+        """Only a gauge with a dial has turns to miscount."""
+        return super().possible(machine) and machine.gauge.revolution_mm is not None
+
+    def millimetres(self, machine: Machine) -> float:
+        """One revolution of the dial [mm]."""
+        return machine.gauge.revolution_mm or 0.0
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Every reading alone, and every reading but the first of a set-up with all after it."""
@@ -49,8 +57,8 @@ class GaugeSlip(PatternCause):
         self, readings: Numbers, theta: Numbers, where: Where, commanded: Commanded
     ) -> Numbers:
         """Reading += turns · revolution; theta (..., 1)."""
-        revolution = commanded.machine.gauge.revolution_mm or 0.0
-        return readings + revolution * self.added(theta, where, commanded.plan)
+        turn = self.millimetres(commanded.machine)
+        return readings + turn * self.added(theta, where, commanded.plan)
 
 
 CAUSE = GaugeSlip()

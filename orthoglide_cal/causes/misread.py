@@ -18,6 +18,7 @@ class Misread(PatternCause):
     title = "one reading is wrong"
     step = Step.RECORD
     unit = "mm"
+    hides_reading = True
     advice = "Take this reading again."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import fdtrc
 
-from orthoglide_cal.axes import Floats
+from orthoglide_cal.axes import AXES, Floats
 from orthoglide_cal.causes import Acting, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.frame import Frame
@@ -112,7 +112,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
     for act in accepted.acting:
         spread = accepted.covariance[start : start + act.theta.size, :]
         spread = np.sqrt(np.diag(spread[:, start : start + act.theta.size]))
-        fixed = act.cause.id == "gauge_slip"
+        fixed = isinstance(act.cause, PatternCause) and bool(act.cause.counts)
         start += 0 if fixed else act.theta.size
         stds = np.zeros(act.theta.size) if fixed else spread
         named.append(
@@ -217,6 +217,14 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         notes.append(
             "Of plausible size yet too small to be seen in these readings:"
             f" {', '.join(answer.ambiguous_with)}."
+        )
+    places = {where.index[0] for where in found.catalogue.places.get("swapped_gauges", ())}
+    untried = sorted(set(found.frame.plan.leg.tolist()) - places)
+    if found.frame.timed and untried:
+        notes.append(
+            "Exchanged gauges could not be tried on leg"
+            f" {', '.join(AXES[leg] for leg in untried)}: its two directions were not read at the"
+            " same postures."
         )
     if answer.verdict == UNEXPLAINED:
         unlisted = found.posterior.unlisted

@@ -59,9 +59,8 @@ def menu_of(machine: Machine, timed: bool) -> Menu:
     usable = [
         cause
         for cause in CAUSES.values()
-        if machine.tolerances.get(cause.id, 0.0) > 0.0
+        if cause.possible(machine)
         and (timed or not cause.timed)
-        and (cause.id != "gauge_slip" or machine.gauge.revolution_mm)
         and not any(found.id == cause.id for found in machine.identified)
     ]
     patterns = tuple(c for c in usable if isinstance(c, PatternCause))

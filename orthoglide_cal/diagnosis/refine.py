@@ -59,7 +59,9 @@ class Fitted:
     def wrong_reading(self) -> int | None:
         """Index of the one reading that it calls wrong by an unknown amount, if any."""
         extra = self.score.extra
-        return extra.where.index[0] if extra is not None and extra.cause.id == "misread" else None
+        if extra is None or not isinstance(extra.cause, PatternCause):
+            return None
+        return extra.where.index[0] if extra.cause.hides_reading else None
 
     @property
     def log_evidence(self) -> float:
@@ -127,7 +129,7 @@ def refine(
     covariance = _covariance(columns, stds, sigma_new)
     log += _positivity(base, solution[3:], covariance[3:, 3:])
     size = (
-        solution[-1:] if free is not None else np.full(1, float(extra.turns or 0) if extra else 0)
+        solution[-1:] if free is not None else np.full(1, float(extra.count or 0) if extra else 0)
     )
     return Fitted(
         score=Score(log, base, extra),
@@ -162,8 +164,8 @@ def _extra_prior(frame: Frame, score: Score, widen: float) -> tuple[float, Float
     extra = score.extra
     if extra is None or isinstance(extra.cause, RelabelCause):
         return 0.0, np.zeros(0)
-    if extra.turns is not None:
-        return extra.turns * (frame.machine.gauge.revolution_mm or 0.0), np.zeros(0)
+    if extra.count is not None:
+        return extra.count * extra.cause.millimetres(frame.machine), np.zeros(0)
     return 0.0, extra.cause.prior_std(frame.machine) * widen * max(BLUNDER_SCALES)
 
 

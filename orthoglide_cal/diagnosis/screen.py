@@ -11,7 +11,6 @@ import numpy as np
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import Cause, PatternCause, RelabelCause, Where
-from orthoglide_cal.causes.gauge_slip import TURNS
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum, log_sums
 from orthoglide_cal.diagnosis.explanations import Menu, Names, names
 from orthoglide_cal.diagnosis.frame import Frame
@@ -34,12 +33,12 @@ class Extra:
     Attributes:
         cause: a pattern cause or a relabelling one.
         where: the place.
-        turns: miscounted turns of a slip; None for other causes.
+        count: its size where that is a whole number; None for a size of any value.
     """
 
     cause: PatternCause | RelabelCause
     where: Where
-    turns: int | None = None
+    count: int | None = None
 
 
 @dataclass(frozen=True)
@@ -222,10 +221,9 @@ def pattern_density(
         Shape (g, places, sizes).
     """
     power, match = power[..., None], match[..., None]
-    if cause.id == "gauge_slip":
-        revolution = frame.machine.gauge.revolution_mm or 0.0
-        size = np.array(list(TURNS), dtype=np.float64) * revolution
-        gain = size * match - 0.5 * size**2 * power + np.log(list(TURNS.values()))
+    if cause.counts:
+        size = np.array(list(cause.counts)) * cause.millimetres(frame.machine)
+        gain = size * match - 0.5 * size**2 * power + np.log(list(cause.counts.values()))
     else:
         scales = np.array(BLUNDER_SCALES)
         variance = (cause.prior_std(frame.machine)[0] * widen * scales) ** 2
@@ -237,7 +235,7 @@ def pattern_density(
 def _likeliest(
     cause: PatternCause | RelabelCause, places: tuple[Where, ...], by_place: Floats
 ) -> Extra:
-    """The place, and for a slip the turns, that count most; by_place has shape (places, sizes)."""
+    """The place and size that weigh most; by_place has shape (places, sizes)."""
     place, size = np.unravel_index(int(np.argmax(by_place)), by_place.shape)
-    turns = list(TURNS)[size] if cause.id == "gauge_slip" else None
-    return Extra(cause, places[place], turns)
+    counts = list(cause.counts) if isinstance(cause, PatternCause) else []
+    return Extra(cause, places[place], counts[size] if counts else None)
