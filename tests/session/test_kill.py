@@ -1,0 +1,250 @@
+"""SIGKILL after and during every single step: nothing acknowledged is lost, the result is equal."""
+
+import os
+import re
+import signal
+import sys
+from collections.abc import Callable
+from itertools import repeat
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.data import atomic, default_machine, read_measured, session_text
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.session import journal as journal_module
+from orthoglide_cal.session.events import Opened
+from orthoglide_cal.session.files import publish
+from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.record import readings
+from orthoglide_cal.session.run import Run
+from orthoglide_cal.session.state import replay
+
+from .terminal import Terminal
+from .virtual import a_run, opened, steps_of
+
+SEED = 21
+PHASES = ("before writing", "half written", "not synchronised", "synchronised", "acknowledged")
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def simulated(protocol: str, cycles: int) -> tuple[SimulatedGauge, Opened]:
+    gauge = SimulatedGauge(default_machine(), steps_of(protocol, cycles), SEED)
+    return gauge, opened(protocol, cycles, source=["simulated"], seed=SEED)
+
+
+def result(run: Run) -> tuple[list[float], str]:
+    """Offsets to the last digit, and the session file without its times."""
+    machine = default_machine()
+    offsets = solve(readings(run.state, run.setting.steps, machine, ""), machine).offsets_mm
+    text = re.sub(r"(minutes|timestamp|finished|started): [^,}\n]+", "", session_text(run.record()))
+    return offsets.tolist(), text
+
+
+def uninterrupted(path: Path, protocol: str, cycles: int) -> tuple[list[float], str]:
+    gauge, first = simulated(protocol, cycles)
+    run, _, journal = a_run(path, repeat(""), first=first, gauge=gauge)
+    with journal:
+        run.run()
+    return result(run)
+
+
+class Bomb:
+    """Ends the process without warning in one phase of the second record that is written."""
+
+    def __init__(self, phase: str) -> None:
+        self.phase = phase
+        self.records = 0
+        self._write, self._fsync = os.write, os.fsync
+
+    def write(self, descriptor: int, data: memoryview) -> int:
+        self.records += 1
+        if self.records == 2 and self.phase == "before writing":
+            die()
+        if self.records == 2 and self.phase == "half written":
+            self._write(descriptor, data[: len(data) // 2])
+            die()
+        return self._write(descriptor, data)
+
+    def fsync(self, descriptor: int) -> None:
+        if self.records == 2 and self.phase == "not synchronised":
+            die()
+        self._fsync(descriptor)
+        if self.records == 2 and self.phase == "synchronised":
+            die()
+
+
+def sitting(path: Path, phase: str, protocol: str, cycles: int) -> tuple[int, list[int]]:
+    """One sitting in a process of its own, killed in its second step.
+
+    Returns:
+        Its exit status, and the steps that were acknowledged on the screen.
+    """
+    listen, tell = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.close(listen)
+            gauge, first = simulated(protocol, cycles)
+            if not path.exists():
+                Journal.create(path, first).close()
+            bomb = Bomb(phase)
+            journal_module.os = type(
+                "Os", (), {**vars(os), "write": bomb.write, "fsync": bomb.fsync}
+            )  # type: ignore[attr-defined]
+            run, _screen, _ = a_run(path, repeat(""), gauge=gauge)
+            show = run.show
+
+            def shown(text: str, style: str = "", end: str = "\n") -> None:
+                show(text, style, end)
+                if text.startswith("   saved"):
+                    os.write(tell, bytes([run.state.last_step or 0]))
+                    if bomb.records == 2 and phase == "acknowledged":
+                        die()
+
+            run.show = shown
+            run.run()
+            os._exit(0)
+        except BaseException:
+            import traceback
+
+            traceback.print_exc(file=sys.__stderr__)
+            os._exit(1)
+    os.close(tell)
+    with os.fdopen(listen, "rb") as pipe:
+        acknowledged = list(pipe.read())
+    return os.waitpid(child, 0)[1], acknowledged
+
+
+def killed_all_along(path: Path, phase: str, protocol: str, cycles: int) -> int:
+    """Sitting after sitting, each killed, until the session is complete; how many there were."""
+    acknowledged: set[int] = set()
+    for count in range(1, 200):
+        status, said = sitting(path, phase, protocol, cycles)
+        acknowledged |= set(said)
+        state = replay(decode(path.read_bytes(), str(path)).events)
+        assert acknowledged <= set(state.accepted)
+        if os.WIFEXITED(status):
+            assert os.WEXITSTATUS(status) == 0
+            return count
+        assert os.WTERMSIG(status) == signal.SIGKILL
+    raise AssertionError("the session never ends")
+
+
+def check_killing(folder: Path, phase: str, protocol: str, cycles: int) -> None:
+    expected = uninterrupted(folder / "whole.journal", protocol, cycles)
+    path = folder / "killed.journal"
+    sittings = killed_all_along(path, phase, protocol, cycles)
+    steps = len(steps_of(protocol, cycles))
+    assert sittings >= steps // 2
+    gauge, _ = simulated(protocol, cycles)
+    run, _, journal = a_run(path, [], gauge=gauge)
+    journal.close()
+    assert run.state.ended is not None
+    assert len(run.state.accepted) == steps
+    assert result(run) == expected
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_killed_at_every_step_of_a_short_session(tmp_path: Path, phase: str) -> None:
+    check_killing(tmp_path, phase, "single-posture", 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
+def test_killed_at_every_step_of_a_whole_session(tmp_path: Path, phase: str, protocol: str) -> None:
+    check_killing(tmp_path, phase, protocol, 3)
+
+
+@pytest.mark.parametrize("cut", range(0, 16, 3))
+def test_the_last_record_cut_at_any_byte_gives_the_same_result(tmp_path: Path, cut: int) -> None:
+    """Resume from every part of the record of step `cut` + 1; a cut record is read again."""
+    expected = uninterrupted(tmp_path / "whole.journal", "single-posture", 1)
+    data = (tmp_path / "whole.journal").read_bytes()
+    lines = data.splitlines(keepends=True)
+    begin = sum(len(line) for line in lines[: cut + 1])
+    for byte in range(0, len(lines[cut + 1]) + 1, 60):
+        path = tmp_path / f"{byte}.journal"
+        path.write_bytes(data[: begin + byte])
+        gauge, _ = simulated("single-posture", 1)
+        run, _, journal = a_run(path, repeat(""), gauge=gauge)
+        with journal:
+            run.run()
+        assert result(run) == expected
+
+
+def in_a_child(action: Callable[[], None]) -> int:
+    child = os.fork()
+    if child == 0:
+        try:
+            action()
+        finally:
+            os._exit(0)
+    return os.waitpid(child, 0)[1]
+
+
+@pytest.mark.parametrize("moment", ["fsync", "hardlink_to", "after", "unlink"])
+def test_killed_while_the_session_file_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
+) -> None:
+    """The file is not there, or complete; writing it again ends with the same bytes."""
+    gauge, first = simulated("single-posture", 1)
+    run, _, journal = a_run(tmp_path / "s.journal", repeat(""), first=first, gauge=gauge)
+    with journal:
+        run.run()
+    target = tmp_path / "s.yaml"
+
+    def write_and_die() -> None:
+        if moment == "fsync":
+            monkeypatch.setattr(atomic.os, "fsync", lambda _: die())
+        elif moment != "after":
+            monkeypatch.setattr(Path, moment, lambda *_, **__: die())
+        publish(run.record(), target)
+        die()
+
+    assert os.WTERMSIG(in_a_child(write_and_die)) == signal.SIGKILL
+    text = session_text(run.record())
+    assert not target.exists() or target.read_text(encoding="utf-8") == text
+    publish(run.record(), target)
+    assert target.read_text(encoding="utf-8") == text
+
+
+def kill_program(folder: Path, kills: list[int], *options: str) -> None:
+    """Drive the real program, killing it at the prompts of these steps."""
+    resume: tuple[str, ...] = ()
+    remaining = list(kills)
+    while True:
+        with Terminal(folder, "s.yaml", *options, *resume) as terminal:
+            while True:
+                terminal.child.expect([r"(\d+)\. Gauge [^\r\n]* > $", "Next: orthocal"])
+                if terminal.child.match.re.groups == 0:
+                    assert terminal.finish() == 0
+                    return
+                number = int(terminal.child.match.group(1))
+                if remaining and number == remaining[0]:
+                    remaining.pop(0)
+                    terminal.child.kill(signal.SIGKILL)
+                    break
+                terminal.type("")
+        resume = ("--resume",)
+
+
+def offsets_of(path: Path) -> list[float]:
+    machine = default_machine()
+    return solve(read_measured(str(path), machine), machine).offsets_mm.tolist()
+
+
+@pytest.mark.parametrize("steps", ["some", pytest.param("all", marks=pytest.mark.slow)])
+def test_the_program_itself_is_killed(tmp_path: Path, steps: str) -> None:
+    options = ("--protocol", "single", "--cycles", "1", "--gauge", "simulated", "--seed", "21")
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    whole.mkdir()
+    killed.mkdir()
+    kill_program(whole, [], *options)
+    kill_program(killed, [2, 9, 16] if steps == "some" else list(range(1, 17)), *options)
+    assert offsets_of(killed / "s.yaml") == offsets_of(whole / "s.yaml")

@@ -1,0 +1,157 @@
+"""Serial gauges that err, lose their cable, share a line or have to be asked."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pexpect
+import pytest
+
+from .terminal import PROMPT, SerialLine, Terminal
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Iterator[SerialLine]:
+    gauge = SerialLine(tmp_path / "ttyUSB0")
+    yield gauge
+    gauge.close()
+
+
+def test_errors_are_shown_and_nothing_is_recorded(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
+        assert terminal.step() == 1
+        for error in (
+            b"ERR6\r",
+            b"911\r",
+            b"3 TO 999999.99 mm\r\n",
+            b"+999999.99\r",
+            b"\xff\xfe\r",
+        ):
+            line.send(error)
+            terminal.expect("nothing is recorded")
+            assert terminal.step() == 1
+        line.send(b"-0.64\r")
+        terminal.expect("saved -0.640")
+        assert terminal.step() == 2
+
+
+def test_half_a_message_is_no_reading(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
+        assert terminal.step() == 1
+        line.send(b"-0.6")
+        terminal.expect("The gauge says '-0.6'. That is no reading")
+        assert terminal.step() == 1
+        line.send(b"-0.")
+        time.sleep(0.3)
+        line.send(b"64\r")
+        terminal.expect("saved -0.640")
+
+
+def test_what_was_sent_before_the_prompt_is_not_used(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
+        assert terminal.step() == 1
+        line.send(b"-0.64\r-0.64\r-0.64\r")  # pressed three times
+        assert terminal.step() == 2
+        assert terminal.child.expect([pexpect.TIMEOUT, "saved"], timeout=0.5) == 0
+        line.send(b"0.41\r")
+        terminal.expect(r"saved \+0\.410")
+
+
+def test_return_asks_a_gauge_that_can_be_asked(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
+        assert terminal.step() == 1
+        terminal.type("")
+        assert line.received() == b"?\r"
+        line.send(b"-0.64\r")
+        terminal.expect("saved -0.640")
+
+
+def test_typing_still_works_beside_a_gauge(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.64")
+        assert terminal.step() == 2
+        line.send(b"0.41\n")
+        assert terminal.step() == 3
+        terminal.type("t")
+        terminal.expect("leg gauge posture")
+        assert terminal.step() == 3
+
+
+def test_inch_gauges(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"mux:{line.path}") as terminal:
+        assert terminal.step() == 1
+        line.send(b"1 MW+000.0050 inch\r\n")
+        terminal.expect(r"saved \+0\.127")
+
+
+def test_unplugging_pauses_and_plugging_in_goes_on(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
+        assert terminal.step() == 1
+        line.send(b"-0.64\r")
+        assert terminal.step() == 2
+        for value in ("0.41", "-0.95"):
+            line.unplug()
+            terminal.expect("does not answer")
+            terminal.expect("Plug it in again")
+            assert terminal.child.expect([PROMPT, pexpect.TIMEOUT], timeout=5) == 0
+            time.sleep(0.7)  # a few attempts fail meanwhile
+            line.plug_in()
+            terminal.expect("The gauge is back")
+            terminal.step()
+            line.send(f"{value}\r".encode())
+            terminal.expect(f"saved {float(value):+.3f}".replace("+", r"\+"))
+            terminal.step()
+        terminal.type("q")
+        assert terminal.finish() == 130
+        assert "Traceback" not in terminal.seen
+
+
+def test_keys_work_while_the_gauge_is_unplugged(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
+        assert terminal.step() == 1
+        line.unplug()
+        terminal.expect("Plug it in again")
+        assert terminal.step() == 1
+        terminal.type("-0.64")
+        terminal.expect("saved -0.640")
+        terminal.step()
+        terminal.type("q")
+        assert terminal.finish() == 130
+
+
+def test_two_gauges_on_two_lines(tmp_path: Path, line: SerialLine) -> None:
+    other = SerialLine(tmp_path / "ttyUSB1")
+    try:
+        options = ("--gauge", f"plain:{line.path}", "--gauge", f"plain:{other.path}")
+        with Terminal(tmp_path, "s.yaml", *options) as terminal:
+            assert terminal.step() == 1
+            other.send(b"0.41\r")
+            terminal.expect("That was gauge 2; gauge 1 is asked")
+            assert terminal.step() == 1
+            line.send(b"-0.64\r")
+            assert terminal.step() == 2
+            other.send(b"0.41\r")
+            terminal.expect(r"saved \+0\.410")
+    finally:
+        other.close()
+
+
+def test_two_gauges_on_a_multiplexer(tmp_path: Path, line: SerialLine) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", f"mitutoyo:{line.path}#1,2") as terminal:
+        assert terminal.step() == 1
+        line.send(b"02A+0000.410\r")
+        terminal.expect("That was channel 02; channel 1 is asked")
+        assert terminal.step() == 1
+        line.send(b"01A-0000.640\r")
+        terminal.expect("saved -0.640")
+        assert terminal.step() == 2
+        line.send(b"02A+0000.410\r")
+        terminal.expect(r"saved \+0\.410")
+
+
+def test_a_port_that_is_not_there_leaves_no_file(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", "plain:/dev/ttyNOPE") as terminal:
+        assert terminal.finish() == 3
+        assert "cannot be reached" in terminal.seen
+    assert list(tmp_path.iterdir()) == []
