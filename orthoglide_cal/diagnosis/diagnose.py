@@ -218,9 +218,11 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
             "Of plausible size yet too small to be seen in these readings:"
             f" {', '.join(answer.ambiguous_with)}."
         )
+    plan = found.frame.plan
     places = {where.index[0] for where in found.catalogue.places.get("swapped_gauges", ())}
-    untried = sorted(set(found.frame.plan.leg.tolist()) - places)
-    if found.frame.timed and untried:
+    both = [leg for leg in range(3) if np.unique(plan.direction[plan.leg == leg]).size == 2]
+    untried = [leg for leg in both if leg not in places]
+    if untried:
         notes.append(
             "Exchanged gauges could not be tried on leg"
             f" {', '.join(AXES[leg] for leg in untried)}: its two directions were not read at the"
