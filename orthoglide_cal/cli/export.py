@@ -61,7 +61,7 @@ def export(
     ] = 7,
     no_colour: NoColour = False,
 ) -> None:
-    """Write the new joint offsets for the controller; refuse if they must not be used."""
+    """Write the new offsets for the controller, if they may be used."""
     from orthoglide_cal import outcome
     from orthoglide_cal.data import read_machine, write_text
     from orthoglide_cal.outcome.export import export as release

@@ -67,7 +67,7 @@ def report(
     ] = None,
     no_colour: NoColour = False,
 ) -> None:
-    """Write the calibration report: on the terminal, as HTML, Markdown or JSON."""
+    """Write the calibration report, or the history of a machine."""
     if after is None and (applied is not None or limit is not None):
         raise UsageError("--applied and --limit go with --after.", "Name the later readings.")
     if history is not None:

@@ -43,7 +43,7 @@ def verify(
     overwrite: Overwrite = False,
     no_colour: NoColour = False,
 ) -> None:
-    """Compare a correction with its promise, and the machine's response with the model."""
+    """Compare what a correction promised with what came true."""
 
     def judge(path: str) -> None:
         from orthoglide_cal.data import read_machine

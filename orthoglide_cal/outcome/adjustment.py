@@ -77,7 +77,7 @@ class Adjustment:
 
 def adjust(solution: Solution, answer: Answer, machine: Machine) -> Adjustment:
     """New offsets from those active in the controller and the answer."""
-    decimals = max(answer.decimals, ENTERED_DECIMALS)
+    decimals = max(answer.decimals, ENTERED_DECIMALS, *map(_decimals, machine.offsets_mm))
     joints = tuple(
         JointOffset(axis, previous, rounded(float(change), decimals), float(expanded))
         for axis, previous, change, expanded in zip(
@@ -85,6 +85,11 @@ def adjust(solution: Solution, answer: Answer, machine: Machine) -> Adjustment:
         )
     )
     return Adjustment(joints, decimals, _check(solution, answer, machine))
+
+
+def _decimals(previous: float) -> int:
+    """Decimals that an offset active so far was entered with, at most six."""
+    return len(f"{previous:.6f}".rstrip("0").partition(".")[2])
 
 
 def _check(solution: Solution, answer: Answer, machine: Machine) -> CheckPosture | None:

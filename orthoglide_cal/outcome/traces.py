@@ -19,6 +19,7 @@ class Traces:
         series: name of the (leg, direction), direction first, leg second, e.g. "y_x".
         leg: 0, 1, 2.
         label: posture, or the name of the difference.
+        end: "joint" or "tool" for the single-posture protocol, else "".
         displacement_mm: of the leg's carriage; NaN for differences.
         cycle: repeat, from 1.
         order: rank in time, from 1.
@@ -30,6 +31,7 @@ class Traces:
     series: tuple[str, ...]
     leg: Ints
     label: tuple[str, ...]
+    end: tuple[str, ...]
     displacement_mm: Floats
     cycle: Ints
     order: Ints
@@ -65,6 +67,7 @@ def traces(measured: Measured, predicted: Floats) -> Traces:
             series=tuple(name[:3] for name in measured.names),
             leg=np.array([AXES.index(name[2]) for name in measured.names]),
             label=measured.names,
+            end=("",) * count,
             displacement_mm=np.full(count, np.nan),
             cycle=np.ones(count, dtype=np.intp),
             order=np.arange(1, count + 1),
@@ -79,9 +82,10 @@ def traces(measured: Measured, predicted: Floats) -> Traces:
     return Traces(
         series=tuple(plan.series_name(i) for i in range(len(plan))),
         leg=plan.leg,
-        label=tuple(
-            posture + ("" if contact == Contact.FIXED else f" {Contact(contact).name.lower()} end")
-            for posture, contact in zip(measured.posture, plan.contact.tolist(), strict=True)
+        label=measured.posture,
+        end=tuple(
+            "" if contact == Contact.FIXED else Contact(contact).name.lower()
+            for contact in plan.contact.tolist()
         ),
         displacement_mm=plan.displacement,
         cycle=measured.cycle,

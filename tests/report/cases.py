@@ -30,7 +30,7 @@ ISSUED = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
 HOSTILE = (
     "<script>alert('x')</script>",
     "\"><img src=x onerror=alert(1)>&amp;'`",
-    "=HYPERLINK(\"http://example.invalid\")|`code`[link](http://example.invalid)",
+    '=HYPERLINK("http://example.invalid")|`code`[link](http://example.invalid)',
     "invoice\u202egnp.exe\u2066\x1b[31mred\x07\u009b0m",
     "W" * 400,
     "שלום עולם مرحبا",
@@ -127,6 +127,13 @@ def hostile() -> Calibration:
     return calibrate(_case(measured, machine, given), issued=ISSUED)
 
 
+def as_left() -> Calibration:
+    """Adjusted and measured again."""
+    before, after = session(TRUE, 14), session(TRUE - np.round(TRUE, 3), 15)
+    found = verify(before, after, MACHINE, np.round(TRUE, 3), limit_mm=0.05)
+    return calibrate(_case(before, MACHINE), verification=found, issued=ISSUED)
+
+
 CALIBRATIONS: dict[str, Callable[[], Calibration]] = {
     made.__name__: made
     for made in (
@@ -139,6 +146,7 @@ CALIBRATIONS: dict[str, Callable[[], Calibration]] = {
         single,
         few,
         hostile,
+        as_left,
     )
 }
 

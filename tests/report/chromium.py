@@ -13,6 +13,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -38,6 +39,15 @@ FLAGS = (
     "--remote-debugging-pipe",
 )
 PATIENCE = 60.0  # seconds for one answer
+# Puts two inherited descriptors where the browser expects them, and becomes the browser.
+_LAUNCH = """
+import fcntl, os, sys
+ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]
+for end, place in zip(ends, (3, 4)):
+    os.dup2(end, place)
+    os.close(end)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
 
 
 def find_chromium() -> str | None:
@@ -51,9 +61,9 @@ class Browser:
     def __init__(self, program: str, folder: Path) -> None:
         to_read, self._write = os.pipe()
         self._read, to_write = os.pipe()
-        command = f'exec "$@" 3<&{to_read} 4>&{to_write}'
+        ends = (str(to_read), str(to_write))
         self._process = subprocess.Popen(
-            ["/bin/sh", "-c", command, "sh", program, *FLAGS, f"--user-data-dir={folder}"],
+            [sys.executable, "-c", _LAUNCH, *ends, program, *FLAGS, f"--user-data-dir={folder}"],
             pass_fds=(to_read, to_write),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -65,11 +75,20 @@ class Browser:
         self._buffer = b""
         self._number = 0
         self.events: list[dict[str, Any]] = []
+        try:
+            self._session = self._attach()
+        except BaseException:
+            self.close()
+            raise
+
+    def _attach(self) -> str:
+        """Open a page and listen to it; returns its session."""
         target = self._call("Target.createTarget", {"url": "about:blank"}, None)["targetId"]
         attach = {"targetId": target, "flatten": True}
-        self._session = self._call("Target.attachToTarget", attach, None)["sessionId"]
+        session: str = self._call("Target.attachToTarget", attach, None)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
-            self.call(f"{domain}.enable")
+            self._call(f"{domain}.enable", {}, session)
+        return session
 
     def close(self) -> None:
         """End the browser and everything it started."""

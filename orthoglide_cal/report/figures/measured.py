@@ -28,6 +28,7 @@ ROW = 26.0
 
 def reading_panels(
     series: Sequence[str],
+    end: Sequence[str],
     displacement: Floats,
     cycle: Ints,
     measured_mm: Floats,
@@ -37,6 +38,7 @@ def reading_panels(
 
     Args:
         series: "y_x" and the like, one per reading.
+        end: of the leg that was touched, "" for the double-posture protocol; one line each.
         displacement: of the leg's carriage, shape (n,) [mm].
         cycle: shape (n,).
         measured_mm, predicted_mm: relative to the isotropic posture, shape (n,).
@@ -50,13 +52,18 @@ def reading_panels(
         chosen = [k for k in range(len(series)) if series[k] == name]
         frame = Frame.of(WIDTH, HEIGHT, (low - room, high + room), up)
         places = sorted({float(displacement[k]) for k in chosen})
-        model = sorted((float(displacement[k]), float(predicted_mm[k])) for k in chosen)
         parts = [
             frame.left_axis("mm"),
             frame.bottom_axis([(v, tick_text(v, 1.0)) for v in places], "travel of the leg, mm"),
             words(WIDTH - 10, 16, f"leg {name[2]}, direction {name[0]}", "end", "strong"),
-            polyline([(frame.across(a), frame.up(b)) for a, b in model], "model"),
         ]
+        for strand in sorted({end[k] for k in chosen}):
+            mine = [k for k in chosen if end[k] == strand]
+            model = sorted((float(displacement[k]), float(predicted_mm[k])) for k in mine)
+            line_points = [(frame.across(a), frame.up(b)) for a, b in model]
+            parts.append(polyline(line_points, "model"))
+            if strand:
+                parts.append(words(line_points[0][0], line_points[0][1] - 8, strand))
         parts += [
             mark(
                 frame.across(float(displacement[k])),

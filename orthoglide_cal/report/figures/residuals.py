@@ -24,6 +24,7 @@ WIDTH, HEIGHT = 240.0, 176.0
 def residual_panels(
     series: Sequence[str],
     label: Sequence[str],
+    end: Sequence[str],
     displacement: Floats,
     cycle: Ints,
     residual_mm: Floats,
@@ -34,6 +35,7 @@ def residual_panels(
     Args:
         series: "y_x" and the like, one per reading.
         label: name of the posture.
+        end: of the leg that was touched, "" for the double-posture protocol.
         displacement: of the leg's carriage, shape (n,) [mm]; orders the postures.
         cycle: shape (n,); its mark tells the cycle.
         residual_mm: measured − predicted, shape (n,).
@@ -47,7 +49,7 @@ def residual_panels(
         _panel(
             name,
             [k for k in range(len(series)) if series[k] == name],
-            label,
+            [" ".join((a, b)).strip() for a, b in zip(label, end, strict=True)],
             displacement,
             cycle,
             microns,
@@ -71,7 +73,7 @@ def _panel(
     postures = list(
         dict.fromkeys(label[k] for k in sorted(chosen, key=lambda k: (displacement[k], label[k])))
     )
-    frame = Frame.of(WIDTH, HEIGHT, (-0.5, len(postures) - 0.5), (-largest, largest), bottom=22.0)
+    frame = Frame.of(WIDTH, HEIGHT, (-0.5, len(postures) - 0.5), (-largest, largest), bottom=32.0)
     parts = [
         rectangle(
             frame.across.start,
@@ -81,7 +83,11 @@ def _panel(
             "band",
         ),
         frame.left_axis("µm"),
-        frame.bottom_axis([(float(k), text) for k, text in enumerate(postures)]),
+        *(
+            words(frame.across(float(k)), frame.up.start + 12.0 * (n + 1) + 1.0, word, "middle")
+            for k, text in enumerate(postures)
+            for n, word in enumerate(text.split())
+        ),
         words(WIDTH - 10, 16, f"leg {name[2]}, direction {name[0]}", "end", "strong"),
     ]
     for turn in sorted({int(cycle[k]) for k in chosen}):

@@ -18,17 +18,18 @@ def found_and_left(calibration: Calibration) -> Section | None:
     if findings is None or findings.found is None or findings.expected is None:
         return None
     verification = calibration.verification
-    left: tuple[Line | None, Line | None] = (None, None)
+    digits = _digits(findings)
+    left: tuple[Line | None, Line | None, Line | None] = (None, None, None)
     if verification is not None:
         after = Deviations.of({d.name: d.after_mm for d in verification.deviations})
         if after is not None:
-            left = (plain(after.rms_mm, 3), _largest(after))
-    found, expected = findings.found, findings.expected
+            left = _sizes(after, digits)
+    columns = (_sizes(findings.found, digits), _sizes(findings.expected, digits), left)
     table = Table(
         ("", "as found", "expected", "as left"),
-        (
-            ("r.m.s.", plain(found.rms_mm, 3), plain(expected.rms_mm, 3), left[0]),
-            ("largest", _largest(found), _largest(expected), left[1]),
+        tuple(
+            (title, *(column[k] for column in columns))
+            for k, title in enumerate(("r.m.s.", "largest", "which"))
         ),
         caption="Deviation of the legs from parallel motion, mm"
         + ("; as left is blank until it is measured again." if verification is None else "."),
@@ -36,8 +37,14 @@ def found_and_left(calibration: Calibration) -> Section | None:
     return Section("As found, as left", (table,))
 
 
-def _largest(deviations: Deviations) -> str:
-    return f"{signed(deviations.largest_mm, 2)} (d{deviations.largest})"
+def _sizes(deviations: Deviations, digits: int) -> tuple[str, str, str]:
+    largest = signed(deviations.largest_mm, digits)
+    return plain(deviations.rms_mm, digits), largest, f"d{deviations.largest}"
+
+
+def _digits(findings: Findings) -> int:
+    """Averages of raw readings are known better than the gauge resolves; printed ones are not."""
+    return 3 if findings.solution.kind == "readings" else 2
 
 
 def improvement(calibration: Calibration) -> Section | None:
@@ -45,7 +52,7 @@ def improvement(calibration: Calibration) -> Section | None:
     findings = calibration.findings
     if findings is None or not findings.solution.table:
         return None
-    digits = 3 if findings.solution.kind == "readings" else 2
+    digits = _digits(findings)
     rows: list[tuple[Line | None, ...]] = [
         (
             f"d{row.difference}",
@@ -65,15 +72,19 @@ def improvement(calibration: Calibration) -> Section | None:
             )
         )
     single = len(findings.solution.table[0].difference) > 3
-    what = "tool end minus joint end" if single else "reading at max minus reading at min"
+    what = (
+        "tool end minus joint end; dz_x+ is along z on leg x at max"
+        if single
+        else "reading at max minus reading at min; dx_y is along x on leg y"
+    )
     return Section(
         "Expected improvement",
         (
             Table(
                 ("difference", "measured", "modelled", "expected"),
                 tuple(rows),
-                caption=f"In mm: {what}; dx_y is along x on leg y. Modelled: what the offsets"
-                " explain; expected: what should remain.",
+                caption=f"In mm: {what}. Modelled: what the offsets explain; expected: what should"
+                " remain.",
                 last_is_total=True,
             ),
         ),
@@ -89,7 +100,8 @@ def wrong(calibration: Calibration) -> Section | None:
     residual = shown.residual_mm
     worst = int(np.argmax(np.abs(residual)))
     where = (
-        f"leg {'xyz'[shown.leg[worst]]}, direction {shown.series[worst][0]}, {shown.label[worst]},"
+        f"leg {'xyz'[shown.leg[worst]]}, direction {shown.series[worst][0]}, {shown.label[worst]}"
+        f"{' (' + shown.end[worst] + ' end)' if shown.end[worst] else ''},"
         f" cycle {int(shown.cycle[worst])}"
         if shown.raw
         else f"d{shown.label[worst]}"
@@ -129,6 +141,7 @@ def _pictures(findings: Findings, noise: float) -> tuple[Figure, ...]:
             "What each gauge showed while the leg travelled, and what the model predicts.",
             figures.reading_panels(
                 shown.series,
+                shown.end,
                 shown.displacement_mm,
                 shown.cycle,
                 shown.measured_mm,
@@ -143,6 +156,7 @@ def _pictures(findings: Findings, noise: float) -> tuple[Figure, ...]:
             figures.residual_panels(
                 shown.series,
                 shown.label,
+                shown.end,
                 shown.displacement_mm,
                 shown.cycle,
                 residual,

@@ -1,0 +1,167 @@
+"""The page without a browser: well-formed, self-contained, complete."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from orthoglide_cal.report.calibration_report import calibration_report
+from orthoglide_cal.report.html import page
+from orthoglide_cal.report.markup import Html, tag, text
+from tests.report import cases
+from tests.report.cases import documents
+
+VOID = {"meta", "link"}
+
+
+class Outline(HTMLParser):
+    """Checks nesting; collects tags, attributes and text."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str, str | None]] = []
+        self.words: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += [(tag, name, value) for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.words.append(data)
+
+
+@pytest.fixture(scope="module", params=tuple(documents()))
+def made(request: pytest.FixtureRequest) -> tuple[str, str, Outline]:
+    whole = page(documents()[request.param]())
+    outline = Outline()
+    outline.feed(whole)
+    assert outline.open == []
+    return request.param, whole, outline
+
+
+def test_nothing_runs_and_nothing_is_fetched(made):
+    _, whole, outline = made
+    assert not {"script", "img", "iframe", "object", "a", "form", "base"} & set(outline.tags)
+    for name, attribute, value in outline.attributes:
+        assert not attribute.startswith("on")
+        assert attribute != "style"
+        if attribute in ("src", "href", "xlink:href"):
+            assert (name, value) == ("link", "data:,")
+    style = re.search("<style>(.*?)</style>", whole, re.DOTALL)
+    assert style is not None
+    assert not re.search(r"url\(|@import|https?:", style[1])
+
+
+def test_policy_allows_this_style_only(made):
+    _, whole, outline = made
+    policy = next(
+        value for _, name, value in outline.attributes if name == "content" and "default" in value
+    )
+    style = re.search("<style>(.*?)</style>", whole, re.DOTALL)[1]
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    assert policy.startswith(f"default-src 'none'; style-src 'sha256-{digest}'")
+    assert "unsafe" not in policy
+
+
+def test_every_page_carries_number_and_count(made):
+    name, whole, outline = made
+    number = documents()[name]().number
+    assert f'"{documents()[name]().kind} {number}"' in whole
+    assert "counter(page)" in whole
+    assert "counter(pages)" in whole
+    assert number in " ".join(outline.words)
+
+
+def test_a_report_is_no_certificate(made):
+    """Only a gauge has a certificate; the word "accredited" is nowhere."""
+    name, _, outline = made
+    words = " ".join(outline.words).lower()
+    assert "accredited" not in words
+    assert "report" in words
+    if name not in ("failed", "hostile", "healthy"):
+        assert words.count("certificate") <= 1
+
+
+def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
+    calibration = cases.healthy()
+    outline = Outline()
+    outline.feed(page(calibration_report(calibration)))
+    words = " ".join(" ".join(outline.words).split())
+    assert calibration.findings is not None
+    for wanted in (
+        "Calibration report",
+        "As found, as left",
+        "The offsets may be entered",
+        "Re-home all three axes",
+        "orthocal verify",
+        "U = k·u is the expanded uncertainty with k = 2.01",
+        "Student's t with 51 degrees of freedom",
+        "confidence of 95 %",
+        "Expected improvement",
+        "What the simulation gets wrong",
+        "Diagnosis",
+        "Tool-position error over the workspace",
+        "Conditions and gauges",
+        "A. Martin",
+        "2026-03-03 09:31:00 +01:00",
+        "20.9 to 21.6 °C",
+        "hall 3",
+        "no. 41",
+        "2026-0117",
+        "touched the stand",
+        "OC-20260304-050607-",
+        "0" * 64,
+        "orthocal 0.",
+        "Measured by, date",
+    ):
+        assert wanted in words, wanted
+
+
+def test_what_was_not_given_is_a_blank_line():
+    outline = Outline()
+    outline.feed(page(calibration_report(cases.ambiguous())))
+    blanks = [value for _, name, value in outline.attributes if value == "not given"]
+    # Measured; protocol, operator, started, finished, temperature; gauge, certificate,
+    # resolution; as left three times.
+    assert len(blanks) == 12
+
+
+@pytest.mark.parametrize(
+    ("kind", "title", "wanted"),
+    [
+        ("named_in_machine", "Do not enter", "--accept axis_gap"),
+        ("named_in_measurement", "Do not enter", "Take this reading again"),
+        ("ambiguous", "Do not enter", "cannot tell"),
+        ("unexplained", "Do not enter", "no listed cause"),
+        ("failed", "There is no result", "Add readings of leg"),
+        ("few", "with care", "no spare readings"),
+    ],
+)
+def test_each_kind_says_what_to_do(kind, title, wanted):
+    document = documents()[kind]()
+    outline = Outline()
+    outline.feed(page(document))
+    assert title in document.notice.title
+    assert wanted in " ".join(outline.words)
+
+
+def test_markup_escapes_all_but_itself():
+    assert tag("p", "<b>&'\"", title='"<') == '<p title="&quot;&lt;">&lt;b&gt;&amp;&#x27;&quot;</p>'
+    assert tag("p", tag("b", "x")) == "<p><b>x</b></p>"
+    assert text(Html("<i>")) == "<i>"
+    assert tag("line", x1=1.50, hidden=True, y1=None, stroke_width=2) == (
+        '<line x1="1.5" hidden stroke-width="2"></line>'
+    )
+    assert tag("meta", name="a", class_="b") == '<meta name="a" class="b">'
