@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from datetime import date
 from pathlib import Path
 from typing import Annotated
 
@@ -13,12 +15,13 @@ from orthoglide_cal.cli.common import (
     MachineFile,
     NoColour,
     for_each,
-    messages,
     output,
     print_json,
     read_input,
+    tell,
+    tell_error,
 )
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import OrthocalError, UsageError
 
 
 def diagnose(
@@ -60,25 +63,21 @@ def diagnose(
     """Name what the model leaves out, how sure that is, and what it gains to know it."""
     import numpy as np
 
-    from orthoglide_cal import diagnosis
+    from orthoglide_cal import data, diagnosis
     from orthoglide_cal.causes import machine_effects
     from orthoglide_cal.report.diagnose_json import as_json
     from orthoglide_cal.report.diagnose_text import render
 
-    if applied != (0.0, 0.0, 0.0) and holdout is None:
-        raise UsageError("--applied goes with --holdout.", "Name the later readings.")
-    if accept is not None and len(files) != 1:
-        raise UsageError("--accept goes with one file.", "Name the readings to identify it from.")
-    if to is not None and accept is None:
-        raise UsageError("--output goes with --accept.", "Name the cause to accept.")
+    _check_options(files, holdout, applied, accept, to)
 
-    def judge(path: str) -> None:
+    def judge(path: str) -> int:
         measured, judged_by = read_input(path, machine)
-        later = read_input(holdout, machine)[0] if holdout else None
+        effects = machine_effects(judged_by)
+        later = data.read_measured(holdout, judged_by) if holdout else None
         found = diagnosis.diagnose(
             measured,
             judged_by,
-            machine_effects(judged_by),
+            effects,
             holdout=later,
             applied=np.array(applied),
             sensitivity=not json,
@@ -86,22 +85,44 @@ def diagnose(
         if json:
             print_json(as_json(found))
         else:
-            output().print(render(found, measured, judged_by, held_out_file=holdout is not None))
-        if accept is not None:
-            _accept(path, machine, accept, to)
+            shown = render(found, measured, judged_by, machine, held_out_file=later is not None)
+            output().print(shown)
+        if accept is None:
+            return 0
+        stem = machine.stem if machine else "machine"
+        target = to or Path(f"{stem}-{accept}.yaml")
+        try:
+            extended = diagnosis.extend(measured, judged_by, effects, accept, date.today())
+            data.write_machine(extended, target)
+        except OrthocalError as error:
+            # The diagnosis stands; only the extension is refused.
+            tell_error(error, path)
+            return error.exit_code
+        tell(f"{accept} is now part of {target}; use it with --machine {target}.")
+        return 0
 
     for_each(files, judge, as_json=json)
 
 
-def _accept(path: str, machine: Path | None, accept: str, to: Path | None) -> None:
-    from datetime import date
+def _check_options(
+    files: list[str],
+    holdout: str | None,
+    applied: tuple[float, float, float],
+    accept: str | None,
+    to: Path | None,
+) -> None:
+    """Refuse options that do not go together. Raises UsageError."""
+    from orthoglide_cal.causes import CAUSES
 
-    from orthoglide_cal import data, diagnosis
-    from orthoglide_cal.causes import machine_effects
-
-    measured, known = read_input(path, machine)
-    extended = diagnosis.extend(measured, known, machine_effects(known), accept, date.today())
-    stem = machine.stem if machine else "machine"
-    target = to or Path(f"{stem}-{accept}.yaml")
-    data.write_machine(extended, target)
-    messages().print(f"{accept} is now part of {target}; use it with --machine {target}.")
+    if not all(map(math.isfinite, applied)):
+        raise UsageError("--applied takes three lengths.", "Give millimetres.")
+    if applied != (0.0, 0.0, 0.0) and holdout is None:
+        raise UsageError("--applied goes with --holdout.", "Name the later readings.")
+    if [*files, holdout].count("-") > 1 or (holdout == "-" and len(files) > 1):
+        raise UsageError("Standard input can be read only once.", "Name a file instead.")
+    if accept is not None and len(files) != 1:
+        raise UsageError("--accept goes with one file.", "Name the readings to identify it from.")
+    if to is not None and accept is None:
+        raise UsageError("--output goes with --accept.", "Name the cause to accept.")
+    if accept is not None and accept not in CAUSES:
+        raise UsageError(f"There is no cause {accept!r}.", f"Choose one of {', '.join(CAUSES)}.")

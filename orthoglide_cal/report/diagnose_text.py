@@ -2,236 +2,248 @@
 
 from __future__ import annotations
 
-import numpy as np
-from rich.console import Group, RenderableType
-from rich.table import Table
+import shlex
+from collections.abc import Iterable
+from pathlib import Path
+
 from rich.text import Text
 
-from orthoglide_cal.axes import AXES, Floats
+from orthoglide_cal.axes import AXES
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, NamedCause
 from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Differences, Measured, Readings
+from orthoglide_cal.measured import Differences, Measured
+from orthoglide_cal.report.diagnose_picture import LEGEND, difference_lines, residual_lines
+from orthoglide_cal.report.lines import columns, facts, wrapped
 
 _COLOURS = {"consistent": "green", "named": "yellow", "ambiguous": "yellow", "unexplained": "red"}
+_KINDS = {
+    "readings": "raw readings",
+    "six": "differences, max − min",
+    "twelve": "differences relative to iso",
+    "single": "differences, tool end − joint end",
+}
+# A technician reads "1e-3" better as millimetres per metre.
+_UNITS = {"1e-3": "mm/m"}
 
 
 def render(
-    diagnosis: Diagnosis, measured: Measured, machine: Machine, held_out_file: bool = False
-) -> RenderableType:
+    diagnosis: Diagnosis,
+    measured: Measured,
+    machine: Machine,
+    machine_file: Path | None = None,
+    held_out_file: bool = False,
+) -> Text:
     """The whole answer.
 
     Args:
         diagnosis: what was found.
         measured: the data, for the picture.
-        machine: for its offsets and gauge.
+        machine: for the offsets active in its controller.
+        machine_file: as the user gave it, for the command to run next.
         held_out_file: True if the held-out errors are those of a later file.
     """
     path = "standard input" if diagnosis.source.path == "-" else diagnosis.source.path
-    return Group(
-        Text(path, style="bold"),
-        Text(f"{diagnosis.count} {_kind(diagnosis.kind)}; {diagnosis.machine}"),
-        Text(),
-        Text(headline(diagnosis), style=f"bold {_COLOURS[diagnosis.verdict]}"),
-        *(_cause(cause, held_out_file) for cause in diagnosis.causes),
-        *_open_questions(diagnosis),
-        Text(),
-        *_picture(diagnosis, measured),
-        *_fit(diagnosis),
-        Text(),
-        *_offsets(diagnosis, machine),
-        *(Text(f"Note: {note}") for note in diagnosis.notes),
-        *_sensitivity(diagnosis),
-        Text(),
-    )
+    text = Text()
+
+    def add(lines: list[str], style: str = "") -> None:
+        for line in lines:
+            text.append(f"{line}\n", style=style)
+
+    add(wrapped(path), "bold")
+    add(wrapped(f"{diagnosis.count} {_KINDS[diagnosis.kind]}; {diagnosis.machine}"))
+    add([""])
+    add(wrapped(headline(diagnosis)), f"bold {_COLOURS[diagnosis.verdict]}")
+    for cause in diagnosis.causes:
+        add(_cause(cause, diagnosis, machine_file))
+    add(_gain(diagnosis, held_out_file))
+    add(_rivals(diagnosis))
+    add(_next(diagnosis), "bold")
+    add([""])
+    _add_picture(text, diagnosis, measured)
+    add(_fit(diagnosis))
+    add([""])
+    add([f"Joint offsets, mm{_OFFSETS[diagnosis.verdict]}"], "bold")
+    add(_offsets(diagnosis, machine))
+    add(_notes(diagnosis))
+    return text
 
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
     titles = " and ".join(CAUSES[cause.id].title for cause in diagnosis.causes)
-    if diagnosis.verdict == "consistent":
-        return "Nothing shows beyond this gauge's noise: the model fits this machine."
-    if diagnosis.verdict == "named":
-        return f"{titles[0].upper()}{titles[1:]}."
-    if diagnosis.verdict == "ambiguous":
-        return f"These data cannot decide. Likeliest: {titles}."
-    return "Something is wrong that no listed cause explains."
+    return {
+        "consistent": "Consistent: nothing shows beyond this gauge's noise; the model fits.",
+        "named": f"Named: {titles}.",
+        "ambiguous": f"Ambiguous: these data leave open what is wrong. Likeliest: {titles}.",
+        "unexplained": "Unexplained: something is wrong that no listed cause explains.",
+    }[diagnosis.verdict]
 
 
-def _kind(kind: str) -> str:
-    return "raw readings" if kind == "readings" else f"differences ({kind})"
-
-
-def _cause(cause: NamedCause, held_out_file: bool) -> RenderableType:
-    place = f", {cause.where}" if cause.where else ""
-    lines = [Text(f"  {cause.id}{place}: probability {_percent(cause.probability)}")]
+def _cause(cause: NamedCause, diagnosis: Diagnosis, machine_file: Path | None) -> list[str]:
+    rows = []
+    if cause.where:
+        rows.append(("where", cause.where))
     if cause.parameters:
-        values = ", ".join(
-            f"{name} {found.value:+.3g} ± {found.std:.2g} {found.unit}"
-            if found.std
-            else f"{name} {found.value:+g}"
-            for name, found in cause.parameters.items()
-        )
-        lines.append(Text(f"    {values}"))
-    lines.append(
-        Text(
-            f"    residual r.m.s. {cause.rms_before_mm:.4f} mm without it,"
-            f" {cause.rms_after_mm:.4f} mm with it"
-        )
-    )
-    if cause.heldout_before_mm is not None and cause.heldout_after_mm is not None:
-        where = "the later readings" if held_out_file else "readings left out of the fit"
-        lines.append(
-            Text(
-                f"    error in predicting {where}: {cause.heldout_before_mm:.4f} mm without,"
-                f" {cause.heldout_after_mm:.4f} mm with"
-            )
-        )
-        if cause.heldout_after_mm >= cause.heldout_before_mm:
-            lines.append(Text("    It does not predict better: not recommended as an extension."))
-    lines.append(Text(f"    {cause.advice}"))
+        rows.append(("size", _sizes(cause)))
+    rows.append(("mend", cause.advice))
     if cause.recommended:
-        lines.append(Text(f"    To make it part of the machine: --accept {cause.id}"))
-    elif not CAUSES[cause.id].in_machine:
-        lines.append(Text("    It lies in the measurement: nothing for the controller to correct."))
-    return Group(*lines)
+        rows.append(("or accept", _command(cause, diagnosis, machine_file)))
+    elif not cause.in_machine:
+        rows.append(("note", "It lies in the measurement: nothing for the controller to correct."))
+    return [*wrapped(f"{cause.id}: {CAUSES[cause.id].title}", 2), *facts(rows, 4)]
+
+
+def _sizes(cause: NamedCause) -> str:
+    parts = []
+    for name, found in cause.parameters.items():
+        # "y_x" is what a gauge along y meets on leg x; a single parameter needs no name.
+        place = "leg {2}, {0} ".format(*name) if "_" in name else f"{name} "
+        size = f"{found.value:+.3g} ± {found.std:.2g}" if found.std else f"{found.value:+g}"
+        unit = _UNITS.get(found.unit, found.unit)
+        parts.append(f"{place if len(cause.parameters) > 1 else ''}{size} {unit}")
+    return "; ".join(parts)
+
+
+def _command(cause: NamedCause, diagnosis: Diagnosis, machine_file: Path | None) -> str:
+    """What to type to make the cause part of the machine."""
+    path = diagnosis.source.path
+    machine = f" --machine {shlex.quote(str(machine_file))}" if machine_file else ""
+    quoted = path if path == "-" else shlex.quote(path)
+    return f"orthocal diagnose {quoted}{machine} --accept {cause.id}"
+
+
+def _gain(diagnosis: Diagnosis, held_out_file: bool) -> list[str]:
+    """What all accepted causes together are worth."""
+    if not diagnosis.causes:
+        return []
+    first, many = diagnosis.causes[0], len(diagnosis.causes) > 1
+    with_it = "with them" if many else "with it"
+    left = f"{first.rms_before_mm:.4f} mm r.m.s. by offsets only, {first.rms_after_mm:.4f} mm"
+    rows = [("probability", _percent(first.probability)), ("residual", f"{left} {with_it}")]
+    before, after = first.heldout_before_mm, first.heldout_after_mm
+    if before is not None and after is not None:
+        where = "the later readings" if held_out_file else "readings left out of the fit"
+        off = f"of {where}: off by {before:.4f} mm by offsets only, {after:.4f} mm {with_it}."
+        if after >= before:
+            off += " It does not predict better: not recommended as an extension."
+        rows.append(("prediction", off))
+    return [*(["  both together"] if many else []), *facts(rows, 4)]
 
 
 def _percent(probability: float) -> str:
     return "over 99.9 %" if probability > 0.999 else f"{100.0 * probability:.1f} %"
 
 
-def _open_questions(diagnosis: Diagnosis) -> list[RenderableType]:
+def _rivals(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict != "ambiguous":
         return []
-    lines: list[RenderableType] = [
-        Text(f"  Explains the data as well: {', '.join(diagnosis.ambiguous_with)}")
-    ]
+    rivals = [(other, CAUSES[other].title) for other in diagnosis.ambiguous_with]
+    return ["  These data are explained as well by", *facts(rivals, 4)]
+
+
+def _next(diagnosis: Diagnosis) -> list[str]:
+    if diagnosis.verdict != "ambiguous":
+        return []
     following = diagnosis.next_measurement
     if following is None:
-        lines.append(Text("  No reading of this kind would tell them apart."))
-    else:
-        lines.append(Text(f"  Read next: {following.what}", style="bold"))
-        lines.append(
-            Text(
-                f"    It tells {following.separates[0]} from {following.separates[1]} by"
-                f" {following.separation_sigma:.1f} standard deviations."
-            )
+        ids = (*(cause.id for cause in diagnosis.causes), *diagnosis.ambiguous_with)
+        mended = all(not CAUSES[id].in_machine for id in ids)
+        again = " All of them lie in the measurement: measure again." if mended else ""
+        return wrapped(f"No further reading of this kind would tell them apart.{again}", 2)
+    first, second = (name or "a sound machine" for name in following.separates)
+    return [
+        *wrapped(following.what, 2, "Read next: "),
+        *wrapped(
+            f"It tells {first} from {second} by {following.separation_sigma:.1f} standard"
+            " deviations.",
+            2 + len("Read next: "),
+        ),
+    ]
+
+
+def _add_picture(text: Text, diagnosis: Diagnosis, measured: Measured) -> None:
+    """Measured minus predicted, without and with the accepted causes."""
+    if isinstance(measured, Differences):
+        text.append("Differences, mm\n", style="bold")
+        text.append("\n".join(difference_lines(measured, diagnosis)) + "\n")
+        return
+    models = [("offsets only", diagnosis.nominal_mm)]
+    if diagnosis.causes:
+        names = " and ".join(cause.id for cause in diagnosis.causes)
+        models.append((f"with {names}", diagnosis.explained_mm))
+    for name, predicted in models:
+        text.append(f"Measured minus predicted, µm: {name}\n", style="bold")
+        residual = diagnosis.measured_mm - predicted
+        lines = residual_lines(measured, residual, diagnosis.lack_of_fit.noise_mm)
+        text.append("\n".join(lines) + "\n")
+    text.append(f"{LEGEND}\n")
+
+
+def _fit(diagnosis: Diagnosis) -> list[str]:
+    lack = diagnosis.lack_of_fit
+    lines = wrapped(
+        f"Offsets only leave {lack.residual_mm:.4f} mm per reading; this gauge's noise is"
+        f" {lack.noise_mm:.4f} mm. Noise alone leaves as much in {_chance(lack.p_value)}.",
+        2,
+    )
+    if lack.repeats_mm is not None:
+        judged = (
+            f" Judged by them, noise leaves as much in {_chance(lack.repeats_p_value)}."
+            if lack.repeats_p_value is not None
+            else ""
+        )
+        lines += wrapped(
+            f"Repeats scatter by {lack.repeats_mm:.4f} mm.{judged} They share one gauge set-up,"
+            " so they understate the real scatter.",
+            2,
         )
     return lines
 
 
-def _picture(diagnosis: Diagnosis, measured: Measured) -> list[RenderableType]:
-    """Measured minus predicted, by leg, direction, posture and cycle."""
-    before = diagnosis.measured_mm - diagnosis.nominal_mm
-    after = diagnosis.measured_mm - diagnosis.explained_mm
-    if isinstance(measured, Differences):
-        return [_difference_table(measured, diagnosis, before, after)]
-    rows: list[RenderableType] = [
-        _residual_table("Measured minus predicted, µm: offsets only", measured, before, diagnosis)
-    ]
-    if diagnosis.causes:
-        rows.append(_residual_table("With the cause", measured, after, diagnosis))
-    rows.append(
-        Text("  mean of the cycles, then a mark per cycle: · noise, + − over 2σ, ▲ ▼ over 4σ")
-    )
-    return rows
-
-
-def _mark(residual: float, sigma: float) -> str:
-    if abs(residual) <= 2.0 * sigma:
-        return "·"
-    large = abs(residual) > 4.0 * sigma
-    return ("▲" if large else "+") if residual > 0.0 else ("▼" if large else "−")
-
-
-def _residual_table(
-    title: str, measured: Readings, residual: Floats, diagnosis: Diagnosis
-) -> RenderableType:
-    sigma = diagnosis.lack_of_fit.noise_mm
-    plan = measured.plan
-    postures = list(dict.fromkeys(measured.posture))
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="")
-    table.add_column("  leg, direction")
-    for posture in postures:
-        table.add_column(posture, justify="left")
-    series = plan.series()
-    names = np.array(measured.posture)
-    for number in np.unique(series):
-        cells = []
-        for posture in postures:
-            own = np.flatnonzero((series == number) & (names == posture))
-            own = own[np.argsort(plan.order[own])]
-            marks = "".join(_mark(float(residual[i]), sigma) for i in own)
-            mean = 1000.0 * float(residual[own].mean()) if own.size else 0.0
-            cells.append(f"{mean:+7.1f} {marks}" if own.size else "")
-        table.add_row(f"  leg {AXES[number // 3]}, {AXES[number % 3]}", *cells)
-    return Group(Text(title, style="bold"), table)
-
-
-def _difference_table(
-    measured: Differences, diagnosis: Diagnosis, before: Floats, after: Floats
-) -> RenderableType:
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="")
-    for column in ("  difference, mm", *measured.names):
-        table.add_column(column, justify="left" if column.startswith(" ") else "right")
-    rows = [
-        ("  measured", diagnosis.measured_mm),
-        ("  predicted, offsets only", diagnosis.nominal_mm),
-        ("  measured − predicted", before),
-    ]
-    if diagnosis.causes:
-        rows.append(("  … with the cause", after))
-    for name, values in rows:
-        table.add_row(name, *(f"{round(float(v), 3) + 0.0:+.3f}" for v in values))
-    return table
-
-
-def _fit(diagnosis: Diagnosis) -> list[RenderableType]:
-    lack = diagnosis.lack_of_fit
-    lines = [
-        f"  Offsets only leave {lack.residual_mm:.4f} mm per reading; this gauge's noise is"
-        f" {lack.noise_mm:.4f} mm",
-        f"  (chance of that from noise alone: {_chance(lack.p_value)}).",
-    ]
-    if lack.repeats_mm is not None:
-        against = (
-            f"; against them the chance is {_chance(lack.repeats_p_value)}"
-            if lack.repeats_p_value is not None
-            else ""
-        )
-        lines.append(f"  Repeats scatter by {lack.repeats_mm:.4f} mm{against}. They share one")
-        lines.append("  gauge set-up, so they understate the real scatter.")
-    return [Text(line) for line in lines]
-
-
 def _chance(p_value: float) -> str:
-    return "under 1 in a million" if p_value < 1e-6 else f"{p_value:.2g}"
+    if p_value < 1e-6:
+        return "fewer than 1 of a million sessions"
+    percent = 100.0 * p_value
+    return f"{percent:.0f} % of sessions" if percent >= 10.0 else f"{percent:.2g} % of sessions"
 
 
-def _offsets(diagnosis: Diagnosis, machine: Machine) -> list[RenderableType]:
-    what = {
-        "consistent": "Joint offsets, mm",
-        "named": "Joint offsets with the cause taken into account, mm",
-        "ambiguous": "Joint offsets, the open choice included in the uncertainty, mm",
-        "unexplained": "Joint offsets, the unexplained part included in the uncertainty, mm",
-    }[diagnosis.verdict]
-    lines = [Text(what, style="bold")]
+_OFFSETS = {
+    "consistent": " (true position = indicated + Δρ)",
+    "named": " (true = indicated + Δρ), the cause taken into account",
+    "ambiguous": " (true = indicated + Δρ), the open choice part of std. dev.",
+    "unexplained": " (true = indicated + Δρ), the unexplained part of std. dev.",
+}
+
+
+def _offsets(diagnosis: Diagnosis, machine: Machine) -> list[str]:
+    rows = [("", "Δρ", "std. dev.", "active now", "type in")]
     for axis, value, std, active in zip(
         AXES, diagnosis.offsets_mm, diagnosis.std_mm, machine.offsets_mm, strict=True
     ):
-        lines.append(
-            Text(
-                f"  Δρ_{axis} {value:+.4f}, standard deviation {std:.4f}; controller:"
-                f" {active:+.4f} becomes {active + value:+.4f}"
-            )
+        change, now, then = (
+            f"{round(float(v), 3) + 0.0:+.3f}" for v in (value, active, active + value)
         )
-    return [*lines]
+        rows.append((axis, change, f"{std:.4f}", now, then))
+    return columns(rows)
 
 
-def _sensitivity(diagnosis: Diagnosis) -> list[RenderableType]:
-    lines = []
-    for change, (verdict, causes) in diagnosis.sensitivity.items():
-        answer = f"{verdict}{f': {causes}' if causes else ''}"
-        lines.append(Text(f"With all tolerances {change} the answer is {answer}."))
-    return [*lines]
+def _notes(diagnosis: Diagnosis) -> list[str]:
+    notes = list(diagnosis.notes)
+    answer = (diagnosis.verdict, _set_of(cause.id for cause in diagnosis.causes))
+    changes = {
+        change: (verdict, _set_of(ids.split("+") if ids else ()))
+        for change, (verdict, ids) in diagnosis.sensitivity.items()
+    }
+    if changes and all(other == answer for other in changes.values()):
+        notes.append("The answer is the same with all tolerances halved and doubled.")
+    else:
+        for change, (verdict, ids) in changes.items():
+            what = f"{verdict}: {ids}" if ids else verdict
+            notes.append(f"With all tolerances {change} the answer is {what}.")
+    lines = [line for note in notes for line in wrapped(note, 0, "· ")]
+    return ["", *lines] if lines else []
+
+
+def _set_of(ids: Iterable[str]) -> str:
+    return " and ".join(sorted(ids))
