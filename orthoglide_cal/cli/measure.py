@@ -43,13 +43,6 @@ _STYLES = {
 }
 
 
-class Protocol(StrEnum):
-    """How the session is measured."""
-
-    DOUBLE = "double"
-    SINGLE = "single"
-
-
 class Order(StrEnum):
     """Order of the steps."""
 
@@ -78,8 +71,10 @@ def measure(
         typer.Option("--resume", help="Go on with an unfinished session at its next reading."),
     ] = False,
     protocol: Annotated[
-        Protocol | None,
-        typer.Option(help="Double-posture (default) or single-posture.", show_default=False),
+        str | None,
+        typer.Option(
+            metavar="NAME", help="double (posture, the default) or single.", show_default=False
+        ),
     ] = None,
     cycles: Annotated[
         int | None,
@@ -140,7 +135,7 @@ def measure(
 ) -> None:
     """Measure, guided step by step; every reading is saved at once and checked as it comes."""
     from orthoglide_cal.data import read_machine
-    from orthoglide_cal.session import Request, Wanted, clock, open_sitting
+    from orthoglide_cal.session import Request, Wanted, clock, open_sitting, protocol_name
 
     for name, given in (("--until", until), ("--temperature", temperature)):
         if given is not None and not math.isfinite(given):
@@ -150,7 +145,7 @@ def measure(
     identities = _identities(gauge_id or [], certificate or [])
     wanted = Wanted(
         machine=read_machine(machine) if machine else None,
-        protocol=f"{protocol}-posture" if protocol else None,
+        protocol=protocol_name(protocol),
         cycles=cycles,
         order=order,
         stands=gauges,
@@ -209,7 +204,8 @@ def _finish(sitting: Sitting, run: Run, show: Show, *, as_json: bool) -> None:
     if sitting.simulated is not None:
         for line in guide.truth(solution, sitting.simulated.offsets_mm):
             show(line)
-    show(f"Next: orthocal diagnose {shlex.quote(str(sitting.path))}", "title")
+    show("Next, ask whether the model is right for this machine:")
+    show(f"  orthocal diagnose {shlex.quote(str(sitting.path))}", "title")
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from orthoglide_cal.session.desk import Desk, Keyboard, Show, Typed
 from orthoglide_cal.session.files import publish
 from orthoglide_cal.session.intake import Setting
-from orthoglide_cal.session.opening import Wanted, check_order, protocol_name
+from orthoglide_cal.session.opening import Wanted, protocol_name
 from orthoglide_cal.session.quit import Quit
 from orthoglide_cal.session.record import readings, session_record
 from orthoglide_cal.session.run import Run
@@ -25,7 +25,6 @@ __all__ = [
     "State",
     "Typed",
     "Wanted",
-    "check_order",
     "clock",
     "open_sitting",
     "protocol_name",

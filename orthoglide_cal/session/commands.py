@@ -137,7 +137,13 @@ class Commands:
 
     def _words(self, prompt: str) -> str:
         answer = self._run.desk.ask(prompt)
-        return _clean(answer.text) if isinstance(answer, Typed) else ""
+        text = _clean(answer.text) if isinstance(answer, Typed) else ""
+        if text == "q":
+            raise Quit
+        if text == "?":
+            self._run.show("Type a few words; Return alone goes back; q saves and quits.")
+            return self._words(prompt)
+        return text
 
 
 def _clean(text: str) -> str:

@@ -13,7 +13,7 @@ from orthoglide_cal.session.steps import Step
 # How long the keyboard is awaited before the gauge is looked at again [s].
 POLL_S = 0.05
 RECONNECT_S = 0.5
-# A second press of a gauge's button comes sooner after a prompt than a person types [s].
+# A person needs longer than this for a reading; the second of two presses comes sooner [s].
 HASTE_S = 0.3
 
 
@@ -42,7 +42,7 @@ class Typed:
 
     Attributes:
         text: without blanks around it.
-        hasty: it repeats the previous answer sooner than a person can.
+        hasty: it repeats the previous answer at once, and that one had come at leisure.
     """
 
     text: str
@@ -64,6 +64,7 @@ class Desk:
         self._gauge = gauge
         self._clock = clock
         self._last = ""
+        self._last_waited = 0.0
         self._lost_since: float | None = None
 
     @property
@@ -103,9 +104,11 @@ class Desk:
 
     def _typed(self, text: str, waited: float) -> Typed:
         numeric = any(c.isdigit() for c in text)
-        again = self._keyboard.live and numeric and text == self._last and waited < HASTE_S
-        self._last = text
-        return Typed(text, again)
+        again = self._keyboard.live and numeric and text == self._last
+        # Where every answer comes at once, a machine is typing: then haste says nothing.
+        hasty = again and waited < HASTE_S <= self._last_waited
+        self._last, self._last_waited = text, waited
+        return Typed(text, hasty)
 
     def _listen(self, gauge: Gauge, asked: bool, prompt: str) -> Heard | None:
         """One look at the gauge; messages interrupt the prompt and show it again."""

@@ -6,6 +6,7 @@ session that was interrupted anywhere continues as if it had not been.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
@@ -228,7 +229,27 @@ def from_dict(record: Any) -> Event:
     event = _KINDS.get(str(values.pop("kind", "")))
     if event is None:
         raise ValueError(f"unknown kind of record {record.get('kind')!r}")
-    names = {item.name for item in fields(event)}
-    if set(values) != names:
-        raise ValueError(f"a {event.kind!r} record has the fields {sorted(names)}")
+    types = {item.name: str(item.type) for item in fields(event)}
+    if set(values) != set(types):
+        raise ValueError(f"a {event.kind!r} record has the fields {sorted(types)}")
+    for name, value in values.items():
+        if not _is(value, types[name]):
+            raise ValueError(f"{name} of a {event.kind!r} record is no {types[name]}")
     return event(**values)
+
+
+def _is(value: Any, wanted: str) -> bool:
+    """Whether a value from JSON has the type of an event's field."""
+    plain = {
+        "str": isinstance(value, str),
+        "bool": isinstance(value, bool),
+        "int": isinstance(value, int) and not isinstance(value, bool),
+        "float": isinstance(value, int | float) and math.isfinite(value),
+        "None": value is None,
+    }
+    if wanted.startswith("list["):
+        inner = wanted.removeprefix("list[").removesuffix("]")
+        return isinstance(value, list) and all(_is(item, inner) for item in value)
+    if wanted.startswith("dict["):
+        return isinstance(value, dict) and all(isinstance(v, str) for v in value.values())
+    return any(plain[name] for name in wanted.split(" | "))

@@ -16,10 +16,12 @@ def journal_path(session: Path) -> Path:
 
 
 def session_path(given: Path) -> Path:
-    """The session file that is meant by a name: that of its journal, or one without a suffix."""
-    if given.suffix in (JOURNAL, ""):
+    """The session file that is meant by a name, be it that of its journal or without a suffix."""
+    if given.suffix == JOURNAL:
         return given.with_suffix(".yaml")
-    return given
+    if given.suffix in (".yaml", ".yml"):
+        return given
+    return given.with_name(f"{given.name}.yaml")
 
 
 def new_session(given: Path | None, folder: Path) -> Path:

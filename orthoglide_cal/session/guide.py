@@ -12,7 +12,7 @@ from orthoglide_cal.plan import Contact
 from orthoglide_cal.session.desk import Show
 from orthoglide_cal.session.pictures import fixed_gauges, side, sliding_gauge
 from orthoglide_cal.session.state import State
-from orthoglide_cal.session.steps import Step
+from orthoglide_cal.session.steps import Step, gauge_moves
 
 WIDTH = 79
 
@@ -48,8 +48,8 @@ def opening(
         f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.range_mm:g} mm travel,"
         f" repeats within {gauge.repeatability_mm:g} mm",
         f"File     {session}",
-        f"{len(steps)} readings with {gauges} in {setups} set-ups, about {minutes:.0f} minutes."
-        " Type ? for help.",
+        f"{len(steps)} readings with {gauges}: {setups} set-ups, {gauge_moves(steps)} gauge moves,"
+        f" about {minutes:.0f} min. ? is help.",
     ]
 
 
@@ -84,8 +84,8 @@ def _fixed_words(leg: int, directions: Sequence[int], machine: Machine) -> list[
         " not on a moving part.",
         f"2. Plunger{'s' if many else ''} on leg {name}, half-way: {half:.0f} mm from the carriage,"
         " square to the leg.",
-        f"3. Gauge {places}: the leg pushed to + must read more.",
-        f"4. The leg must stay under the plunger{'s' if many else ''} from {low:+g} to"
+        f"3. Gauge {places}: leg pushed to + must read more.",
+        f"4. The leg stays under the plunger{'s' if many else ''} from {low:+g} to"
         f" {high:+g} mm. Then touch no stand.",
     ]
 
@@ -132,7 +132,7 @@ def offsets_line(solution: Solution) -> str:
         f"{axis.upper()} {value:+.3f} +/-{width:.3f}"
         for axis, value, width in zip(AXES, solution.offsets_mm, half, strict=True)
     ]
-    return f"Offsets so far, 95 %: {'  '.join(parts)} mm"
+    return f"Offsets, 95 %: {'  '.join(parts)} mm"
 
 
 def closing(state: State, session: str) -> list[str]:

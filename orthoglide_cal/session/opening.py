@@ -43,13 +43,6 @@ def protocol_name(text: str | None) -> str | None:
     return named[0]
 
 
-def check_order(text: str | None) -> str | None:
-    """The order, if it exists."""
-    if text is not None and text not in ORDERS:
-        raise UsageError(f"There is no order {text!r}.", f"Choose one of {', '.join(ORDERS)}.")
-    return text
-
-
 def open_record(
     wanted: Wanted,
     at: str,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from orthoglide_cal.causes import machine_effects
 from orthoglide_cal.data import default_machine
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.session.desk import Desk, Keyboard, Show
 from orthoglide_cal.session.events import Reopened
 from orthoglide_cal.session.files import journal_path, new_session, resumed_session
@@ -140,6 +140,13 @@ def _sitting(request: Request, path: Path, journal: Journal, lines: list[SerialG
     if request.resume:
         refuse_changes(opened, machine, request.wanted)
     steps = sequence(machine, opened.protocol, opened.cycles, opened.order, opened.stands)
+    for event in journal.recovered.events:
+        if not 1 <= getattr(event, "step", 1) <= len(steps):
+            raise InputError(
+                "The journal speaks of a step that this session does not have.",
+                "Restore the file from a copy.",
+                file=str(journal.path),
+            )
     effects = machine_effects(machine)
     setting = Setting(machine, effects, steps, str(path), request.unit, request.until_mm)
     source = request.wanted.source or state.source

@@ -64,6 +64,24 @@ def test_every_record_comes_back_as_it_was(event: Event) -> None:
     assert from_dict(to_dict(event)) == event
 
 
+@pytest.mark.parametrize(
+    "record",
+    [
+        None, [], {}, {"kind": "taken"}, {"kind": "hello", "at": AT}, {"kind": "undone"},
+        {"kind": "undone", "at": 3}, {"kind": "undone", "at": AT, "more": 1},
+        {"kind": "noted", "at": AT, "step": "1", "text": "x"},
+        {"kind": "noted", "at": AT, "step": True, "text": "x"},
+        {"kind": "retake", "at": AT, "steps": [1, None], "reason": ""},
+        {**to_dict(taken(1, 0.1)), "value_mm": float("nan")},
+        {**to_dict(taken(1, 0.1)), "value_mm": "0.1"},
+        {**to_dict(opened()), "gauges": [{"id": 3}]},
+    ],
+)  # fmt: skip
+def test_records_of_another_shape_are_refused(record: object) -> None:
+    with pytest.raises(ValueError, match=r"\w"):
+        from_dict(record)
+
+
 def test_a_journal_comes_back_as_it_was() -> None:
     data, _ = written(eventful())
     assert list(decode(data, "j").events) == eventful()

@@ -284,6 +284,7 @@ def test_names(tmp_path: Path) -> None:
     assert session_path(Path("a.journal")) == Path("a.yaml")
     assert session_path(Path("a")) == Path("a.yaml")
     assert session_path(Path("a.yml")) == Path("a.yml")
+    assert session_path(Path("2025.03.01")) == Path("2025.03.01.yaml")
     assert new_session(None, tmp_path) == tmp_path / "session.yaml"
     (tmp_path / "session.yaml").touch()
     assert new_session(None, tmp_path) == tmp_path / "session-2.yaml"

@@ -48,7 +48,7 @@ def test_a_whole_session_typed(tmp_path: Path, protocol: str) -> None:
     assert np.abs(offsets(run) - hidden).max() < 0.08
     for number in (1, 7, len(steps)):
         assert f"{number}. Gauge" in screen.text
-    assert "Offsets so far, 95 %" in screen.text
+    assert "Offsets, 95 %" in screen.text
     assert max(len(line) for line in screen.text.splitlines()) < 80
 
 
@@ -72,11 +72,11 @@ def test_intervals_are_shown_once_determined_and_shrink(tmp_path: Path) -> None:
     with journal:
         run.run()
     text = screen.text
-    assert text.index("Offsets so far") > text.index("6. Gauge Z")
+    assert text.index("Offsets, 95 %") > text.index("6. Gauge Z")
     shown = [
         [float(part.split()[0]) for part in line.split("+/-")[1:]]
         for line in text.splitlines()
-        if line.startswith("Offsets so far")
+        if line.startswith("Offsets, 95 %")
     ]
     widths = np.array(shown)
     assert widths.shape == (28, 3)
