@@ -127,7 +127,8 @@ class Desk:
             return None
         for item in heard:
             if item.token.value is not None and not item.elsewhere:
-                self._show(item.token.raw)
+                if not (asked and self._keyboard.live):
+                    self._show("")  # nobody pressed Return in the line of the prompt
                 return item
             self._show("")
             said = _printable(item.token.raw)

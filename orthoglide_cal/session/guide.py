@@ -53,8 +53,17 @@ def opening(
     ]
 
 
-def setup_lines(steps: Sequence[Step], setup: int, machine: Machine) -> list[str]:
-    """Heading, picture and instructions of a gauge set-up."""
+def setup_lines(
+    steps: Sequence[Step], setup: int, machine: Machine, begun: bool = False
+) -> list[str]:
+    """Heading, picture and instructions of a gauge set-up.
+
+    Args:
+        steps: of the session.
+        setup: number of the set-up.
+        machine: nominal machine.
+        begun: readings were taken in it already, so the stands must stay where they are.
+    """
     here = [step for step in steps if step.setup == setup]
     last = max(step.setup for step in steps)
     leg, first, final = here[0].leg, here[0].number, here[-1].number
@@ -70,6 +79,11 @@ def setup_lines(steps: Sequence[Step], setup: int, machine: Machine) -> list[str
     else:
         picture = sliding_gauge(leg)
         words = _sliding_words(leg)
+    if begun and here[0].contact is Contact.FIXED:
+        words = [
+            "The stands are in place: do not touch them. Should one have been moved all the",
+            "same, just go on: the next reading will be questioned; then answer m.",
+        ]
     return [_ruled(heading, f"steps {first}-{final}"), "", *picture, "", *words]
 
 
@@ -118,6 +132,15 @@ def _duration(minutes: float) -> str:
     return f"About {minutes:.0f} min" if minutes >= 0.95 else "Less than a minute"
 
 
+def saved(cycles: int, readings: int, minutes: float, until_mm: float) -> str:
+    """What --until has made unnecessary."""
+    repeats = f"{cycles} cycle{'' if cycles == 1 else 's'} of a leg"
+    return (
+        f"Every offset is known within {until_mm:g} mm (95 %). Saved: {repeats},"
+        f" {readings} readings, {_duration(minutes).lower()}."
+    )
+
+
 def prompt(step: Step, hint: str, unit: str) -> str:
     """What is asked, short enough to leave room for the answer."""
     end = f" at the {step.end.upper()} end" if step.end else ""
@@ -142,7 +165,7 @@ def closing(state: State, session: str) -> list[str]:
     for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
         if number:
             counts += f", {number} {word}"
-    return ["", f"Session {reason}: {counts}. Written to {session}", ""]
+    return ["", f"Session {reason}: {counts}.", f"Written to {session}", ""]
 
 
 def truth(solution: Solution, hidden_mm: Floats) -> list[str]:

@@ -92,7 +92,8 @@ class Run:
                 "bad",
             )
         if len(self._journal.recovered.events) > 1:
-            self.show(f"Resumed: {len(state.accepted)} readings are there already.", "good")
+            count = len(state.accepted)
+            self.show(f"Resumed: {count} reading{'' if count == 1 else 's'} so far.", "good")
             solution = self._solution()
             if solution is not None:
                 self.show(guide.offsets_line(solution), "dim")
@@ -113,7 +114,9 @@ class Run:
         if step.setup != self._shown_setup:
             self._shown_setup, self._shown_visit = step.setup, None
             self.show("")
-            lines = guide.setup_lines(self.setting.steps, step.setup, self.setting.machine)
+            steps = self.setting.steps
+            begun = any(s.setup == step.setup and s.number in self.state.accepted for s in steps)
+            lines = guide.setup_lines(steps, step.setup, self.setting.machine, begun)
             self.show(lines[0], "title")
             for line in lines[1:]:
                 self.show(line)
@@ -228,13 +231,9 @@ class Run:
     def _shorten(self, dropped: Sequence[Step], until: float) -> None:
         pace = live.pace_min(self.state, self.setting.steps)
         saved = live.saved_cycles(dropped)
-        reason = f"every offset is known within {until:g} mm"
+        reason = f"ended early, every offset is known within {until:g} mm"
         self.append(Shortened, drop=[step.number for step in dropped], reason=reason)
-        cycles = f"{saved} cycle{'' if saved == 1 else 's'} of a leg"
-        self.show(
-            f"Every offset is known within {until:g} mm (95 %): {cycles} saved,"
-            f" {len(dropped)} readings, about {minutes_left(dropped, pace):.0f} min.",
-            "good",
-        )
+        minutes = minutes_left(dropped, pace)
+        self.show(guide.saved(saved, len(dropped), minutes, until), "good")
         if self.next_step() is not None:
             self.show("The closing isotropic posture is still read: it shows drift and knocks.")

@@ -112,7 +112,7 @@ def test_until_ends_early_with_the_closing_posture(
     assert len(state.dropped) >= least
     last, _ = state.in_time()[-1]
     assert run.setting.steps[last - 1].posture == "iso"
-    assert "saved," in screen.text
+    assert "Saved: " in screen.text
     machine = default_machine()
     solution = solve(readings(state, run.setting.steps, machine, ""), machine)
     half = np.diff(solution.interval_mm, axis=1) / 2.0
@@ -216,7 +216,15 @@ def test_quit_saves(tmp_path: Path) -> None:
     with journal:
         again.greet()
     assert again.state.accepted == run.state.accepted
-    assert "Resumed: 1 readings" in screen.text
+    assert "Resumed: 1 reading so far" in screen.text
+
+
+def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    _, text = until_the_lines_end(path, ["-0.64", "q"])
+    assert "Drive to the isotropic posture" in text
+    _, text = until_the_lines_end(path, ["0.41", "r x", "-0.64"])
+    assert "The stands are in place: do not touch them" in text
 
 
 @pytest.mark.parametrize(
