@@ -181,9 +181,13 @@ def _lack_of_fit(frame: Frame, measured: Measured, nothing: Fitted) -> LackOfFit
 def _pictures(
     frame: Frame, measured: Measured, nothing: Fitted, accepted: Fitted
 ) -> tuple[Floats, Floats, Floats]:
-    """Measured values, the offsets-only prediction and the accepted one, shape (m,) [mm]."""
+    """Measured values, the offsets-only prediction and the accepted one, shape (m,) [mm].
+
+    In the order of the file.
+    """
     if isinstance(measured, Differences):
-        data, *left = (frame.root @ v for v in (frame.data, nothing.residual, accepted.residual))
+        order = [frame.names.index(name) for name in measured.names]
+        data, left = measured.value, [(frame.root @ f.residual)[order] for f in (nothing, accepted)]
     else:
         data, left = measured.value, [frame.matrix.T @ f.residual for f in (nothing, accepted)]
         for act in accepted.acting:

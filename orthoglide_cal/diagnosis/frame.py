@@ -37,6 +37,7 @@ class Frame:
         root: un-whitens, shape (k, k): the identity for raw readings.
         effects: causes accepted earlier.
         timed: True for raw readings, whose order in time is known.
+        names: of the differences, in the order of the data; empty for raw readings.
     """
 
     machine: Machine
@@ -46,6 +47,7 @@ class Frame:
     root: Floats
     effects: tuple[Effect, ...]
     timed: bool
+    names: tuple[str, ...]
 
     @classmethod
     def of(cls, measured: Measured, machine: Machine, effects: Sequence[Effect] = ()) -> Frame:
@@ -70,6 +72,7 @@ class Frame:
             root,
             tuple(effects),
             isinstance(measured, Readings),
+            posed.names,
         )
 
     def __len__(self) -> int:
