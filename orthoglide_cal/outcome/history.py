@@ -117,7 +117,8 @@ def history(folder: Path, machine: str | None = None) -> History:
         try:
             found.append(_entry(session))
         except OrthocalError as error:
-            left_out.append((session.path.name, error.what))
+            place = f"{error.column}: " if isinstance(error, InputError) and error.column else ""
+            left_out.append((session.path.name, place + error.what))
     names = sorted({name for name, _ in found})
     if machine is None and len(names) > 1:
         raise UsageError(

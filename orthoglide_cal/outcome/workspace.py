@@ -107,17 +107,18 @@ def reachable_cube(machine: Machine) -> tuple[float, float]:
     """
     low_limit, high_limit = machine.joint_limits_mm
     length = machine.leg_length_mm
-    high = high_limit
+    # Whatever the limits allow, no farther than half a leg from the origin: legs stay long enough.
+    high = min(high_limit, length / 2.0)
 
     def smallest(low: float) -> float:
         reach2 = length**2 - 2.0 * max(-low, high) ** 2
         return low + float(np.sqrt(reach2)) - length if reach2 > 0.0 else -np.inf
 
-    inner, outer = 0.0, -length
+    inner, outer = 0.0, -length / 2.0
     for _ in range(60):
         middle = (inner + outer) / 2.0
         inner, outer = (middle, outer) if smallest(middle) >= low_limit else (inner, middle)
-    low = inner
+    low = outer if smallest(outer) >= low_limit else inner
     excess = max(high - low - machine.workspace_mm, 0.0) / 2.0
     return low + excess, high - excess
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,13 +14,22 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.data import default_machine, read_input
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Readings
-from orthoglide_cal.outcome import Calibration, Case, Conditions, GaugeIdentity, calibrate
+from orthoglide_cal.outcome import (
+    Calibration,
+    Case,
+    Conditions,
+    GaugeIdentity,
+    calibrate,
+    history,
+    identify,
+)
 from orthoglide_cal.protocols import double_posture, single_posture
 from orthoglide_cal.report.blocks import Document
 from orthoglide_cal.report.calibration_report import calibration_report
+from orthoglide_cal.report.history_report import history_report
 from orthoglide_cal.report.verification_report import verification_report
 from orthoglide_cal.verification import verify
-from tests.report.sessions import fine_gauge, readings_of, session
+from tests.report.sessions import fine_gauge, readings_of, session, write_history
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 MACHINE = default_machine()
@@ -160,10 +170,18 @@ def verified() -> Document:
     return verification_report(found, "OC-20260304-050607-0123ABCD", ISSUED, "orthocal 0")
 
 
+def history_of_machine() -> Document:
+    """Four sessions, an adjustment, drift of x, and files that are no sessions."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_history(Path(folder))
+        return history_report(history(Path(folder)), identify("0", ISSUED))
+
+
 def documents() -> dict[str, Callable[[], Document]]:
     """Name → maker of a document, one of each kind."""
     made: dict[str, Callable[[], Document]] = {
         name: (lambda make=make: calibration_report(make())) for name, make in CALIBRATIONS.items()
     }
     made["verified"] = verified
+    made["history"] = history_of_machine
     return made

@@ -1,19 +1,26 @@
 """Synthetic sessions in memory, shared by the tests of report, verify and export."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.data import default_machine
+from orthoglide_cal.axes import AXES, Floats
+from orthoglide_cal.data import (
+    MachineModel,
+    SessionReading,
+    SessionRecord,
+    default_machine,
+    write_session,
+)
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Readings, Source
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.protocols import double_posture
 from orthoglide_cal.simulation import Effect, simulate
-
-NAMES = {0.0: "iso"}
 
 
 def readings_of(machine: Machine, plan: Plan, value: Floats, path: str = "made.csv") -> Readings:
@@ -71,3 +78,46 @@ def fine_gauge(machine: Machine) -> Machine:
     return replace(
         machine, gauge=replace(machine.gauge, resolution_mm=0.001, repeatability_mm=0.003)
     )
+
+
+def recorded(measured: Readings, machine: Machine, **given: Any) -> SessionRecord:
+    """A session file's record of readings; `given` are further keys of the file."""
+    plan = measured.plan
+    readings = tuple(
+        SessionReading(
+            leg=AXES[plan.leg[k]],
+            direction=AXES[plan.direction[k]],
+            posture=measured.posture[k],
+            reading_mm=float(measured.value[k]),
+            cycle=int(measured.cycle[k]),
+            seq=k + 1,
+            minutes=float(plan.hours[k] * 60.0),
+            note=measured.note[k],
+        )
+        for k in range(len(measured))
+    )
+    return SessionRecord(machine=MachineModel.from_machine(machine), readings=readings, **given)
+
+
+# When each session of the shared history was finished, and the offsets active in it.
+HISTORY = (
+    ("2026-01-12T09:30:00+00:00", (0.0, 0.0, 0.0)),
+    ("2026-02-10T09:30:00+00:00", (-0.527, 0.595, -1.748)),
+    ("2026-04-20T09:30:00+00:00", (-0.527, 0.595, -1.748)),
+    ("2026-10-30T09:30:00+00:00", (-0.527, 0.595, -1.748)),
+)
+# True offsets at the first session, and their drift from one session to the next [mm].
+FIRST, DRIFT = (-0.53, 0.59, -1.76), (0.03, 0.0, 0.0)
+
+
+def write_history(folder: Path) -> None:
+    """Four sessions of one machine that was adjusted after the first, and other files."""
+    prototype = default_machine()
+    for k, (finished, active) in enumerate(HISTORY):
+        machine = replace(prototype, offsets_mm=active)
+        left = np.array(FIRST) + k * np.array(DRIFT) - np.array(active)
+        record = recorded(session(left.tolist(), 100 + k), machine, finished=finished)
+        write_session(record, folder / f"session-{k}.yaml")
+    (folder / "notes.yaml").write_text("title: no session\n")
+    (folder / "broken.yaml").write_text("machine: {}\nreadings:\n- {leg: q}\n")
+    os.utime(folder / "broken.yaml", (0, 0))

@@ -59,12 +59,12 @@ def _check(check: CheckPosture) -> dict[str, Any]:
 
 def as_json(export: Export) -> str:
     """One JSON object on one line."""
-    return json.dumps(as_values(export), allow_nan=False, ensure_ascii=False) + "\n"
+    return json.dumps(as_values(export), allow_nan=False, ensure_ascii=True) + "\n"
 
 
 def as_yaml(export: Export) -> str:
     """A YAML document; a forced one says so in its first line."""
     import yaml
 
-    body: str = yaml.safe_dump(as_values(export), sort_keys=False, allow_unicode=True, width=1000)
+    body: str = yaml.safe_dump(as_values(export), sort_keys=False, allow_unicode=False, width=1000)
     return ("# FORCED: this result must not be used.\n" if export.forced else "") + body

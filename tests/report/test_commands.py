@@ -1,0 +1,195 @@
+"""`report`, `verify` and `export` from the command line: exit codes, files, speed, imports."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from orthoglide_cal.cli.app import app
+from orthoglide_cal.data import session_text
+from tests.report import cases
+from tests.report.cases import MACHINE, SAMPLES, TRUE
+from tests.report.sessions import recorded, session, write_history
+
+RUN = CliRunner()
+EXPERIMENTS = [str(SAMPLES / f"experiment{k}.csv") for k in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("session") / "healthy.yaml"
+    path.write_text(session_text(recorded(session(TRUE, 3), MACHINE)))
+    return path
+
+
+def run(*arguments: object):
+    return RUN.invoke(app, [str(argument) for argument in arguments])
+
+
+def test_report_on_the_terminal(healthy: Path):
+    found = run("report", healthy)
+    assert found.exit_code == 0
+    assert "Calibration report: Orthoglide prototype" in found.stdout
+    assert "The offsets may be entered" in found.stdout
+
+
+def test_report_takes_the_latest_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_history(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    found = run("report", "--json")
+    assert json.loads(found.stdout)["input"]["path"] == "session-3.yaml"
+    monkeypatch.chdir(tmp_path.parent)
+    (tmp_path.parent / "empty").mkdir(exist_ok=True)
+    monkeypatch.chdir(tmp_path.parent / "empty")
+    assert run("report").exit_code == 3
+
+
+def test_report_files_are_not_replaced_unasked(healthy: Path, tmp_path: Path):
+    html, text = tmp_path / "r.html", tmp_path / "r.md"
+    found = run("report", healthy, "--html", html, "--markdown", text)
+    assert found.exit_code == 0
+    assert found.stdout == ""
+    assert "written to" in found.stderr
+    assert html.read_text().startswith("<!DOCTYPE html>")
+    assert text.read_text().startswith("# Calibration report")
+    again = run("report", healthy, "--html", html)
+    assert again.exit_code == 2
+    assert "--overwrite" in again.stderr
+    assert run("report", healthy, "--html", html, "--overwrite").exit_code == 0
+    assert run("report", healthy, "--html", "-").stdout.startswith("<!DOCTYPE html>")
+
+
+def test_report_json(healthy: Path):
+    found = json.loads(run("report", healthy, "--json").stdout)
+    assert found["usable"] is True
+    assert found["number"].startswith("OC-")
+    assert found["answer"]["coverage_factor"] == pytest.approx(2.0076, abs=1e-3)
+    assert found["solution"]["offsets_mm"]["z"] == pytest.approx(-1.76, abs=0.02)
+    assert found["diagnosis"]["verdict"] == "consistent"
+    assert found["conditions"]["operator"] is None
+    assert found["as_left"] is None
+
+
+def test_report_of_a_failed_session_is_made_and_tells_so(tmp_path: Path):
+    path = tmp_path / "few.csv"
+    path.write_text("leg,posture,direction,reading_mm\nx,max,y,0.1\nx,min,y,0.2\n")
+    found = run("report", path)
+    assert found.exit_code == 4
+    assert "There is no result" in found.stdout
+    assert json.loads(run("report", path, "--json").stdout)["usable"] is False
+
+
+def test_report_as_left(healthy: Path, tmp_path: Path):
+    after = tmp_path / "after.yaml"
+    after.write_text(session_text(recorded(session(TRUE - TRUE, 4), MACHINE)))
+    applied = ("--applied", *TRUE.tolist())
+    found = json.loads(run("report", healthy, "--json", "--after", after, *applied).stdout)
+    assert found["as_left"]["answer"] == "as modelled"
+    page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
+    assert "Promised and measured" in page.stdout
+    assert "Pass. Limit 0.05 mm" in page.stdout
+    assert run("report", healthy, *applied).exit_code == 2
+
+
+def test_report_history(tmp_path: Path):
+    write_history(tmp_path)
+    found = run("report", "--history", tmp_path)
+    assert found.exit_code == 0
+    assert "The offsets drift: axis x" in found.stdout
+    assert "2026-02-10" in found.stdout
+    assert "broken.yaml" in found.stdout
+    numbers = json.loads(run("report", "--history", tmp_path, "--json").stdout)
+    assert len(numbers["sessions"]) == 4
+    assert run("report", "x.csv", "--history", tmp_path).exit_code == 2
+
+
+def test_verify_prints_what_the_paper_prints():
+    """Promised 0.20, measured 0.21, and a response that agrees with theory."""
+    applied = ("--applied", -0.53, 0.59, -1.76)
+    found = run("verify", *EXPERIMENTS[1:], *applied)
+    assert found.exit_code == 0
+    assert "Promised 0.20 mm, measured 0.21 mm (r.m.s.; before 0.62 mm)." in found.stdout
+    assert "The machine responded as the model says: response 1.03 [0.91, 1.14]" in found.stdout
+    numbers = json.loads(run("verify", *EXPERIMENTS[1:], *applied, "--json").stdout)
+    assert numbers["response"]["agrees"] is True
+    assert numbers["decision"] is None
+    page = run("verify", *EXPERIMENTS[1:], *applied, "--html", "-", "--limit", 0.36)
+    assert "Decision rule: Pass if |deviation| + U is within the limit" in page.stdout
+
+
+def test_verify_asks_what_was_applied():
+    found = run("verify", *EXPERIMENTS[1:])
+    assert found.exit_code == 2
+    assert "--applied DX DY DZ" in found.stderr
+    as_json = run("verify", "nowhere.csv", EXPERIMENTS[2], "--json", "--applied", 1, 1, 1)
+    assert as_json.exit_code == 3
+    assert "no such file" in json.loads(as_json.stdout)["error"]
+
+
+@pytest.mark.parametrize("form", ["text", "linuxcnc", "csv", "json", "yaml"])
+def test_export_formats(healthy: Path, form: str, tmp_path: Path):
+    found = run("export", healthy, "--format", form)
+    assert found.exit_code == 0
+    assert "-0.5" in found.stdout
+    target = tmp_path / "offsets"
+    assert run("export", healthy, "--format", form, "--output", target).exit_code == 0
+    assert len(target.read_text()) == pytest.approx(len(found.stdout), abs=3)
+    assert run("export", healthy, "--format", form, "--output", target).exit_code == 2
+
+
+def test_export_refuses_and_says_why():
+    found = run("export", EXPERIMENTS[0])
+    assert found.exit_code == 4
+    assert found.stdout == ""
+    assert "Export refused" in found.stderr
+    forced = run("export", EXPERIMENTS[0], "--force")
+    assert forced.exit_code == 0
+    assert "FORCED" in forced.stdout
+    assert "FORCED" in forced.stderr
+
+
+def test_export_table_needs_an_accepted_cause(healthy: Path, tmp_path: Path):
+    assert run("export", healthy, "--format", "table").exit_code == 2
+    gap = tmp_path / "gap.yaml"
+    calibration = cases.named_in_machine()
+    gap.write_text(session_text(recorded(calibration.measured, calibration.machine)))
+    extended = tmp_path / "extended.yaml"
+    accept = run("diagnose", gap, "--accept", "axis_gap", "--output", extended)
+    assert accept.exit_code == 0, accept.stderr
+    assert run("export", gap).exit_code == 4
+    table = run("export", gap, "--machine", extended, "--format", "table", "--points", 2)
+    assert table.exit_code == 0, table.stderr
+    assert len(table.stdout.splitlines()) == 9
+
+
+def test_report_is_quick_and_no_command_loads_a_plotting_library(healthy: Path, tmp_path: Path):
+    """Under two seconds of processor time for the whole process, whatever else runs beside it, the
+    best of three; a plotting library or template engine is never loaded."""
+    script = (
+        "import sys; from orthoglide_cal.cli import main\n"
+        "try:\n    main()\n"
+        "finally:\n    print([m for m in ('matplotlib', 'scipy.optimize', 'jinja2')"
+        " if m in sys.modules], file=sys.stderr)"
+    )
+    best = float("inf")
+    for k in range(3):
+        started = _used()
+        done = subprocess.run(
+            [sys.executable, "-c", script, "report", healthy, "--html", tmp_path / f"{k}.html"],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        best = min(best, _used() - started)
+        assert done.stderr.splitlines()[-1] == "[]"
+    assert best < 2.0
+
+
+def _used() -> float:
+    """Processor time of all ended child processes [s]."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
