@@ -23,6 +23,8 @@ from orthoglide_cal.cli.validate import validate
 from orthoglide_cal.cli.verify import verify
 from orthoglide_cal.errors import OrthocalError
 
+INTERRUPTED = 130
+
 
 class _Commands(TyperGroup):
     """Errors of the package end a command with their own exit code."""
@@ -67,7 +69,7 @@ def _orthocal(
 
 
 for command in (
-    measure, solve, diagnose, report, verify, export, simulate, validate, paper
+    measure, solve, diagnose, report, verify, simulate, validate, export, paper
 ):  # fmt: skip
     app.command()(command)
 
@@ -87,3 +89,5 @@ def main() -> None:
             sys.stdout.flush()
     except BrokenPipeError:
         leave_closed_pipe()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
