@@ -82,20 +82,30 @@ class Commands:
             chosen = [s for s in run.setting.steps if s.leg == leg and s.number in accepted]
             if not chosen:
                 run.show(f"Leg {which.upper()} has no reading yet.")
+                return []
+        else:
+            target = run.step(int(which)) if re.fullmatch("[0-9]{1,4}", which) else None
+            if target is None or target.number not in {*accepted, *run.state.skipped}:
+                run.show(f"There is no reading at step {which[:20]} yet. t shows what there is.")
+                return []
+            chosen = [target]
+        if all(s.setup == step.setup for s in chosen):
             return chosen
-        target = run.step(int(which)) if re.fullmatch("[0-9]{1,4}", which) else None
-        measured = target is not None and (
-            target.number in accepted or target.number in run.state.skipped
-        )
-        if target is None or not measured:
-            run.show(f"There is no reading at step {which[:20]} yet. t shows what there is.")
-            return []
-        if target.setup == step.setup:
-            return [target]
-        again = [s for s in run.setting.steps if s.setup == target.setup and s.number in accepted]
+        return self._set_up_again({s.setup for s in chosen}, step)
+
+    def _set_up_again(self, setups: set[int], step: Step) -> list[Step]:
+        """Earlier set-ups, and the one in hand, whose stands have to move for them."""
+        run = self._run
+        again = [
+            s
+            for s in run.setting.steps
+            if s.setup in {*setups, step.setup} and s.number in run.state.accepted
+        ]
+        here = sum(s.setup == step.setup for s in again)
+        of_this = f" and the {here} of this one" if here else ""
         run.show(
-            f"The stand has been moved since step {target.number}, so its zero is another:"
-            f" all {len(again)} readings of that set-up would have to be taken again."
+            "The stands have been moved since then, so the gauges' zeros are others: all"
+            f" {len(again) - here} readings of that set-up{of_this} have to be taken again."
         )
         answer = self._words("Take them all again? y/n > ")
         return again if answer.lower() in ("y", "yes") else []

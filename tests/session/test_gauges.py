@@ -2,14 +2,17 @@
 
 import math
 import string
+import sys
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from orthoglide_cal.cli.app import app
 from orthoglide_cal.data import default_machine
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.session.gauges import serial_format, serial_formats
-from orthoglide_cal.session.gauges.port import PortSpec
+from orthoglide_cal.session.gauges.port import PortSpec, SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.gauges.splitter import PATIENCE_S, Splitter
 from orthoglide_cal.session.gauges.token import Token
@@ -213,3 +216,16 @@ def test_the_simulated_gauge_reads_the_same_after_a_restart() -> None:
     assert not np.array_equal(
         SimulatedGauge(default_machine(), steps, 8).offsets_mm, one.offsets_mm
     )
+
+
+def test_the_help_names_every_format() -> None:
+    """The command's text is fixed, so that --help need not load the formats."""
+    help_text = CliRunner().invoke(app, ["measure", "--help"]).output
+    for name in serial_formats():
+        assert f" {name}" in help_text
+
+
+def test_without_pyserial_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(UsageError, match=r"pip install 'orthocal\[serial\]'"):
+        SerialGauge(PortSpec.parse("plain:/dev/ttyUSB0")).open()

@@ -154,11 +154,14 @@ def test_retake_asks_for_that_step_then_returns(tmp_path: Path) -> None:
 
 def test_retake_of_a_leg_whose_stand_has_moved_is_the_whole_set_up(tmp_path: Path) -> None:
     values = typed(readings_of(steps_of()))
-    lines = [*values[:22], "r 3", "n", "r 3", "y"]
+    lines = [*values[:42], "r 3", "n", "r 3", "y"]
     run, text = until_the_lines_end(tmp_path / "s.journal", lines)
-    assert "all 20 readings of that set-up" in " ".join(text.split())
-    assert sorted(run.state.accepted) == [21, 22]
-    assert len(run.state.replaced) == 20
+    assert "all 20 readings of that set-up and the 2 of this one" in " ".join(text.split())
+    # Leg Y was complete and stays; the stands of leg Z have to be moved for leg X.
+    assert sorted(run.state.accepted) == list(range(21, 41))
+    assert len(run.state.replaced) == 22
+    again, _ = until_the_lines_end(tmp_path / "t.journal", [*values[:22], "r x", "y"])
+    assert dict(again.state.accepted) == {}
 
 
 @pytest.mark.parametrize("line", ["r 99", "r 59", "r -1", "r abc", "r 1e3", "r 0", "r q"])
