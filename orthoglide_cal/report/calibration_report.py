@@ -5,7 +5,7 @@ from __future__ import annotations
 from orthoglide_cal.outcome import Calibration
 from orthoglide_cal.report import sections
 from orthoglide_cal.report.blocks import Code, Document, Facts
-from orthoglide_cal.report.verification_report import outcome_section
+from orthoglide_cal.report.sections.verified import notice, outcome_section, to_do
 
 
 def calibration_report(calibration: Calibration) -> Document:
@@ -13,14 +13,15 @@ def calibration_report(calibration: Calibration) -> Document:
     given = calibration.conditions
     identity = calibration.identity
     measured = given.finished or given.started
+    verification = calibration.verification
     sheet = (
-        sections.to_do(calibration),
+        to_do(verification) if verification else sections.to_do(calibration),
         sections.offsets(calibration),
         sections.found_and_left(calibration),
         sections.intervals(calibration),
     )
     evidence = (
-        outcome_section(calibration.verification) if calibration.verification else None,
+        outcome_section(verification) if verification else None,
         sections.improvement(calibration),
         sections.wrong(calibration),
         sections.diagnosis(calibration),
@@ -39,7 +40,7 @@ def calibration_report(calibration: Calibration) -> Document:
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
             )
         ),
-        notice=sections.notice(calibration),
+        notice=notice(verification) if verification else sections.notice(calibration),
         sheet=tuple(part for part in sheet if part is not None),
         sections=tuple(part for part in evidence if part is not None),
         signatures=("Measured by", "Adjusted by", "Checked by"),

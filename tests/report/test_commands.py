@@ -94,6 +94,8 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
     assert "Promised and measured" in page.stdout
     assert "Pass. Limit 0.05 mm" in page.stdout
+    assert "The correction did what was promised" in page.stdout
+    assert "Nothing more: keep this report with the machine." in page.stdout
     assert run("report", healthy, *applied).exit_code == 2
 
 

@@ -58,7 +58,9 @@ def intervals(bars: Sequence[Bar]) -> tuple[Html, ...]:
         _panel(
             "intervals-near",
             nearer,
-            f"distance from the offset {first.label}, µm" if len(bars) > 1 else "closer: U, µm",
+            f"distance from the offset {first.label}, µm"
+            if len(bars) > 1
+            else "closer: distance from the offset, µm",
             "Intervals, closer",
             closer + ".",
         ),

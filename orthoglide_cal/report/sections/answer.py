@@ -155,10 +155,10 @@ def intervals(calibration: Calibration) -> Section | None:
 def _interval_figure(findings: Findings) -> Figure:
     answer, plain_ = findings.answer, findings.plain
     bars = [Bar(_model(answer), answer.offsets_mm.tolist(), answer.expanded_mm.tolist())]
-    key = f"● {_model(answer)}"
+    key = ""
     if answer.model:
         bars.append(Bar("offsets alone", plain_.offsets_mm.tolist(), plain_.expanded_mm.tolist()))
-        key += ", □ offsets alone"
+        key = f"● {_model(answer)}, □ offsets alone."
     values, halves = answer.offsets_mm.tolist(), answer.expanded_mm.tolist()
     return Figure(
         "",
@@ -166,7 +166,7 @@ def _interval_figure(findings: Findings) -> Figure:
         figures.intervals(bars),
         sketch=interval_lines(AXES, values, halves),
         columns=2,
-        key=key + ".",
+        key=key,
     )
 
 
