@@ -65,8 +65,6 @@ def diagnose(
 
     from orthoglide_cal import data, diagnosis
     from orthoglide_cal.causes import machine_effects
-    from orthoglide_cal.report.diagnose_json import as_json
-    from orthoglide_cal.report.diagnose_text import render
 
     _check_options(files, holdout, applied, accept, to)
 
@@ -83,8 +81,12 @@ def diagnose(
             sensitivity=not json,
         )
         if json:
+            from orthoglide_cal.report.diagnose_json import as_json
+
             print_json(as_json(found))
         else:
+            from orthoglide_cal.report.diagnose_text import render
+
             shown = render(found, measured, judged_by, machine, held_out_file=later is not None)
             output().print(shown)
         if accept is None:
