@@ -1,16 +1,12 @@
 """The causes as a list: ids of the contract, one step each, found by being there."""
 
 import inspect
-import sys
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
-import orthoglide_cal.causes as folder
-from orthoglide_cal.causes import CAUSES, Cause, PatternCause, RelabelCause, Step, registry
+from orthoglide_cal.causes import CAUSES, Cause, PatternCause, RelabelCause, Step
 from orthoglide_cal.data import CAUSE_IDS, CAUSE_UNITS
 from orthoglide_cal.protocols import double_posture
 from tests.machines import PROTOTYPE
@@ -91,61 +87,6 @@ def test_each_has_its_own_file(cause: Cause) -> None:
     path = inspect.getsourcefile(type(cause))
     assert path is not None
     assert Path(path).name == f"{cause.id}.py"
-
-
-SAG = '''
-"""A leg bends with the square of its displacement."""
-
-import numpy as np
-
-from orthoglide_cal.causes.base import Cause, Step
-
-
-class LegSag(Cause):
-    """One bending per leg, at full displacement."""
-
-    id = "leg_sag"
-    title = "a leg sags"
-    step = Step.CONTACT
-    unit = "mm"
-    names = ("x", "y", "z")
-    lasting = True
-    advice = "Stiffen the leg, or measure nearer to the isotropic posture."
-
-    def contact(self, heights, theta, where, fraction, commanded):
-        plan = commanded.plan
-        return heights + theta[..., plan.leg] * (plan.displacement / 100.0) ** 2
-
-
-CAUSE = LegSag()
-'''
-
-
-@pytest.fixture
-def with_one_more_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
-    (tmp_path / "leg_sag.py").write_text(SAG, encoding="utf-8")
-    monkeypatch.setattr(folder, "__path__", [*folder.__path__, str(tmp_path)])
-    yield folder
-    sys.modules.pop("orthoglide_cal.causes.leg_sag", None)
-
-
-def test_a_new_file_is_a_new_cause(with_one_more_file: ModuleType) -> None:
-    """It is found, acts in the forward model and is weighed without an edit elsewhere."""
-    from dataclasses import replace
-
-    from orthoglide_cal.simulation import simulate
-
-    found = registry._found()
-    assert set(found) == {*CONTRACT, "leg_sag"}
-    machine = replace(PROTOTYPE, tolerances={**PROTOTYPE.tolerances, "leg_sag": 0.1})
-    plan = double_posture(machine)
-    offsets = np.array([0.4, -0.7, 0.2])
-    theta = np.array([0.02, -0.05, 0.11])
-    added = simulate(machine, offsets, plan, [found["leg_sag"].at(theta)])
-    added = added - simulate(machine, offsets, plan)
-    at_min_of_z = (plan.leg == 2) & (plan.displacement == -100.0)
-    assert added[at_min_of_z] == pytest.approx(0.11)
-    assert found["leg_sag"].prior_std(machine) == pytest.approx([0.1] * 3)
 
 
 def test_places_are_counted_from_the_plan() -> None:
