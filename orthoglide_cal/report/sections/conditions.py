@@ -39,7 +39,11 @@ def conditions(calibration: Calibration) -> Section:
         ("Finished", moment(given.finished)),
         ("Temperature", _temperature(given)),
     ]
-    rows += [(name, Given(text)) for name, text in given.environment if name != "temperature_c"]
+    rows += [
+        (name.replace("_", " "), Given(text))
+        for name, text in given.environment
+        if name != "temperature_c"
+    ]
     if calibration.session:
         rows.append(("Readings replaced", str(given.retaken)))
         rows.append(("Steps left out", str(given.skipped)))
