@@ -13,8 +13,9 @@ EXPORTS = {
         "tool_derivative", "trilaterate",
     ),
     "protocols": (
-        "NAMES", "SINGLE", "SIX", "TWELVE", "double_posture", "ideal_plan", "other_axes",
-        "reduction", "single_posture", "synthetic_session", "written_down", "zero_free",
+        "NAMES", "SINGLE", "SIX", "TWELVE", "cell_contrasts", "double_posture", "ideal_plan",
+        "other_axes", "reduction", "single_posture", "synthetic_session", "without_zeros",
+        "written_down", "zero_free",
     ),
     "estimation": (
         "METHODS", "Batch", "Fit", "Problem", "Solution", "TableRow", "fit_offsets", "solve",

@@ -15,7 +15,7 @@ from orthoglide_cal.estimation.nonlinear import fit_offsets
 from orthoglide_cal.estimation.problem import Problem
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.protocols import NAMES, reduction, zero_free
+from orthoglide_cal.protocols import NAMES, cell_contrasts, reduction, without_zeros, zero_free
 from orthoglide_cal.simulation import Effect, simulate
 
 
@@ -61,17 +61,17 @@ def solve_many(
     """
     if method not in ("readings", "six", "twelve"):
         raise UsageError(f"{method!r} does not solve batches.", "Use readings, six or twelve.")
-    contrasts = zero_free(plan)
-    dof = len(contrasts) - 3
+    dof = len(plan) - plan.setups - 3
     if dof < 1:
         raise UsageError("These readings leave none to spare.", "Repeat them.")
-    matrix = contrasts if method == "readings" else _complete(machine, plan, method)
+    if method != "readings":
+        matrix = _complete(machine, plan, method)
+    else:
+        matrix = zero_free(plan) if effects else cell_contrasts(plan)
     problem = Problem(machine, plan, matrix, effects)
     require_rank(problem)
     fit = fit_offsets(problem, values @ matrix.T)
-    spare = fit.residuals_mm
-    if method != "readings":
-        spare = (values - simulate(machine, fit.offsets_mm, plan, effects)) @ contrasts.T
+    spare = without_zeros(plan, values - simulate(machine, fit.offsets_mm, plan, effects))
     sigma = np.sqrt((spare**2).sum(axis=-1) / dof)
     sigma = np.maximum(sigma, machine.gauge.rounding_mm)
     slope = problem.model_with_jacobian(fit.offsets_mm, strict=False)[1]

@@ -21,7 +21,7 @@ from orthoglide_cal.estimation.problem import Problem
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Differences, Measured, Readings
 from orthoglide_cal.plan import Contact
-from orthoglide_cal.protocols import NAMES, ideal_plan, reduction, zero_free
+from orthoglide_cal.protocols import NAMES, cell_contrasts, ideal_plan, reduction, zero_free
 from orthoglide_cal.simulation import Effect
 
 
@@ -101,12 +101,27 @@ class Posed:
 
 
 def pose(
-    measured: Measured, machine: Machine, method: Method, effects: Sequence[Effect] = ()
+    measured: Measured,
+    machine: Machine,
+    method: Method,
+    effects: Sequence[Effect] = (),
+    *,
+    folded: bool = False,
 ) -> Posed:
-    """Reduce the data to what the method compares with the model."""
+    """Reduce the data to what the method compares with the model.
+
+    Args:
+        measured: readings or differences.
+        machine: nominal machine.
+        method: the estimator; one that can use these data.
+        effects: known departures from the nominal machine.
+        folded: of raw readings that repeat each other keep the mean only, where no effect can
+            tell them apart; their scatter is not in the data then.
+    """
     if method.differences is None:
         assert isinstance(measured, Readings)
-        matrix = zero_free(measured.plan)
+        contrasts = cell_contrasts if folded and not effects else zero_free
+        matrix = contrasts(measured.plan)
         return Posed(Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, ())
     return pose_differences(measured, machine, method.differences, effects)
 

@@ -26,7 +26,7 @@ from orthoglide_cal.estimation.solution import Solution, TableRow
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Measured, Readings
 from orthoglide_cal.plan import Contact
-from orthoglide_cal.protocols import zero_free
+from orthoglide_cal.protocols import without_zeros
 from orthoglide_cal.simulation import Effect, simulate
 
 
@@ -63,7 +63,7 @@ def solve(
         NotConvergedError: no optimum was found; there is no result.
     """
     chosen = choose_method(measured, method)
-    posed = pose(measured, machine, chosen, effects)
+    posed = pose(measured, machine, chosen, effects, folded=True)
     require_rank(posed.problem)
     estimate = _estimate(posed, chosen)
     if not estimate.remaining <= OPTIMAL_MM:
@@ -148,12 +148,11 @@ def _residual_scatter(
     effects: Sequence[Effect],
 ) -> Scatter | None:
     """σ of one reading from the residuals; for raw data from all of them, whatever the method."""
-    if not isinstance(measured, Readings) or not posed.names:
+    if not isinstance(measured, Readings):
         return scatter_of_residuals(posed.problem, estimate.slope, estimate.residual)
-    contrasts = zero_free(measured.plan)
     model = simulate(machine, estimate.offsets, measured.plan, effects)
-    residual = contrasts @ (measured.value - model)
-    dof = len(residual) - 3
+    residual = without_zeros(measured.plan, measured.value - model)
+    dof = len(measured) - measured.plan.setups - 3
     return Scatter(float(np.sqrt(residual @ residual / dof)), dof) if dof > 0 else None
 
 

@@ -5,8 +5,10 @@ from orthoglide_cal.protocols.differences import (
     SINGLE,
     SIX,
     TWELVE,
+    cell_contrasts,
     ideal_plan,
     reduction,
+    without_zeros,
     zero_free,
 )
 from orthoglide_cal.protocols.double_posture import double_posture
@@ -19,12 +21,14 @@ __all__ = [
     "SINGLE",
     "SIX",
     "TWELVE",
+    "cell_contrasts",
     "double_posture",
     "ideal_plan",
     "other_axes",
     "reduction",
     "single_posture",
     "synthetic_session",
+    "without_zeros",
     "written_down",
     "zero_free",
 ]

@@ -102,3 +102,28 @@ def zero_free(plan: Plan) -> Floats:
     """
     q, _ = np.linalg.qr(plan.zeros, mode="complete")
     return np.ascontiguousarray(q[:, plan.setups :].T)
+
+
+def cell_contrasts(plan: Plan) -> Floats:
+    """`zero_free` for readings that repeat each other exactly: orthonormal contrasts of cells.
+
+    A cell holds the repeats of one posture in one gauge set-up. Where the model says the same of
+    all of them, only their mean matters: least squares on the weighted means, with the zeros
+    removed, is least squares on all readings, with m cells instead of n readings.
+
+    Returns:
+        Shape (m − setups, n).
+    """
+    keys = np.stack((plan.setup, plan.displacement, plan.contact, plan.gauge_at), axis=1)
+    cells, cell, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    weight = np.sqrt(count)
+    zeros = weight[:, None] * (cells[:, :1] == np.arange(plan.setups))
+    q, _ = np.linalg.qr(zeros, mode="complete")
+    return np.ascontiguousarray((q[:, plan.setups :].T / weight)[:, cell.reshape(-1)])
+
+
+def without_zeros(plan: Plan, values: Floats) -> Floats:
+    """Values (..., n) less the mean of their gauge set-up: what no gauge zero can explain."""
+    count = np.bincount(plan.setup, minlength=plan.setups)
+    means = values @ (plan.zeros / count)
+    return np.asarray(values - means[..., plan.setup])

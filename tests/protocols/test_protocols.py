@@ -9,15 +9,17 @@ from orthoglide_cal.plan import Contact
 from orthoglide_cal.protocols import (
     NAMES,
     SIX,
+    cell_contrasts,
     double_posture,
     ideal_plan,
     reduction,
     single_posture,
     synthetic_session,
+    without_zeros,
     written_down,
     zero_free,
 )
-from orthoglide_cal.simulation import simulate
+from orthoglide_cal.simulation import simulate, simulate_with_jacobian
 from tests.machines import LARGE, PROTOTYPE, both_machines
 
 OFFSETS = np.array([0.4, -0.9, 0.6])
@@ -77,6 +79,31 @@ def test_contrasts_are_orthonormal_and_complete(plan: object) -> None:
     assert matrix @ matrix.T == pytest.approx(np.eye(len(matrix)), abs=1e-12)
     assert np.abs(matrix @ plan.zeros).max() < 1e-12  # type: ignore[attr-defined]
     assert len(matrix) == len(plan) - plan.setups  # type: ignore[arg-type, attr-defined]
+
+
+@both_machines
+def test_contrasts_of_cells_are_least_squares_on_all_readings(machine: Machine) -> None:
+    """Unequal repeats: same normal equations as the contrasts of all readings."""
+    rng = np.random.default_rng(8)
+    plan = double_posture(machine).subset(np.sort(rng.choice(60, 41, replace=False)))
+    slope = simulate_with_jacobian(machine, OFFSETS, plan)[1]
+    values = rng.normal(0.0, 1.0, len(plan))
+    few, all_ = cell_contrasts(plan), zero_free(plan)
+    assert len(few) < len(all_)
+    assert few @ few.T == pytest.approx(np.eye(len(few)), abs=1e-12)
+    for one, other in ((slope, slope), (slope, values)):
+        mine, full = ((m @ one).T @ (m @ other) for m in (few, all_))
+        assert mine == pytest.approx(full, abs=1e-10)
+
+
+def test_removing_the_zeros_keeps_what_the_contrasts_see() -> None:
+    plan = double_posture(LARGE, 2)
+    values = np.random.default_rng(4).normal(0.0, 1.0, (5, len(plan)))
+    rest = without_zeros(plan, values)
+    assert (rest**2).sum(axis=1) == pytest.approx(
+        ((values @ zero_free(plan).T) ** 2).sum(axis=1), rel=1e-12
+    )
+    assert np.abs(rest @ plan.zeros).max() < 1e-12
 
 
 def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
