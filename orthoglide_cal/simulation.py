@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats, Ints, Numbers, read_only
-from orthoglide_cal.errors import UnreachableError
+from orthoglide_cal.errors import PostureError, UnreachableError
 from orthoglide_cal.kinematics.rails import (
     Geometry,
     tool_derivative_components,
@@ -117,10 +117,6 @@ class _Posture:
         )
         centres = points + joints[:, None] * directions
         return cls(directions, centres, trilaterate_components(centres, lengths, strict=strict))
-
-    def tool_derivative(self) -> Numbers:
-        """∂p/∂q, (3, 3, m, ...)."""
-        return tool_derivative_components(self.centres, self.directions, self.tool)
 
 
 def _moments(commanded: Commanded, effects: Sequence[Effect]) -> tuple[Floats, Ints]:
@@ -236,7 +232,11 @@ def _simulate(
     batch = max(
         joints.ndim - 2, real.points.ndim - 2, real.directions.ndim - 2, real.lengths.ndim - 1
     )
-    posture = _Posture.of(real, joints, batch, strict)
+    try:
+        posture = _Posture.of(real, joints, batch, strict)
+    except PostureError as error:
+        named = _which(_Posture.of(real, joints, batch, strict=False), plan, moment)
+        raise type(error)(f"{named}: {error.what}", error.remedy) from error
 
     leg, direction = plan.leg, plan.direction
     gauge_at = _column(plan.gauge_at, batch)
@@ -261,7 +261,7 @@ def _simulate(
     # The same chain differentiated by q: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and
     # d fraction = (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed.
     # In place, because fresh memory for such long arrays costs more than the arithmetic.
-    slope = posture.tool_derivative()
+    slope = tool_derivative_components(posture.centres, posture.directions, posture.tool)
     turn = _column(fixed, batch) * across / span
     jacobian = slope[direction, :, moment]
     jacobian *= fraction[:, None]
@@ -275,6 +275,15 @@ def _simulate(
     jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
     jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
     return readings, np.moveaxis(jacobian, (0, 1), (-2, -1))
+
+
+def _which(posture: _Posture, plan: Plan, moment: Ints) -> str:
+    """The first posture that the machine cannot take, in words."""
+    failed = np.isnan(posture.tool[0])
+    bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
+    if not bad.size:
+        return "Isotropic posture"
+    return f"Leg {AXES[plan.leg[bad[0]]]} displaced by {plan.displacement[bad[0]]:g} mm"
 
 
 def _components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:

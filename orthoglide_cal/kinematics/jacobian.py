@@ -43,9 +43,13 @@ def jacobian(tool: Floats, joints: Floats) -> Floats:
         SingularError: J⁻¹ has no inverse (the three legs lie in one plane).
     """
     rates = inverse_jacobian(tool, joints)
-    if np.any(np.abs(np.linalg.det(rates)) < 1e-12):
+    flat = np.abs(np.linalg.det(rates)) < 1e-12
+    if np.any(flat):
+        points = np.broadcast_to(np.asarray(tool, dtype=np.float64), (*flat.shape, 3))
+        at = ", ".join(f"{c:.3f}" for c in points[flat][0])
         raise SingularError(
-            "The three legs lie in one plane: the machine is singular at this posture.",
+            f"The three legs lie in one plane with the tool at ({at}) mm: the machine is singular"
+            " there.",
             "Choose a posture inside the workspace.",
         )
     return np.asarray(np.linalg.inv(rates))

@@ -145,9 +145,11 @@ def rail_position(
     along = (from_rail * geometry.directions).sum(axis=-1)
     root2 = geometry.lengths**2 - (from_rail**2).sum(axis=-1) + along**2
     if np.any(root2.real < 0.0):
-        leg = int(np.argwhere(root2.real < 0.0)[0][-1])
+        *place, leg = (int(k) for k in np.argwhere(root2.real < 0.0)[0])
+        batch = np.broadcast_to(tool, (*root2.shape[:-1], 3))
+        at = ", ".join(f"{c:.3f}" for c in batch[tuple(place)].real)
         raise UnreachableError(
-            f"Leg {AXES[leg]} is too short to reach this point from its rail.",
+            f"Leg {AXES[leg]} is too short to reach the point ({at}) mm from its rail.",
             "Choose a point inside the workspace.",
         )
     return np.asarray(along + np.asarray(mode) * np.sqrt(root2))

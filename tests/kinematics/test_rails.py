@@ -122,7 +122,9 @@ def test_carriages_on_a_line_are_singular() -> None:
 
 def test_a_leg_too_short_is_named() -> None:
     geometry = bent_geometry(PROTOTYPE)
-    with pytest.raises(UnreachableError, match="Leg y is too short"):
+    with pytest.raises(
+        UnreachableError, match=r"Leg y is too short to reach the point \(250.000, 0.000, 250.000\)"
+    ):
         rail_position(geometry, np.array([250.0, 0.0, 250.0]))
 
 

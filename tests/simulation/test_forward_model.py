@@ -161,8 +161,10 @@ def test_offsets_and_machines_are_batched_together() -> None:
 def test_an_unreachable_session_is_an_error_or_nan() -> None:
     plan = double_posture(PROTOTYPE, cycles=1)
     offsets = np.array([[0.1, 0.2, 0.3], [300.0, 300.0, 300.0]])
-    with pytest.raises(UnreachableError):
+    with pytest.raises(UnreachableError, match="Leg x displaced by 0 mm: The legs do not reach"):
         simulate(PROTOTYPE, offsets, plan)
+    with pytest.raises(UnreachableError, match="Leg y displaced by 60 mm: The legs do not reach"):
+        simulate(PROTOTYPE, np.array([30.0, 85.0, 30.0]), plan)
     readings, slope = simulate_with_jacobian(PROTOTYPE, offsets, plan, strict=False)
     assert np.isfinite(readings[0]).all()
     assert np.isfinite(slope[0]).all()
