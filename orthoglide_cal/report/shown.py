@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 
-# Characters that change the direction of what follows: U+202E turns "exe.csv" around.
-_DIRECTION = "\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
+# Control characters, halves of pairs, private ones, and those that change the direction of what
+# follows: U+202E turns "exe.csv" around.
+_HIDDEN = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\uf8ff\ufeff"
+    "\U000e0000-\U0010ffff]"
+)
 # What Markdown obeys anywhere in a line; other signs matter only at its beginning, where no text
 # from outside stands. Addresses become links by themselves unless they are written so.
 _MARKDOWN = re.compile(r"([\\`*_\[\]<|~&$])")
@@ -14,24 +17,14 @@ _ADDRESS = (("://", ":&#47;&#47;"), ("www.", "www&#46;"), ("@", "&#64;"))
 _FORMULA = "=+-@\t\r\n"
 
 
-def visible(text: str, *, lines: bool = False) -> str:
-    """The text with control and direction characters replaced by their code, as "⟨U+202E⟩".
-
-    Args:
-        text: any.
-        lines: keep line breaks; otherwise they become blanks.
-    """
-    return "".join(_visible(character, lines) for character in text)
+def visible(text: str) -> str:
+    """The text on one line, with control and direction characters as codes: "⟨U+202E⟩"."""
+    return _HIDDEN.sub(_code, text)
 
 
-def _visible(character: str, lines: bool) -> str:
-    if character == "\n" and lines:
-        return character
-    if character in "\n\t\r":
-        return " "
-    if unicodedata.category(character) in ("Cc", "Cs", "Co", "Cn") or character in _DIRECTION:
-        return f"⟨U+{ord(character):04X}⟩"
-    return character
+def _code(found: re.Match[str]) -> str:
+    character = found[0]
+    return " " if character in "\n\t\r" else f"⟨U+{ord(character):04X}⟩"
 
 
 def in_markdown(text: str) -> str:

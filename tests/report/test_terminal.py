@@ -98,8 +98,10 @@ def test_blank_fields_are_lines_to_write_on():
 
 def test_visible_keeps_words_and_shows_controls():
     assert visible("a\tb\nc") == "a b c"
-    assert visible("a\nb", lines=True) == "a\nb"
     assert visible("x\u202ey\u200fz\x00") == "x⟨U+202E⟩y⟨U+200F⟩z⟨U+0000⟩"
+    assert visible("\x9b\ud800\ue000\u2028\ufeff\U000e0001") == (
+        "⟨U+009B⟩⟨U+D800⟩⟨U+E000⟩⟨U+2028⟩⟨U+FEFF⟩⟨U+E0001⟩"
+    )
     assert visible("שלום, ünï – 30 °C, 日本") == "שלום, ünï – 30 °C, 日本"
 
 
