@@ -25,6 +25,8 @@ _KINDS = {
 }
 # A technician reads "1e-3" better as millimetres per metre.
 _UNITS = {"1e-3": "mm/m"}
+# Probability from which "nothing is wrong" is mentioned beside a cause.
+_WORTH_SAYING = 0.005
 
 
 def render(
@@ -120,7 +122,11 @@ def _gain(diagnosis: Diagnosis, held_out_file: bool) -> list[str]:
     first, many = diagnosis.causes[0], len(diagnosis.causes) > 1
     with_it = "with them" if many else "with it"
     left = f"{first.rms_before_mm:.4f} mm r.m.s. by offsets only, {first.rms_after_mm:.4f} mm"
-    rows = [("probability", _percent(first.probability)), ("residual", f"{left} {with_it}")]
+    rows = [("probability", _percent(first.probability))]
+    nothing = diagnosis.ranking.get("", 0.0)
+    if nothing >= _WORTH_SAYING:
+        rows.append(("", f"{_percent(nothing)} that nothing is wrong at all"))
+    rows.append(("residual", f"{left} {with_it}"))
     before, after = first.heldout_before_mm, first.heldout_after_mm
     if before is not None and after is not None:
         where = "the later readings" if held_out_file else "readings left out of the fit"

@@ -2,7 +2,8 @@
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,15 @@ def diagnose(*arguments: object, text: str | None = None) -> Ran:
     return Ran(done.exit_code, done.stdout, done.stderr)
 
 
+@cache
+def shown(path: Path) -> str:
+    """The text for one of the samples."""
+    ran = diagnose(path)
+    assert ran.code == 0
+    return ran.out
+
+
+@cache
 def one(*arguments: object) -> dict[str, Any]:
     ran = diagnose(*arguments, "--json")
     assert ran.code == 0
@@ -366,12 +376,11 @@ class TestText:
 
     @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
     def test_nothing_is_wider_than_a_terminal(self, path: Path) -> None:
-        ran = diagnose(path)
-        lines = ran.out.splitlines()
+        lines = shown(path).splitlines()
         assert len(lines) > 15
         assert max(map(len, lines)) <= 80
         assert [line for line in lines if line != line.rstrip()] == []
-        assert "\x1b" not in ran.out
+        assert "\x1b" not in shown(path)
 
     def test_many_postures_and_cycles_stay_within_it(self, tmp_path: Path) -> None:
         from orthoglide_cal.data import default_machine, readings_csv
@@ -395,14 +404,14 @@ class TestText:
         assert "22.2" in ran.out
 
     def test_wrapped_lines_keep_their_place(self) -> None:
-        lines = diagnose(GAP).out.splitlines()
+        lines = shown(GAP).splitlines()
         start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("mend"))
         column = lines[start].index("Shim")
         assert lines[start + 1].startswith(" " * column)
         assert lines[start + 1][column] != " "
 
     def test_it_says_what_to_do(self) -> None:
-        text = " ".join(diagnose(GAP).out.split())
+        text = " ".join(shown(GAP).split())
         assert "Named: the actuator axes do not meet in one point." in text
         assert "xy +0.3" in text
         assert f"orthocal diagnose {GAP} --accept axis_gap" in text
@@ -412,7 +421,7 @@ class TestText:
         assert "-0.189" in text
 
     def test_an_open_answer_offers_no_compensation(self) -> None:
-        text = " ".join(diagnose(SECOND).out.split())
+        text = " ".join(shown(SECOND).split())
         assert "Ambiguous" in text
         assert "Read next" in text
         assert "--accept" not in text
@@ -425,6 +434,18 @@ class TestText:
         assert "Named: one reading is wrong." in text
         assert "nothing for the controller to correct" in text
         assert "--accept" not in text
+
+    def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
+        """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
+        from orthoglide_cal.diagnosis import diagnose as judge
+        from orthoglide_cal.report.diagnose_text import render
+        from tests.diagnosis.sessions import known
+
+        readings, machine = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
+        found = judge(readings, machine)
+        assert "nothing is wrong at all" not in render(found, readings, machine).plain
+        faint = replace(found, ranking={**found.ranking, "": 0.217})
+        assert "21.7 % that nothing is wrong at all" in render(faint, readings, machine).plain
 
     def test_names_from_outside_are_shown_not_obeyed(self, tmp_path: Path) -> None:
         session = truth.make_session(21, truth.PROTOTYPE, truth.MICRON)
