@@ -124,7 +124,9 @@ def open_sitting(request: Request, folder: Path, now: Callable[[], str]) -> Sitt
             request.temperature_c,
             list(request.gauges),
         )
-        _reach(lines)  # a gauge that is not there leaves no file behind
+        # A machine that cannot be used, or a gauge that is not there, leaves no file behind.
+        machine_effects(machine)
+        _reach(lines)
         journal = Journal.create(journal_path(path), opened)
     try:
         return _sitting(request, path, journal, lines)

@@ -1,13 +1,21 @@
 """The real program in a real pseudo-terminal of 80 × 24 characters, and gauges on other ones."""
 
+import contextlib
 import os
 import re
+import subprocess
 import sys
 import tty
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
 import pexpect
+from typer.testing import CliRunner
+
+from orthoglide_cal.cli.app import app
+
+from .virtual import a_run
 
 PROGRAM = "from orthoglide_cal.cli import main; main()"
 # The last thing on the screen, perhaps followed by the end of a colour.
@@ -111,3 +119,42 @@ class SerialLine:
         """Take the gauge away at the end of a test."""
         if self._master >= 0:
             self.unplug()
+
+
+def run_program(
+    folder: Path,
+    *arguments: str,
+    stdin: str = "",
+    before: Callable[[], None] | None = None,
+) -> subprocess.CompletedProcess[str]:
+    """`orthocal measure` without a terminal; `before` runs in the new process."""
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM, "measure", *arguments],
+        cwd=folder,
+        input=stdin,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        preexec_fn=before,
+        check=False,
+    )
+
+
+def refused(folder: Path, *arguments: str) -> tuple[int, str]:
+    """`orthocal measure` in this process, for what ends before the first prompt.
+
+    Returns:
+        Exit code and everything it said, with single blanks.
+    """
+    with contextlib.chdir(folder):
+        done = CliRunner().invoke(app, ["measure", *arguments])
+    return done.exit_code, " ".join(done.output.split())
+
+
+def begun(folder: Path) -> bytes:
+    """A session with two readings, interrupted; its journal's bytes."""
+    run, _, journal = a_run(folder / "s.journal", ["-0.64", "0.41"])
+    with journal, contextlib.suppress(EOFError):
+        run.run()
+    return (folder / "s.journal").read_bytes()

@@ -1,7 +1,6 @@
 """Whole sessions through a real pseudo-terminal, typed and through a serial gauge."""
 
 import json
-import os
 import re
 import signal
 import subprocess
@@ -18,7 +17,7 @@ from orthoglide_cal.data import default_machine, read_measured, read_session
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 
-from .terminal import PROGRAM, PROMPT, QUESTION, SerialLine, Terminal
+from .terminal import PROGRAM, PROMPT, QUESTION, SerialLine, Terminal, run_program
 from .virtual import readings_of, steps_of
 
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
@@ -223,42 +222,29 @@ def test_the_terminal_is_left_as_it_was(tmp_path: Path) -> None:
 # ---- without a terminal
 
 
-def run(folder: Path, *arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", PROGRAM, "measure", *arguments],
-        cwd=folder,
-        input=stdin,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        check=False,
-    )
-
-
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_readings_from_a_pipe(tmp_path: Path, end: str) -> None:
     steps = steps_of("single-posture")
     values = readings_of(steps, 5)
     text = "".join(f"{value:.2f}{end}" for value in values)
-    done = run(tmp_path, "s.yaml", "--protocol", "single", stdin=text)
+    done = run_program(tmp_path, "s.yaml", "--protocol", "single", stdin=text)
     assert (done.returncode, done.stderr) == (0, "")
     assert_fits(done.stdout)
     assert_found(tmp_path, "single-posture", 5, values)
 
 
 def test_a_pipe_that_ends_too_early_is_an_interruption(tmp_path: Path) -> None:
-    done = run(tmp_path, "s.yaml", stdin="-0.64\n0.41\n")
+    done = run_program(tmp_path, "s.yaml", stdin="-0.64\n0.41\n")
     assert done.returncode == 130
     assert "orthocal measure s.yaml --resume" in done.stderr
-    again = run(tmp_path, "s.yaml", "--resume", stdin="-0.95")
+    again = run_program(tmp_path, "s.yaml", "--resume", stdin="-0.95")
     assert again.returncode == 130
     assert "Resumed: 2 readings" in again.stdout
     assert "saved -0.950" in again.stdout
 
 
 def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:
-    done = run(tmp_path, "s.yaml", "--gauge", "simulated", "--seed", "9", "--json")
+    done = run_program(tmp_path, "s.yaml", "--gauge", "simulated", "--seed", "9", "--json")
     assert done.returncode == 0
     result = json.loads(done.stdout)
     hidden = SimulatedGauge(default_machine(), steps_of(), 9).offsets_mm
