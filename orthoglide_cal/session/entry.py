@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from orthoglide_cal.data.numbers import MM_PER_INCH
 from orthoglide_cal.machine import Gauge
 from orthoglide_cal.session.doubts import Doubt, Question
 from orthoglide_cal.session.events import Questioned
-from orthoglide_cal.session.gauges.token import MM_PER_INCH
 from orthoglide_cal.session.history import History
 from orthoglide_cal.session.state import State
 

@@ -129,7 +129,7 @@ def advance(state: State, event: Event) -> State:
     state = replace(state, last_at=event.at, count=state.count + 1)
     match event:
         case Questioned():
-            return replace(state, pending=event)
+            return replace(_give_up(state), pending=event)
         case Taken():
             return _accept(_give_up(state), event)
         case Answered():

@@ -23,6 +23,13 @@ def test_a_slip_is_questioned_and_can_be_read_again(tmp_path: Path) -> None:
     assert "read again: 0.990 mm from the last cycle" in run.record().retaken[0].reason
 
 
+def test_a_second_doubtful_reading_replaces_the_first(tmp_path: Path) -> None:
+    run, text = until_the_lines_end(tmp_path / "s.journal", [*with_slip(), "1.04", "k"])
+    assert "two revolutions?" in text
+    assert run.state.accepted[9].take.value_mm == 1.04
+    assert [r.reading_mm for r in run.record().retaken] == [float(with_slip()[-1])]
+
+
 def test_a_slip_can_be_kept_with_a_note(tmp_path: Path) -> None:
     run, _ = until_the_lines_end(tmp_path / "s.journal", [*with_slip(), "k"])
     assert run.state.pending is None

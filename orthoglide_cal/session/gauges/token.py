@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-MM_PER_INCH = 25.4
+from orthoglide_cal.data.numbers import MM_PER_INCH
 
 # Error messages that look like numbers: they must never become one.
 _ERROR_CODES = re.compile(r"[+-]?9{5,}(?:\.9+)?|9[0-9]{2}")
