@@ -24,9 +24,10 @@ def test_a_slip_is_questioned_and_can_be_read_again(tmp_path: Path) -> None:
 
 
 def test_a_second_doubtful_reading_replaces_the_first(tmp_path: Path) -> None:
-    run, text = until_the_lines_end(tmp_path / "s.journal", [*with_slip(), "1.04", "k"])
+    worse = f"{float(with_slip()[-1]) + 1.0:.2f}"
+    run, text = until_the_lines_end(tmp_path / "s.journal", [*with_slip(), worse, "k"])
     assert "two revolutions?" in text
-    assert run.state.accepted[9].take.value_mm == 1.04
+    assert run.state.accepted[9].take.value_mm == float(worse)
     assert [r.reading_mm for r in run.record().retaken] == [float(with_slip()[-1])]
 
 
