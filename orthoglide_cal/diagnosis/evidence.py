@@ -20,7 +20,7 @@ import numpy as np
 from orthoglide_cal.axes import Floats
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
-STATEMENT_SPREAD = 0.15
+STATEMENT_SPREAD = 0.10
 _LOG_RATIO = np.linspace(-0.6, 0.45, 8)
 
 
