@@ -12,7 +12,7 @@ from tests.machines import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
-COMMANDS = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
+COMMANDS = [block for kind, block in BLOCKS if kind == "sh"]
 SHOWN = [block for kind, block in BLOCKS if kind == "text"]
 
 
@@ -23,13 +23,14 @@ def _copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("line", COMMANDS)
-def test_commands_run(line: str) -> None:
-    program, *arguments = shlex.split(line)
-    assert program == "orthocal"
-    shown = run(*arguments)
-    assert shown.exit_code == 0, shown.stderr
-    assert shown.stdout or "--output" in arguments
+@pytest.mark.parametrize("block", COMMANDS)
+def test_commands_run(block: str) -> None:
+    for line in block.splitlines():
+        program, *arguments = shlex.split(line)
+        assert program == "orthocal"
+        shown = run(*arguments)
+        assert shown.exit_code == 0, shown.stderr
+        assert shown.stdout or "--output" in arguments
 
 
 def test_the_shown_answer_is_the_programs() -> None:
