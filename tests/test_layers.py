@@ -21,6 +21,7 @@ LAYERS = (
     ("data",),
     ("causes", "protocols"),
     ("simulation",),
+    ("effects",),
     ("kinematics",),
     ("measured",),
     ("plan",),

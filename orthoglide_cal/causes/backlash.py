@@ -6,7 +6,7 @@ import numpy as np
 
 from orthoglide_cal.axes import Numbers
 from orthoglide_cal.causes.base import Cause, Step
-from orthoglide_cal.simulation import Commanded
+from orthoglide_cal.effects import Commanded
 
 
 class Backlash(Cause):

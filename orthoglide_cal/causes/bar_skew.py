@@ -6,7 +6,7 @@ import numpy as np
 
 from orthoglide_cal.axes import Numbers
 from orthoglide_cal.causes.base import Cause, Step, Where
-from orthoglide_cal.simulation import Commanded
+from orthoglide_cal.effects import Commanded
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
 _SERIES = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))

@@ -14,10 +14,10 @@ from types import MappingProxyType
 import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats, Numbers
+from orthoglide_cal.effects import Commanded, Effect
 from orthoglide_cal.kinematics import Geometry
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import Commanded, Effect
 
 
 class Step(StrEnum):
@@ -74,6 +74,10 @@ class Cause:
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
         return machine.tolerances.get(self.id, 0.0) > 0.0
+
+    def admissible(self, value: float) -> float:
+        """The nearest value that a parameter can have: a width is not negative."""
+        return max(value, 0.0) if self.positive else value
 
     @property
     def in_machine(self) -> bool:
@@ -171,11 +175,18 @@ class RelabelCause(Cause):
 
 @dataclass(frozen=True, eq=False)
 class Acting(Effect):
-    """A cause with values for its parameters."""
+    """A cause with values for its parameters; `std` states how uncertain the first of them are."""
 
     cause: Cause
     theta: Numbers
     where: Where = MACHINE_WIDE
+    std: tuple[float, ...] = ()
+
+    def doubts(self) -> tuple[Effect, ...]:
+        """See `Effect.doubts`; `std` holds as many parameters as are known to be uncertain."""
+        steps = np.diag(self.std)[:, : len(self.theta)]
+        steps = np.pad(steps, ((0, 0), (0, len(self.theta) - steps.shape[1])))
+        return tuple(Acting(self.cause, self.theta + step, self.where) for step in steps)
 
     def geometry(self, geometry: Geometry) -> Geometry:
         """Rails and legs as they really are."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orthoglide_cal.axes import Numbers
 from orthoglide_cal.causes.base import Cause, Step
-from orthoglide_cal.simulation import Commanded
+from orthoglide_cal.effects import Commanded
 
 
 class EncoderScale(Cause):

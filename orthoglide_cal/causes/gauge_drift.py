@@ -13,9 +13,9 @@ from orthoglide_cal.causes.base import (
     series_label,
     series_places,
 )
+from orthoglide_cal.effects import Commanded
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import Commanded
 
 
 class GaugeDrift(PatternCause):

@@ -6,9 +6,9 @@ import numpy as np
 
 from orthoglide_cal.axes import Floats, Numbers
 from orthoglide_cal.causes.base import PatternCause, Step, Where, reading_label
+from orthoglide_cal.effects import Commanded
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import Commanded
 
 
 class Misread(PatternCause):

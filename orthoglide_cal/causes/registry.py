@@ -53,5 +53,6 @@ def machine_effects(machine: Machine) -> tuple[Acting, ...]:
             )
         values = [found.parameters[name].value for name in cause.names]
         theta = np.array([*values, *(0.0 for _ in cause.nuisance)]) * cause.scale
-        effects.append(cause.at(theta))
+        stds = tuple(found.parameters[name].std * cause.scale for name in cause.names)
+        effects.append(Acting(cause, theta, std=stds))
     return tuple(effects)

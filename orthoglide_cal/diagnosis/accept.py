@@ -13,10 +13,10 @@ from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.posterior import DISMISSED
 from orthoglide_cal.diagnosis.result import AMBIGUOUS, CONSISTENT, UNEXPLAINED
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.machine import Estimate, IdentifiedCause, Machine
 from orthoglide_cal.measured import Measured
-from orthoglide_cal.simulation import Effect
 
 
 def extend(
@@ -52,15 +52,19 @@ def extend(
             "Run orthocal diagnose and see what it says.",
         )
     if verdict == AMBIGUOUS:
+        # What stands in its place in an explanation without it; the explanations that hold it
+        # may differ in what else was wrong with the measurement.
+        sets = (found.answer.accepted, *found.posterior.rivals())
+        shared = set.intersection(*map(set, sets))
         doubtful = [
             other
-            for other in (*found.answer.accepted, *found.answer.ambiguous_with)
-            if not CAUSES[other].in_machine and other != id
+            for other in dict.fromkeys(other for names in sets for other in names)
+            if id not in shared and other not in shared and not CAUSES[other].in_machine
         ]
         if doubtful:
             raise UnusableResultError(
-                f"These data cannot tell {id} from {', '.join(doubtful)}, which lies in the"
-                " measurement.",
+                f"These data cannot tell what lies in the machine from {', '.join(doubtful)},"
+                " which lies in the measurement.",
                 "Take the reading that orthocal diagnose names, then accept.",
             )
     listed = found.posterior.listed
@@ -79,7 +83,9 @@ def extend(
         start += act.theta.size
     stds = np.sqrt(np.diag(fit.covariance)[start : start + len(cause.names)])
     parameters = {
-        name: Estimate(float(value / cause.scale), float(std / cause.scale), cause.unit)
+        name: Estimate(
+            cause.admissible(float(value)) / cause.scale, float(std / cause.scale), cause.unit
+        )
         for name, value, std in zip(cause.names, act.theta, stds, strict=False)
     }
     identified = IdentifiedCause(id, "", parameters, on.isoformat(), measured.source.sha256)

@@ -92,8 +92,17 @@ class Assessment:
         slope = fit.columns[:, :3]
         spread = pattern.sigma**2 * np.eye(len(self.frame)) + pattern.columns @ pattern.columns.T
         estimator = np.linalg.pinv(slope)
-        covariance = estimator @ spread @ estimator.T
-        return fit.offsets, np.sqrt(np.diag(covariance))
+        likeliest = np.diag(estimator @ spread @ estimator.T)
+        # Whatever it is may also return with its posture, where repeats cannot average it out:
+        # as large in each cell as what is left in the readings.
+        left = float(fit.residual @ fit.residual) / max(len(self.frame) - 3, 1)
+        cells = self.frame.matrix @ (
+            self.frame.plan.cells[:, None] == np.unique(self.frame.plan.cells)
+        )
+        returning = left * np.diag(
+            estimator @ (np.eye(len(self.frame)) + cells @ cells.T) @ estimator.T
+        )
+        return fit.offsets, np.sqrt(np.maximum(likeliest, returning))
 
 
 def assess(frame: Frame, widen: float = 1.0) -> Assessment:
@@ -116,7 +125,9 @@ def assess(frame: Frame, widen: float = 1.0) -> Assessment:
     evidence = {key: score.log_evidence for key, score in scores.items()}
     evidence.update({key: fit.log_evidence for key, fit in fits.items()})
 
-    unlisted = unlisted_patterns(frame, catalogue.slope, catalogue.residuals[""], noise)
+    unlisted = unlisted_patterns(
+        frame, catalogue.slope, catalogue.doubt, catalogue.residuals[""], noise
+    )
     posterior = Posterior.of(evidence, menu, {u.what: u.log_evidence for u in unlisted})
     best = posterior.best
     if best not in fits:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from orthoglide_cal.axes import AXES, Floats
-from orthoglide_cal.causes import Acting, PatternCause, RelabelCause
+from orthoglide_cal.causes import CAUSES, Acting, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.gain import HeldOut, leave_out_cells, predict_later
@@ -25,10 +25,11 @@ from orthoglide_cal.diagnosis.result import (
     NextMeasurement,
 )
 from orthoglide_cal.diagnosis.separate import best_next
+from orthoglide_cal.effects import Effect
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import scatter_of_repeats
 from orthoglide_cal.machine import Estimate, Machine
 from orthoglide_cal.measured import Differences, Measured, Readings
-from orthoglide_cal.simulation import Effect
 
 # A held-out error counts as lower if it falls below this share of the one before.
 LOWER = 0.98
@@ -54,7 +55,26 @@ def diagnose(
 
     Raises:
         RankDeficientError: the data do not determine the offsets.
+        UnusableResultError: the numbers of the machine file and the data are too far apart.
     """
+    try:
+        return _diagnose(measured, machine, effects, holdout, applied, sensitivity)
+    except np.linalg.LinAlgError as error:
+        raise UnusableResultError(
+            "These data cannot be weighed: the gauge's stated noise"
+            f" ({machine.gauge.noise_mm:.2g} mm) is out of all proportion to the readings.",
+            "Check gauge and tolerances in the machine file.",
+        ) from error
+
+
+def _diagnose(
+    measured: Measured,
+    machine: Machine,
+    effects: Sequence[Effect],
+    holdout: Measured | None,
+    applied: Floats | None,
+    sensitivity: bool,
+) -> Diagnosis:
     frame = Frame.of(measured, machine, effects)
     found = assess(frame)
     verdict = found.answer.verdict
@@ -104,10 +124,15 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
     frame, accepted, nothing = found.frame, found.accepted, found.fit(())
     probability = found.posterior.listed[found.answer.accepted]
     falls = after.rms_mm < LOWER * before.rms_mm
-    rivals_in_machine = all(
-        act.cause.compensable for key in found.posterior.rivals() for act in found.fit(key).acting
-    )
-    sure = found.answer.verdict == NAMED or rivals_in_machine
+
+    def sure(id: str) -> bool:
+        """No explanation without it needs a fault of the measurement in its place."""
+        if found.answer.verdict == NAMED:
+            return True
+        without = [set(key) for key in found.posterior.rivals() if id not in key]
+        instead = set().union(*without) - set(found.answer.accepted)
+        return all(CAUSES[other].compensable for other in instead)
+
     start, named = 3, []
     for act in accepted.acting:
         spread = accepted.covariance[start : start + act.theta.size, :]
@@ -122,7 +147,9 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
                 where=act.cause.label(act.where, frame.plan, frame.machine),
                 parameters={
                     name: Estimate(
-                        float(value / act.cause.scale), float(std / act.cause.scale), act.cause.unit
+                        act.cause.admissible(float(value)) / act.cause.scale,
+                        float(std / act.cause.scale),
+                        act.cause.unit,
                     )
                     for name, value, std in zip(act.cause.names, act.theta, stds, strict=False)
                 },
@@ -134,7 +161,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
                 aliases=_aliases(found, act),
                 advice=act.cause.advice,
                 in_machine=act.cause.in_machine,
-                recommended=act.cause.compensable and falls and sure,
+                recommended=act.cause.compensable and falls and sure(act.cause.id),
             )
         )
     # The cause without which the data would be hardest to explain comes first.

@@ -15,6 +15,7 @@ import numpy as np
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import Acting, Cause, RelabelCause, Where
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.estimation import Problem
 from orthoglide_cal.estimation.identifiability import require_rank
 from orthoglide_cal.estimation.methods import METHODS, pose
@@ -22,7 +23,7 @@ from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Differences, Measured, Readings
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.protocols import ideal_plan, reduction
-from orthoglide_cal.simulation import STEP, Effect, simulate
+from orthoglide_cal.simulation import STEP, doubtful, simulate
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,17 @@ class Frame:
         """Entries to leave out together: each (leg, direction, posture) cell, or difference."""
         if not self.timed:
             return [np.array([i]) for i in range(len(self))]
-        return [np.flatnonzero(self.plan.cells == c) for c in range(self.plan.cells.max() + 1)]
+        setup, cells = self.plan.setup, self.plan.cells
+        blocks = []
+        for number in range(cells.max() + 1):
+            cell = np.flatnonzero(cells == number)
+            # A set-up that leaves with its cell takes its zero along: nothing can predict it.
+            others = np.bincount(setup, minlength=self.plan.setups)
+            others -= np.bincount(setup[cell], minlength=self.plan.setups)
+            kept = cell[others[setup[cell]] > 0]
+            if kept.size:
+                blocks.append(kept)
+        return blocks
 
     def rms(self, residual: Floats) -> float:
         """Root mean square of a whitened residual over readings, or differences [mm]."""
@@ -98,6 +109,10 @@ class Frame:
     def problem(self) -> Problem:
         """The whitened problem, for the solver."""
         return Problem(self.machine, self.plan, self.matrix, self.effects)
+
+    def doubt(self, offsets: Floats) -> Floats:
+        """What one standard deviation of each accepted parameter adds to the data, (k, p)."""
+        return np.asarray(self.matrix @ doubtful(self.machine, offsets, self.plan, self.effects))
 
     def relabelled(self, cause: RelabelCause, where: Where) -> Floats:
         """The data with a fault of the record undone, shape (k,)."""

@@ -102,7 +102,9 @@ def refine(
     offsets, sigma = start, float(noise.sigma[np.argmax(noise.log_weight)])
 
     extra_size, extra_std = _extra_prior(frame, score, widen)
-    stds = np.concatenate([np.full(3, OFFSETS_MM), *sizes, extra_std])
+    doubt = catalogue.doubt
+    unknowns = 3 + sum(size.size for size in sizes) + extra_std.size
+    stds = np.concatenate([np.full(3, OFFSETS_MM), *sizes, extra_std, np.ones(doubt.shape[1])])
     free = None if pattern is None or extra_std.size == 0 else pattern[:, None]
     fixed = np.zeros(len(frame)) if pattern is None else pattern * extra_size
     # First the linear model of the screening, then that of the fit it gives, and so on. The
@@ -116,20 +118,22 @@ def refine(
             model, slope, slopes = frame.linearised(offsets, list(zip(base, theta, strict=True)))
             linear = data - fixed - model
             linear = linear + sum(c @ t for c, t in zip(slopes, theta, strict=True))
-        columns = np.hstack([slope, *slopes, *([free] if free is not None else [])])
+        columns = np.hstack([slope, *slopes, *([free] if free is not None else []), doubt])
         covariance = _covariance(columns, stds, sigma)
         solution = covariance @ (columns.T @ linear) / sigma**2
         residual = linear - columns @ solution
         offsets = offsets + solution[:3]
         theta = _split(solution[3:], [t.size for t in theta])
-    density = Gaussian(base_columns(slope, slopes, sizes), noise)
+    density = Gaussian(base_columns(slope, slopes, sizes, doubt), noise)
     log, by_sigma = evidence_beside(frame, score, catalogue, noise, density, linear + fixed, widen)
     weight = np.exp(by_sigma - log_sum(by_sigma))
     sigma_new = float(np.sqrt(weight @ noise.sigma**2))
     covariance = _covariance(columns, stds, sigma_new)
     log += _positivity(base, solution[3:], covariance[3:, 3:])
     size = (
-        solution[-1:] if free is not None else np.full(1, float(extra.count or 0) if extra else 0)
+        solution[unknowns - 1 : unknowns]
+        if free is not None
+        else np.full(1, float(extra.count or 0) if extra else 0)
     )
     return Fitted(
         score=Score(log, base, extra),

@@ -63,6 +63,7 @@ class Catalogue:
         residuals: what is left then, id → (k, places); "" → (k,).
         slope: derivative of the data by the offsets at the offsets-only fit, (k, 3).
         linear: broad cause id → derivative by its parameters there, where it is absent, (k, p).
+        doubt: what one standard deviation of each accepted parameter adds, (k, p) [mm].
     """
 
     places: Mapping[str, tuple[Where, ...]]
@@ -72,6 +73,7 @@ class Catalogue:
     residuals: Mapping[str, Floats]
     slope: Floats
     linear: Mapping[str, Floats]
+    doubt: Floats
 
     @classmethod
     def of(cls, frame: Frame, menu: Menu) -> Catalogue:
@@ -98,7 +100,8 @@ class Catalogue:
         absent = [(c, np.zeros(c.prior_std(frame.machine).size)) for c in menu.broad]
         _, slope, slopes = frame.linearised(offsets[""], absent)
         linear = {c.id: part for c, part in zip(menu.broad, slopes, strict=True)}
-        return cls(places, columns, own, offsets, residuals, slope, linear)
+        doubt = frame.doubt(offsets[""])
+        return cls(places, columns, own, offsets, residuals, slope, linear, doubt)
 
 
 def _fit_all(frame: Frame, versions: Floats) -> tuple[Floats, Floats]:
@@ -119,9 +122,13 @@ def _fit_all(frame: Frame, versions: Floats) -> tuple[Floats, Floats]:
     )
 
 
-def base_columns(slope: Floats, slopes: Sequence[Floats], stds: Sequence[Floats]) -> Floats:
+def base_columns(
+    slope: Floats, slopes: Sequence[Floats], stds: Sequence[Floats], doubt: Floats
+) -> Floats:
     """B of a base: offsets and parameters scaled by their plausible sizes, shape (k, r)."""
-    return np.hstack([slope * OFFSETS_MM, *(c * s for c, s in zip(slopes, stds, strict=True))])
+    return np.hstack(
+        [slope * OFFSETS_MM, doubt, *(c * s for c, s in zip(slopes, stds, strict=True))]
+    )
 
 
 def screen(
@@ -132,7 +139,7 @@ def screen(
     for base in menu.bases:
         stds = [cause.prior_std(frame.machine) * widen for cause in base]
         slopes = [catalogue.linear[cause.id] for cause in base]
-        columns = base_columns(catalogue.slope, slopes, stds)
+        columns = base_columns(catalogue.slope, slopes, stds, catalogue.doubt)
         density = Gaussian(columns, noise)
         scores.update(score_base(frame, menu, catalogue, noise, base, density, widen))
     return scores

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats
+from orthoglide_cal.causes import Acting, PatternCause
 from orthoglide_cal.causes.base import reading_label
 from orthoglide_cal.diagnosis.frame import Frame, differentiate
 from orthoglide_cal.diagnosis.refine import Fitted
@@ -42,7 +43,7 @@ def best_next(frame: Frame, first: Fitted, second: Fitted) -> NextMeasurement | 
     sigma, option = max(ranked, key=lambda pair: pair[0])
     if sigma < WORTHLESS_SIGMA:
         return None
-    return NextMeasurement(option.what, (_name(first), _name(second)), sigma)
+    return NextMeasurement(option.what, (_name(first, second), _name(second, first)), sigma)
 
 
 def separation(frame: Frame, first: Fitted, second: Fitted, option: Option) -> float:
@@ -50,7 +51,8 @@ def separation(frame: Frame, first: Fitted, second: Fitted, option: Option) -> f
     forecasts = [_forecast(frame, fit, option) for fit in (first, second)]
     (mean_1, spread_1), (mean_2, spread_2) = forecasts
     sigma2 = max(first.sigma, second.sigma) ** 2
-    covariance = sigma2 * np.eye(mean_1.size) + 0.5 * (spread_1 + spread_2)
+    matrix = _free_of_zeros(option)
+    covariance = sigma2 * matrix @ matrix.T + 0.5 * (spread_1 + spread_2)
     gap = mean_1 - mean_2
     return float(np.sqrt(gap @ np.linalg.solve(covariance, gap)))
 
@@ -58,20 +60,32 @@ def separation(frame: Frame, first: Fitted, second: Fitted, option: Option) -> f
 def _forecast(frame: Frame, fit: Fitted, option: Option) -> tuple[Floats, Floats]:
     """Mean (q,) and covariance (q, q) of what an explanation expects, free of gauge zeros."""
     plan, n = option.plan, option.continues
-    lasting = [act for act in fit.acting if act.cause.lasting]
-    passing = [act for act in fit.acting if not act.cause.lasting and n]
+    # What belongs to the set-up goes on only where the set-up does, a step of unknown size with
+    # its uncertainty.
+    sized = [act for act in fit.acting if act.cause.lasting or (n and _sized(act))]
+    passing = [act for act in fit.acting if n and not act.cause.lasting and not _sized(act)]
     readings, slopes = differentiate(
-        frame.machine, plan, fit.offsets, lasting, (*frame.effects, *passing)
+        frame.machine, plan, fit.offsets, sized, (*frame.effects, *passing)
     )
     known = fit.covariance[: slopes.shape[1], : slopes.shape[1]]
-    if n:
-        # The zeros are known from the session: compare with the mean of its residual readings.
-        weights = np.linalg.pinv(plan.zeros[:n])
-        matrix = np.hstack([-plan.zeros[n:] @ weights, np.eye(len(plan) - n)])
-    else:
-        matrix = zero_free(plan)
+    matrix = _free_of_zeros(option)
     slope = matrix @ slopes
     return matrix @ readings, slope @ known @ slope.T
+
+
+def _sized(act: Acting) -> bool:
+    """Whether its size was estimated (a relabelling has none, a count of turns is tried)."""
+    return isinstance(act.cause, PatternCause) and not act.cause.counts
+
+
+def _free_of_zeros(option: Option) -> Floats:
+    """Combinations of an option's readings that no gauge zero enters, (q, n)."""
+    plan, n = option.plan, option.continues
+    if not n:
+        return zero_free(plan)
+    # The zeros are known from the session: compare with the mean of its residual readings.
+    weights = np.linalg.pinv(plan.zeros[:n])
+    return np.hstack([-plan.zeros[n:] @ weights, np.eye(len(plan) - n)])
 
 
 def _options(frame: Frame, first: Fitted) -> list[Option]:
@@ -107,7 +121,8 @@ def _options(frame: Frame, first: Fitted) -> list[Option]:
         ),
     ]
     if frame.timed:
-        options += [_again(frame, leg) for leg in np.unique(frame.plan.leg)]
+        # Only the stands of the leg that was read last are still where they were.
+        options.append(_again(frame, int(frame.plan.leg[frame.plan.in_time[-1]])))
     return options
 
 
@@ -152,6 +167,7 @@ def _again(frame: Frame, leg: int) -> Option:
     return Option(what, extended, n)
 
 
-def _name(fit: Fitted) -> str:
-    """Ids of an explanation, joined by "+"; "" for "nothing is wrong"."""
-    return "+".join(act.cause.id for act in fit.acting)
+def _name(fit: Fitted, other: Fitted) -> str:
+    """Id in which an explanation differs from another; "" for "nothing is wrong"."""
+    shared = {act.cause.id for act in other.acting}
+    return "+".join(act.cause.id for act in fit.acting if act.cause.id not in shared)

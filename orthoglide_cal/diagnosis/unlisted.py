@@ -41,18 +41,19 @@ class Unlisted:
 
 
 def unlisted_patterns(
-    frame: Frame, slope: Floats, residual: Floats, noise: NoiseGrid
+    frame: Frame, slope: Floats, doubt: Floats, residual: Floats, noise: NoiseGrid
 ) -> list[Unlisted]:
     """Judge every unlisted pattern.
 
     Args:
         frame: the data.
         slope: derivative of the data by the offsets where `residual` was taken, (k, 3).
+        doubt: what the uncertainty of accepted causes adds to the data, (k, p) [mm].
         residual: of the offsets-only fit, (k,) [mm].
         noise: grid of σ around the stated one.
     """
     stated = float(noise.sigma[np.argmax(noise.log_weight)])
-    offsets = slope * OFFSETS_MM
+    offsets = np.hstack([slope * OFFSETS_MM, doubt])
     found = []
     for what, pattern in _patterns(frame):
         white = frame.matrix @ pattern * stated

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.accuracy import half_width, unit_covariance
 from orthoglide_cal.estimation.identifiability import require_rank
@@ -16,7 +17,7 @@ from orthoglide_cal.estimation.problem import Problem
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.protocols import NAMES, cell_contrasts, reduction, without_zeros, zero_free
-from orthoglide_cal.simulation import Effect, simulate
+from orthoglide_cal.simulation import simulate
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import Floats, Ints
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import Effect, simulate, simulate_with_jacobian
+from orthoglide_cal.simulation import simulate, simulate_with_jacobian
 
 # Standard deviations of what nobody knows before the first reading [mm].
 OFFSET_MM = 3.0

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.problem import Problem
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Differences, Measured, Readings
 from orthoglide_cal.plan import Contact
 from orthoglide_cal.protocols import NAMES, cell_contrasts, ideal_plan, reduction, zero_free
-from orthoglide_cal.simulation import Effect
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import Effect, simulate, simulate_with_jacobian
+from orthoglide_cal.simulation import simulate, simulate_with_jacobian
 
 # An offset is compared with this many millimetres to call a Newton step "nothing left".
 OPTIMAL_MM = 1e-9

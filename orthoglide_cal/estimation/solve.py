@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import linear
 from orthoglide_cal.estimation.accuracy import (
@@ -27,7 +28,7 @@ from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Measured, Readings
 from orthoglide_cal.plan import Contact
 from orthoglide_cal.protocols import without_zeros
-from orthoglide_cal.simulation import Effect, simulate
+from orthoglide_cal.simulation import doubtful, simulate
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +82,10 @@ def solve(
         sigma, factor = max(residuals.sigma_mm, floor), half_width(residuals.dof)
     covariance = sigma**2 * unit_covariance(posed.problem, estimate.slope, estimate.estimator)
     reach = factor * np.sqrt(np.diag(covariance))
+    # What is known of the machine is known with an uncertainty of its own (normal: factor 1.96).
+    doubt = _carried(posed, estimate, effects)
+    reach = np.hypot(reach, half_width(np.inf) * np.sqrt(np.diag(doubt)))
+    covariance = covariance + doubt
     before, after, predicted = _fit_quality(measured, machine, posed, estimate, effects)
     repeats = (
         scatter_of_repeats(measured.plan, measured.value)
@@ -116,6 +121,16 @@ def solve(
         lack_of_fit_p=chance,
         warnings=_warnings(measured, residuals, machine),
     )
+
+
+def _carried(posed: Posed, estimate: _Estimate, effects: Sequence[Effect]) -> Floats:
+    """Covariance of the offsets that comes from known effects being uncertain, (3, 3) [mm²]."""
+    problem = posed.problem
+    matrix = np.linalg.pinv(estimate.slope) if estimate.estimator is None else estimate.estimator
+    columns = (
+        matrix @ problem.matrix @ doubtful(problem.machine, estimate.offsets, problem.plan, effects)
+    )
+    return np.asarray(columns @ columns.T)
 
 
 def _estimate(posed: Posed, method: Method) -> _Estimate:

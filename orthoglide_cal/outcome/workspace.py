@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Commanded, Effect
 from orthoglide_cal.kinematics import (
     Geometry,
     inverse,
@@ -25,7 +26,6 @@ from orthoglide_cal.kinematics import (
 )
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import Commanded, Effect
 
 SAMPLES = 17  # along each edge of the cube
 

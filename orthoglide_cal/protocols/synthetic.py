@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.machine import Gauge, Machine
 from orthoglide_cal.measured import Readings, Source
 from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import Effect, simulate
+from orthoglide_cal.simulation import simulate
 
 # Gauge zeros lie anywhere within this distance of the frame's origin [mm].
 ZERO_RANGE_MM = 1.0

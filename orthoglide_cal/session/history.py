@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from orthoglide_cal.axes import Floats, Ints
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.estimation.forecast import Forecast, forecast
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Plan
@@ -16,7 +17,6 @@ from orthoglide_cal.session.events import Questioned, Taken
 from orthoglide_cal.session.record import segment
 from orthoglide_cal.session.state import State
 from orthoglide_cal.session.steps import Step, plan_of
-from orthoglide_cal.simulation import Effect
 
 # Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
 _ENOUGH = 9

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.session.checks import check_reading
 from orthoglide_cal.session.desk import Typed
@@ -15,7 +16,6 @@ from orthoglide_cal.session.gauges.typed import Garbled, Refused, parse_typed
 from orthoglide_cal.session.history import history
 from orthoglide_cal.session.state import State
 from orthoglide_cal.session.steps import Step
-from orthoglide_cal.simulation import Effect
 
 
 @dataclass(frozen=True)

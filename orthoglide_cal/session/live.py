@@ -7,13 +7,13 @@ from datetime import datetime
 from itertools import pairwise
 from statistics import median
 
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.session.record import readings
 from orthoglide_cal.session.state import State
 from orthoglide_cal.session.steps import Step
-from orthoglide_cal.simulation import Effect
 
 
 def solve_so_far(

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import Floats, Ints
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.methods import describe, pose_differences
 from orthoglide_cal.estimation.problem import Problem
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Differences, Measured, Readings
 from orthoglide_cal.plan import Contact, Plan
-from orthoglide_cal.simulation import Effect
 
 # Eigenvalues of the information matrix below this are zero; real ones are 1/2 and more.
 NO_INFORMATION = 1e-9

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.methods import pose_differences
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Measured
-from orthoglide_cal.simulation import Effect
 from orthoglide_cal.verification.comparison import compare
 from orthoglide_cal.verification.decision import decide
 from orthoglide_cal.verification.response import respond

@@ -5,8 +5,9 @@ import pytest
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import CAUSES, Where
+from orthoglide_cal.effects import Commanded
 from orthoglide_cal.machine import Machine
-from orthoglide_cal.simulation import STEP, Commanded, simulate
+from orthoglide_cal.simulation import STEP, simulate
 from tests import truth
 from tests.causes.condition import (
     MACHINES,

@@ -11,8 +11,8 @@ import numpy as np
 
 import orthoglide_cal
 from orthoglide_cal.data import default_machine, machine_text, readings_csv
+from orthoglide_cal.effects import Commanded, Effect
 from orthoglide_cal.protocols import double_posture, synthetic_session
-from orthoglide_cal.simulation import Commanded, Effect
 from tests.machines import ROOT
 
 SAG = '''

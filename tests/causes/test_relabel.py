@@ -5,8 +5,9 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES, RelabelCause
 from orthoglide_cal.diagnosis.frame import Frame
+from orthoglide_cal.effects import Commanded
 from orthoglide_cal.protocols import double_posture
-from orthoglide_cal.simulation import Commanded, simulate
+from orthoglide_cal.simulation import simulate
 from tests.machines import PROTOTYPE
 from tests.report.sessions import readings_of
 

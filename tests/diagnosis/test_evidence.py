@@ -12,8 +12,9 @@ from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Names
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.screen import BLUNDER_SCALES, OFFSETS_MM
+from orthoglide_cal.effects import Commanded
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.simulation import Commanded, simulate
+from orthoglide_cal.simulation import simulate
 from tests import truth
 from tests.diagnosis.sessions import known
 

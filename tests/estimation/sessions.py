@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.machine import Gauge, Machine
 from orthoglide_cal.measured import Differences, Readings, Source
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.protocols import NAMES, ideal_plan, reduction, synthetic_session
-from orthoglide_cal.simulation import Effect, simulate
+from orthoglide_cal.simulation import simulate
 
 NOWHERE = Source("test", "")
 OFFSETS = np.array([0.83, -1.46, 0.57])

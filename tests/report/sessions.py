@@ -16,11 +16,12 @@ from orthoglide_cal.data import (
     default_machine,
     write_session,
 )
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.measured import Readings, Source
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.protocols import double_posture
-from orthoglide_cal.simulation import Effect, simulate
+from orthoglide_cal.simulation import simulate
 
 
 def readings_of(machine: Machine, plan: Plan, value: Floats, path: str = "made.csv") -> Readings:

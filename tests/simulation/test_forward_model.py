@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.axes import AXES
+from orthoglide_cal.effects import Commanded, Effect
 from orthoglide_cal.errors import UnreachableError
 from orthoglide_cal.kinematics import Geometry
 from orthoglide_cal.machine import Machine
@@ -15,7 +16,7 @@ from orthoglide_cal.protocols import (
     reduction,
     single_posture,
 )
-from orthoglide_cal.simulation import Commanded, Effect, simulate, simulate_with_jacobian
+from orthoglide_cal.simulation import simulate, simulate_with_jacobian
 from tests.machines import LARGE, PROTOTYPE, both_machines
 from tests.simulation import table2
 

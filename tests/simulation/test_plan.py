@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from orthoglide_cal.effects import Commanded
 from orthoglide_cal.plan import Contact, Plan
 from orthoglide_cal.protocols import double_posture
-from orthoglide_cal.simulation import Commanded
 from tests.machines import PROTOTYPE
 
 

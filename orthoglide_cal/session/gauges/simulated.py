@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.session.gauges.source import Heard
 from orthoglide_cal.session.gauges.token import Token
 from orthoglide_cal.session.steps import Step, plan_of
-from orthoglide_cal.simulation import Effect, simulate
+from orthoglide_cal.simulation import simulate
 
 # Half the width of the ranges that the hidden truth is drawn from.
 OFFSETS_MM = 1.5
