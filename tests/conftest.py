@@ -1,8 +1,6 @@
-"""For all tests."""
+"""Programs that the tests start can be interrupted, also where the tests run in the background."""
 
 import signal
 
-# Started in the background, a shell lets its jobs ignore Ctrl-C, and so would every program that
-# the tests start. A handler here makes them begin with the default again.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# A shell starts background jobs with this signal ignored, and children inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
