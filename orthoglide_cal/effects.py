@@ -50,10 +50,12 @@ class Commanded:
     def approach(self) -> Floats:
         """Sign of each carriage's last commanded motion, shape (n, 3); 0 before its first one."""
         order = self.plan.in_time
-        moves = np.sign(np.diff(self.joints[order], axis=0))
-        approach = np.zeros((len(self.plan), 3))
-        for k, move in enumerate(moves, start=1):
-            approach[order[k]] = np.where(move != 0.0, move, approach[order[k - 1]])
+        moves = np.zeros((len(self.plan), 3))
+        moves[1:] = np.sign(np.diff(self.joints[order], axis=0))
+        moments = np.arange(len(moves))[:, None]
+        last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
+        approach = np.empty_like(moves)
+        approach[order] = np.take_along_axis(moves, last, axis=0)
         return read_only(approach, np.float64)
 
 

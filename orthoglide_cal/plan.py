@@ -77,8 +77,17 @@ class Plan:
     @cached_property
     def cells(self) -> Ints:
         """Number of each reading's (leg, direction, posture, contact) cell, shape (n,)."""
-        keys = np.stack((self.leg, self.direction, self.displacement, self.contact), axis=1)
-        return read_only(np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1), np.intp)
+        return _alike(self.leg, self.direction, self.displacement, self.contact)[1]
+
+    @cached_property
+    def distinct(self) -> tuple[Ints, Ints]:
+        """Readings equal but for set-up and time: one of each kind, (m,), each one's kind, (n,)."""
+        return _alike(self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
+
+    @cached_property
+    def moments(self) -> tuple[Ints, Ints]:
+        """Distinct commanded postures: a reading of each, (m,), and each reading's one, (n,)."""
+        return _alike(np.where(self.displacement == 0.0, 0, self.leg), self.displacement)
 
     def subset(self, chosen: Ints) -> Plan:
         """The plan of some of its readings (indices or mask); set-ups are renumbered."""
@@ -93,3 +102,10 @@ class Plan:
     def series_name(self, index: int) -> str:
         """Name of reading `index`'s series as the paper writes it, e.g. "y_x": direction_leg."""
         return f"{AXES[self.direction[index]]}_{AXES[self.leg[index]]}"
+
+
+def _alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
+    """Rows that agree in all keys: the first of each kind, (m,), and each row's kind, (n,)."""
+    rows = np.stack(keys, axis=1)
+    _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return read_only(first, np.intp), read_only(kind.reshape(-1), np.intp)

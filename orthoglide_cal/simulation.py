@@ -37,13 +37,16 @@ ISO = -1
 
 def doubtful(machine: Machine, offsets: Floats, plan: Plan, effects: Sequence[Effect]) -> Floats:
     """What one standard deviation of each parameter of known effects adds to readings, (n, p)."""
-    before = simulate(machine, offsets, plan, effects)
-    columns = [
-        simulate(machine, offsets, plan, (*effects[:k], other, *effects[k + 1 :])) - before
+    moved = [
+        (*effects[:k], other, *effects[k + 1 :])
         for k, effect in enumerate(effects)
         for other in effect.doubts()
     ]
-    return np.stack(columns, axis=-1) if columns else np.zeros((len(plan), 0))
+    if not moved:
+        return np.zeros((len(plan), 0))
+    before = simulate(machine, offsets, plan, effects)
+    columns = [simulate(machine, offsets, plan, others) - before for others in moved]
+    return np.stack(columns, axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +78,8 @@ def _moments(commanded: Commanded, effects: Sequence[Effect]) -> tuple[Floats, I
     """
     if effects:
         return commanded.joints, np.arange(len(commanded.plan))
-    plan = commanded.plan
-    keys = np.stack((np.where(plan.displacement == 0.0, 0, plan.leg), plan.displacement), axis=1)
-    _, first, moment = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return commanded.joints[first], moment.reshape(-1)
+    first, moment = commanded.plan.moments
+    return commanded.joints[first], moment
 
 
 def _true_joints(
@@ -238,7 +239,7 @@ def _which(posture: _Posture, plan: Plan, moment: Ints) -> str:
 def _components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
     """Move the last `axes` axes to the front, with axes of length 1 up to `batch` behind them."""
     own = values.ndim - axes
-    moved = np.ascontiguousarray(np.moveaxis(values, range(own, values.ndim), range(axes)))
+    moved = values.transpose(*range(own, values.ndim), *range(own)).copy()
     missing = 0 if batch is None else batch - own
     return moved.reshape(moved.shape[:axes] + (1,) * missing + moved.shape[axes:])
 

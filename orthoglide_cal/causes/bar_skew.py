@@ -37,14 +37,8 @@ class BarSkew(Cause):
     ) -> Numbers:
         """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
         plan = commanded.plan
-        index = np.array(
-            [
-                [leg == i and k == j for i, j in _SERIES]
-                for leg, k in zip(plan.leg.tolist(), plan.direction.tolist(), strict=True)
-            ],
-            dtype=np.float64,
-        )
-        slope = np.tensordot(theta, index.T, axes=1)
+        own = np.array([(plan.leg == leg) & (plan.direction == k) for leg, k in _SERIES])
+        slope = theta @ own.astype(np.float64)
         return heights + slope * fraction * commanded.machine.leg_length_mm
 
 

@@ -224,8 +224,7 @@ def reading_label(plan: Plan, machine: Machine, index: int) -> str:
 
 def series_places(plan: Plan) -> tuple[Where, ...]:
     """One place for each (leg, direction) that was read."""
-    pairs = np.unique(np.stack((plan.leg, plan.direction), axis=1), axis=0)
-    return tuple(Where((leg, k)) for leg, k in pairs.tolist())
+    return tuple(Where(divmod(series, 3)) for series in np.unique(plan.series()).tolist())
 
 
 def in_series(plan: Plan, where: Where) -> np.ndarray:

@@ -38,8 +38,8 @@ class GaugeSlip(PatternCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
         """Every reading alone, and every reading but the first of a set-up with all after it."""
-        followed = np.flatnonzero(onwards(plan).sum(axis=0) > 1)
-        kept = [i for i in later_readings(plan) if i in followed]
+        followed = onwards(plan).sum(axis=0) > 1
+        kept = [i for i in later_readings(plan) if followed[i]]
         return (*(Where((i, 0)) for i in range(len(plan))), *(Where((i, 1)) for i in kept))
 
     def label(self, where: Where, plan: Plan, machine: Machine) -> str:

@@ -194,5 +194,7 @@ class RowParser:
 
     def _number(self, text: str) -> float:
         value = parse_number(text, decimal_comma=self.decimal_comma)
-        self.marks.update(mark for mark in ".," if mark in text)
+        for mark in ".,":
+            if mark in text:
+                self.marks.add(mark)
         return value

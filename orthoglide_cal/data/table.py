@@ -16,6 +16,7 @@ from orthoglide_cal.data.faults import Faults
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
 _BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
+_BLANK_CELL = _BLANKS + "\n\r\v\f"
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def read_table(document: Document, coded: Sequence[str]) -> Table:
 
 
 def _clean(cell: str) -> str:
-    return cell.strip(_BLANKS + "\n\r\v\f")
+    return cell.strip(_BLANK_CELL)
 
 
 class _Lines:

@@ -47,39 +47,51 @@ def log_sum(values: Floats) -> float:
 def log_sums(values: Floats, axis: int) -> Floats:
     """ln Σ exp along one axis."""
     top = values.max(axis=axis, keepdims=True)
-    total = np.log(np.exp(values - top).sum(axis=axis))
-    return np.asarray(total + top.squeeze(axis))
+    share = values - top
+    np.exp(share, out=share)
+    return np.asarray(np.log(share.sum(axis=axis)) + top.squeeze(axis))
 
 
 class Gaussian:
-    """Density of residuals under B for each σ of a grid.
+    """Density of residuals under B for each σ of a grid; leading axes of B are many B at once.
 
     Args:
-        columns: B, shape (k, r), scaled by the plausible sizes [mm].
+        columns: B, shape (..., k, r), scaled by the plausible sizes [mm]; a column of zeros
+            adds nothing.
         noise: the grid.
     """
 
     def __init__(self, columns: Floats, noise: NoiseGrid) -> None:
         self._left, size2 = _principal(columns)
-        self._sigma2 = noise.sigma**2
-        sigma2 = self._sigma2[:, None]
-        self._shrink = size2 / (sigma2 + size2)  # (g, r)
-        self.log_det = np.log1p(size2 / sigma2).sum(axis=1) + len(columns) * np.log(self._sigma2)
-
-    def quadratic(self, vectors: Floats) -> Floats:
-        """vᵀ S⁻¹ v of each column of (k, q), shape (g, q)."""
-        inside = (self._left.T @ vectors) ** 2
-        outside = (vectors**2).sum(axis=0)
-        return np.asarray((outside - self._shrink @ inside) / self._sigma2[:, None])
-
-    def product(self, vectors: Floats, residual: Floats) -> Floats:
-        """vᵀ S⁻¹ r of each column of (k, q) with one residual (k,), shape (g, q)."""
-        inside = (self._left.T @ vectors) * (self._left.T @ residual)[:, None]
-        return np.asarray((vectors.T @ residual - self._shrink @ inside) / self._sigma2[:, None])
+        self._sigma2 = noise.sigma[:, None] ** 2
+        size2 = size2[..., None, :]
+        self._shrink = size2 / (self._sigma2 + size2)  # (..., g, r)
+        own = columns.shape[-2] * np.log(self._sigma2[:, 0])
+        self.log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + own
 
     def log_density(self, residuals: Floats) -> Floats:
-        """ln p of each column of (k, q), shape (g, q), without the constant."""
-        return np.asarray(-0.5 * (self.quadratic(residuals) + self.log_det[:, None]))
+        """ln p of each column of (..., k, q), shape (..., g, q), without the constant."""
+        quadratic = self._quadratic(residuals, self._inside(residuals))
+        return np.asarray(-0.5 * (quadratic + self.log_det[..., None]))
+
+    def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
+        """How columns c of (..., k, q) weigh and match one residual (k,).
+
+        Returns:
+            cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., g, q).
+        """
+        inside = self._inside(patterns)
+        outside = (np.swapaxes(patterns, -1, -2) @ residual)[..., None, :]
+        match = (outside - self._shrink @ (inside * self._inside(residual[:, None]))) / self._sigma2
+        return self._quadratic(patterns, inside), match
+
+    def _inside(self, vectors: Floats) -> Floats:
+        return np.asarray(np.swapaxes(self._left, -1, -2) @ vectors)
+
+    def _quadratic(self, vectors: Floats, inside: Floats) -> Floats:
+        """vᵀ S⁻¹ v of each column."""
+        outside = (vectors**2).sum(axis=-2)[..., None, :]
+        return np.asarray((outside - self._shrink @ inside**2) / self._sigma2)
 
 
 # Squared sizes below this fraction of the largest are lost in rounding, and far below any noise.
@@ -87,15 +99,17 @@ _ROUNDING = 1e-13
 
 
 def _principal(columns: Floats) -> tuple[Floats, Floats]:
-    """Left singular vectors (k, r') of B and squared singular values (r',), largest parts only.
+    """Left singular vectors (..., k, r') of B and squared singular values (..., r').
 
-    From the smaller of BᵀB and BBᵀ, which costs much less than a singular value decomposition.
+    Those lost in rounding are zero. From the smaller of BᵀB and BBᵀ, which costs much less than
+    a singular value decomposition.
     """
-    k, r = columns.shape
-    if r < k:
-        size2, right = np.linalg.eigh(columns.T @ columns)
-        kept = size2 > _ROUNDING * size2[-1]
-        return columns @ (right[:, kept] / np.sqrt(size2[kept])), size2[kept]
-    size2, left = np.linalg.eigh(columns @ columns.T)
-    kept = size2 > _ROUNDING * size2[-1]
-    return left[:, kept], size2[kept]
+    k, r = columns.shape[-2:]
+    turned = np.swapaxes(columns, -1, -2)
+    size2, vectors = np.linalg.eigh(turned @ columns if r < k else columns @ turned)
+    kept = size2 > _ROUNDING * size2[..., -1:]
+    size2 = np.where(kept, size2, 0.0)
+    if r >= k:
+        return vectors, size2
+    stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=kept)
+    return columns @ (vectors * stretch[..., None, :]), size2

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class Frame:
         plain = self.root @ residual
         return float(np.sqrt((plain @ plain) / self.entries.shape[1]))
 
-    @property
+    @cached_property
     def problem(self) -> Problem:
         """The whitened problem, for the solver."""
         return Problem(self.machine, self.plan, self.matrix, self.effects)
@@ -117,10 +118,7 @@ class Frame:
     def relabelled(self, cause: RelabelCause, where: Where) -> Floats:
         """The data with a fault of the record undone, shape (k,)."""
         index, sign = cause.relabel(self.plan, where)
-        there = self.matrix * sign
-        undone = np.zeros_like(there)
-        undone[:, index] = there
-        return np.asarray(undone @ (self.matrix.T @ self.data))
+        return np.asarray(self.matrix @ (sign * (self.matrix.T @ self.data)[index]))
 
     def model(self, offsets: Floats, acting: Sequence[Acting] = ()) -> Floats:
         """Predicted data, shape (k,)."""

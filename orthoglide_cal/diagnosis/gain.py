@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
+from orthoglide_cal.axes import Floats, Ints
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.refine import Fitted
 
@@ -46,17 +46,25 @@ def leave_out_cells(frame: Frame, fit: Fitted, judged: Fitted) -> HeldOut:
     solved = np.linalg.solve(covariance, np.column_stack((frame.entries, fit.linear)))
     precision = frame.entries.T @ solved[:, :-1]
     weighted = frame.entries.T @ solved[:, -1]
-    wrong = judged.wrong_reading
     errors, scaled_errors = [], []
-    for block in frame.blocks():
-        block = block[block != wrong] if wrong is not None and frame.timed else block
-        if not block.size:
-            continue
-        root = np.linalg.cholesky(precision[np.ix_(block, block)])
-        scaled_error = np.linalg.solve(root, weighted[block])
-        scaled_errors.append(scaled_error)
-        errors.append(np.linalg.solve(root.T, scaled_error))
+    for blocks in _by_size(frame, judged):
+        own = precision[blocks[:, :, None], blocks[:, None, :]]
+        root = np.linalg.cholesky(own)
+        scaled_error = np.linalg.solve(root, weighted[blocks][..., None])
+        scaled_errors.append(scaled_error.reshape(-1))
+        errors.append(np.linalg.solve(root.swapaxes(1, 2), scaled_error).reshape(-1))
     return HeldOut(_rms(np.concatenate(errors)), _rms(np.concatenate(scaled_errors)))
+
+
+def _by_size(frame: Frame, judged: Fitted) -> list[Ints]:
+    """Blocks of entries to be left out; those of one size in one array, shape (blocks, size)."""
+    wrong = judged.wrong_reading if frame.timed else None
+    by_size: dict[int, list[Ints]] = {}
+    for block in frame.blocks():
+        kept = block[block != wrong] if wrong is not None else block
+        if kept.size:
+            by_size.setdefault(kept.size, []).append(kept)
+    return [np.stack(blocks) for blocks in by_size.values()]
 
 
 def predict_later(later: Frame, fit: Fitted, applied: Floats) -> HeldOut:

@@ -135,46 +135,73 @@ def screen(
     frame: Frame, menu: Menu, catalogue: Catalogue, noise: NoiseGrid, widen: float = 1.0
 ) -> dict[Names, Score]:
     """Score every set of the menu; `widen` multiplies all tolerances."""
+    # Beside an extra there is at most one cause of the base.
+    single = [base for base in menu.bases if len(base) <= 1]
+    both = [base for base in menu.bases if len(base) > 1]
+    residual = catalogue.residuals[""]
     scores: dict[Names, Score] = {}
-    for base in menu.bases:
-        stds = [cause.prior_std(frame.machine) * widen for cause in base]
-        slopes = [catalogue.linear[cause.id] for cause in base]
-        columns = base_columns(catalogue.slope, slopes, stds, catalogue.doubt)
-        density = Gaussian(columns, noise)
-        scores.update(score_base(frame, menu, catalogue, noise, base, density, widen))
+    for bases in filter(None, (single, both)):
+        density = _of_bases(frame, bases, catalogue, noise, widen)
+        by_sigma = density.log_density(residual[:, None])[..., 0] + noise.log_weight
+        for base, log in zip(bases, log_sums(by_sigma, 1), strict=True):
+            scores[names(*base)] = Score(float(log), base, None)
+        if bases is single:
+            scores |= _with_extras(frame, menu, catalogue, noise, density, by_sigma, widen)
     return scores
 
 
-def score_base(
+def _with_extras(
     frame: Frame,
     menu: Menu,
     catalogue: Catalogue,
     noise: NoiseGrid,
-    base: tuple[Cause, ...],
     density: Gaussian,
+    by_sigma: Floats,
     widen: float,
 ) -> dict[Names, Score]:
-    """Scores of a base alone and with every extra that the menu allows beside it."""
-    residual = catalogue.residuals[""]
-    alone = density.log_density(residual[:, None])[:, 0]
-    power = density.quadratic(catalogue.columns)
-    match = density.product(catalogue.columns, residual)
-    scores = {names(*base): Score(log_sum(noise.log_weight + alone), base, None)}
+    """Scores of every extra beside every base of at most one cause.
+
+    Args:
+        density: under these bases.
+        by_sigma: their own log densities with the weight of each σ, shape (bases, g).
+    """
+    bases = [base for base in menu.bases if len(base) <= 1]
+    power, match = density.against(catalogue.columns, catalogue.residuals[""])
     extras: tuple[PatternCause | RelabelCause, ...] = (*menu.patterns, *menu.relabels)
+    scores: dict[Names, Score] = {}
     for cause in extras:
-        key = names(*base, cause)
         places = catalogue.places[cause.id]
-        if key not in menu.log_prior or not places:
+        if not places:
             continue
         if isinstance(cause, RelabelCause):
-            log = density.log_density(catalogue.residuals[cause.id])[..., None]
+            log = density.log_density(catalogue.residuals[cause.id]) + noise.log_weight[:, None]
         else:
             own = catalogue.own[cause.id]
-            log = pattern_density(frame, cause, power[:, own], match[:, own], alone, widen)
-        by_place = log_sums(log + noise.log_weight[:, None, None], 0) - math.log(len(places))
-        extra = _likeliest(cause, places, by_place)
-        scores[key] = Score(log_sum(by_place), base, extra)
+            log = pattern_density(frame, cause, power[..., own], match[..., own], by_sigma, widen)
+        log = log_sums(log.reshape(*by_sigma.shape, -1), 1) - math.log(len(places))
+        best, total = log.argmax(axis=1).tolist(), log_sums(log, 1).tolist()
+        for base, number, value in zip(bases, best, total, strict=True):
+            scores[names(*base, cause)] = Score(value, base, _extra(cause, places, number))
     return scores
+
+
+def _of_bases(
+    frame: Frame,
+    bases: Sequence[tuple[Cause, ...]],
+    catalogue: Catalogue,
+    noise: NoiseGrid,
+    widen: float,
+) -> Gaussian:
+    """Densities under many bases at once, padded with columns of zeros to one width."""
+    columns = []
+    for base in bases:
+        stds = [cause.prior_std(frame.machine) * widen for cause in base]
+        slopes = [catalogue.linear[cause.id] for cause in base]
+        columns.append(base_columns(catalogue.slope, slopes, stds, catalogue.doubt))
+    padded = np.zeros((len(bases), len(frame), max(own.shape[1] for own in columns)))
+    for filled, own in zip(padded, columns, strict=True):
+        filled[:, : own.shape[1]] = own
+    return Gaussian(padded, noise)
 
 
 def evidence_beside(
@@ -194,55 +221,66 @@ def evidence_beside(
     Returns:
         Log evidence; its parts by σ, shape (g,).
     """
-    alone = density.log_density(residual[:, None])[:, 0]
+    by_sigma = density.log_density(residual[:, None])[:, 0] + noise.log_weight
     extra = score.extra
     if extra is None:
-        by_sigma = noise.log_weight + alone
         return log_sum(by_sigma), by_sigma
     places = catalogue.places[extra.cause.id]
     if isinstance(extra.cause, RelabelCause):
         # Only the place at which it was undone; the others stay as the screening left them.
-        by_sigma = noise.log_weight + alone - math.log(len(places))
+        by_sigma = by_sigma - math.log(len(places))
         return log_sum(by_sigma), by_sigma
     columns = catalogue.columns[:, catalogue.own[extra.cause.id]]
-    power, match = density.quadratic(columns), density.product(columns, residual)
-    log = pattern_density(frame, extra.cause, power, match, alone, widen)
-    by_sigma = noise.log_weight + log_sums(log.reshape(len(log), -1), 1) - math.log(len(places))
+    power, match = density.against(columns, residual)
+    log = pattern_density(frame, extra.cause, power, match, by_sigma, widen)
+    by_sigma = log_sums(log.reshape(len(log), -1), 1) - math.log(len(places))
     return log_sum(by_sigma), by_sigma
 
 
 def pattern_density(
-    frame: Frame, cause: PatternCause, power: Floats, match: Floats, alone: Floats, widen: float
+    frame: Frame,
+    cause: PatternCause,
+    power: Floats,
+    match: Floats,
+    without: Floats,
+    widen: float,
 ) -> Floats:
     """Log density with a pattern c at each place and size, and ln of the size's share.
 
     Args:
         frame: the data.
         cause: whose pattern it is.
-        power: cᵀ S⁻¹ c, shape (g, places) [1].
-        match: cᵀ S⁻¹ r, shape (g, places).
-        alone: log density without it, shape (g,).
+        power: cᵀ S⁻¹ c, shape (..., g, places) [1].
+        match: cᵀ S⁻¹ r, shape (..., g, places).
+        without: log density without it, shape (..., g).
         widen: factor on the tolerance.
 
     Returns:
-        Shape (g, places, sizes).
+        Shape (..., g, sizes, places).
     """
-    power, match = power[..., None], match[..., None]
+    power, match = power[..., None, :], match[..., None, :]
     if cause.counts:
-        size = np.array(list(cause.counts)) * cause.millimetres(frame.machine)
-        gain = size * match - 0.5 * size**2 * power + np.log(list(cause.counts.values()))
+        size = np.array(list(cause.counts))[:, None] * cause.millimetres(frame.machine)
+        log = (-0.5 * size) * power
+        log += match
+        log *= size
+        share = np.log(list(cause.counts.values()))
     else:
         scales = np.array(BLUNDER_SCALES)
-        variance = (cause.prior_std(frame.machine)[0] * widen * scales) ** 2
-        widened = 1.0 + variance * power
-        gain = 0.5 * (match**2 * variance / widened - np.log(widened)) - np.log(len(scales))
-    return np.asarray(alone[:, None, None] + gain)
+        variance = ((cause.prior_std(frame.machine)[0] * widen * scales) ** 2)[:, None]
+        widened = variance * power
+        widened += 1.0
+        log = match**2 * variance
+        log /= widened
+        log -= np.log(widened)
+        log *= 0.5
+        share = np.full(len(scales), -math.log(len(scales)))
+    log += (without[..., None] + share)[..., None]
+    return log
 
 
-def _likeliest(
-    cause: PatternCause | RelabelCause, places: tuple[Where, ...], by_place: Floats
-) -> Extra:
-    """The place and size that weigh most; by_place has shape (places, sizes)."""
-    place, size = np.unravel_index(int(np.argmax(by_place)), by_place.shape)
+def _extra(cause: PatternCause | RelabelCause, places: tuple[Where, ...], number: int) -> Extra:
+    """The extra of a size and place, counted through sizes and then places."""
+    size, place = divmod(number, len(places))
     counts = list(cause.counts) if isinstance(cause, PatternCause) else []
     return Extra(cause, places[place], counts[size] if counts else None)

@@ -14,7 +14,7 @@ import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats
 from orthoglide_cal.causes.stand_shift import onwards
-from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum, log_sums
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.screen import OFFSETS_MM
 
@@ -54,31 +54,33 @@ def unlisted_patterns(
     """
     stated = float(noise.sigma[np.argmax(noise.log_weight)])
     offsets = np.hstack([slope * OFFSETS_MM, doubt])
+    sizes = np.array(SIZES)
     found = []
     for what, pattern in _patterns(frame):
         white = frame.matrix @ pattern * stated
-        logs = [
-            _log_evidence(np.hstack([offsets, white * size]), residual, noise) for size in SIZES
-        ]
-        size = SIZES[int(np.argmax(logs))]
+        columns = np.stack([np.hstack([offsets, white * size]) for size in sizes])
+        logs = _log_evidence(Gaussian(columns, noise), residual, noise)
+        size = sizes[np.argmax(logs)]
         found.append(Unlisted(what, _mean(logs), white * size, stated))
-    logs = [
-        _log_evidence(offsets, residual, NoiseGrid(noise.sigma * factor, noise.log_weight))
-        for factor in NOISIER
-    ]
-    factor = NOISIER[int(np.argmax(logs))]
+    factors = np.array(NOISIER)
+    wider = NoiseGrid(
+        np.outer(factors, noise.sigma).reshape(-1), np.tile(noise.log_weight, len(factors))
+    )
+    logs = _log_evidence(Gaussian(offsets, wider), residual, wider, len(factors))
     what = "every reading scatters more than the gauge's stated noise"
-    found.append(Unlisted(what, _mean(logs), np.zeros((len(frame), 0)), stated * factor))
+    noisier = stated * float(factors[np.argmax(logs)])
+    found.append(Unlisted(what, _mean(logs), np.zeros((len(frame), 0)), noisier))
     return found
 
 
-def _mean(logs: list[float]) -> float:
-    return log_sum(np.array(logs)) - math.log(len(logs))
+def _mean(logs: Floats) -> float:
+    return log_sum(logs) - math.log(len(logs))
 
 
-def _log_evidence(columns: Floats, residual: Floats, noise: NoiseGrid) -> float:
-    log = Gaussian(columns, noise).log_density(residual[:, None])[:, 0]
-    return log_sum(noise.log_weight + log)
+def _log_evidence(density: Gaussian, residual: Floats, noise: NoiseGrid, grids: int = 1) -> Floats:
+    """Of each B, or of each of several grids of σ one after the other, shape (b,)."""
+    log = density.log_density(residual[:, None])[..., 0] + noise.log_weight
+    return log_sums(log.reshape(-1, log.shape[-1] // grids), 1)
 
 
 def _patterns(frame: Frame) -> Iterator[tuple[str, Floats]]:

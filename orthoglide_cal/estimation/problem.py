@@ -62,13 +62,9 @@ class Problem:
         """
         if self.effects:
             return self.plan, self.matrix
-        plan = self.plan
-        keys = np.stack(
-            (plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at), axis=1
-        )
-        _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-        fold = which.reshape(-1, 1) == np.arange(len(first))
-        return plan.subset(first), self.matrix @ fold
+        first, kind = self.plan.distinct
+        fold = kind[:, None] == np.arange(len(first))
+        return self.plan.subset(first), self.matrix @ fold
 
     def covariance(self) -> Floats:
         """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k)."""

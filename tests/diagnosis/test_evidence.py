@@ -39,11 +39,28 @@ def test_densities_are_those_of_the_dense_covariance(shape: tuple[int, int]) -> 
     for g, sigma in enumerate(GRID.sigma):
         inverse = np.linalg.inv(sigma**2 * np.eye(shape[0]) + columns @ columns.T)
         quadratic = np.einsum("kq,kl,lq->q", vectors, inverse, vectors)
-        assert density.quadratic(vectors)[g] == pytest.approx(quadratic, rel=1e-6)
         product = vectors.T @ inverse @ residual
-        assert density.product(vectors, residual)[g] == pytest.approx(product, rel=1e-5)
+        power, match = density.against(vectors, residual)
+        assert power[g] == pytest.approx(quadratic, rel=1e-6)
+        assert match[g] == pytest.approx(product, rel=1e-5)
         logs = [dense(columns, float(sigma), vector) for vector in vectors.T]
         assert density.log_density(vectors)[g] == pytest.approx(logs, rel=1e-6, abs=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(9, 4), (5, 11)], ids=str)
+def test_many_at_once_and_padded_with_zeros_are_as_each_alone(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(3)
+    wide = rng.normal(size=(3, *shape))
+    wide[0, :, 2:] = 0.0
+    vectors, residual = rng.normal(size=(shape[0], 2)), rng.normal(size=shape[0])
+    together = Gaussian(wide, GRID)
+    power, match = together.against(vectors, residual)
+    for number, columns in enumerate([wide[0, :, :2], wide[1], wide[2]]):
+        alone = Gaussian(columns, GRID)
+        density = together.log_density(vectors)[number]
+        assert density == pytest.approx(alone.log_density(vectors), rel=1e-9)
+        assert power[number] == pytest.approx(alone.against(vectors, residual)[0], rel=1e-6)
+        assert match[number] == pytest.approx(alone.against(vectors, residual)[1], rel=1e-6)
 
 
 def test_one_parameter_integrated_by_hand() -> None:
