@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,6 +35,16 @@ class Option:
     plan: Plan
     continues: int
 
+    @cached_property
+    def matrix(self) -> Floats:
+        """Combinations of its readings that no gauge zero enters, (q, n)."""
+        plan, n = self.plan, self.continues
+        if not n:
+            return zero_free(plan)
+        # The zeros are known from the session: compare with the mean of its residual readings.
+        weights = np.linalg.pinv(plan.zeros[:n])
+        return np.hstack([-plan.zeros[n:] @ weights, np.eye(len(plan) - n)])
+
 
 def best_next(frame: Frame, first: Fitted, second: Fitted) -> NextMeasurement | None:
     """The option that separates two explanations best; None if none is worth taking."""
@@ -51,8 +62,7 @@ def separation(frame: Frame, first: Fitted, second: Fitted, option: Option) -> f
     forecasts = [_forecast(frame, fit, option) for fit in (first, second)]
     (mean_1, spread_1), (mean_2, spread_2) = forecasts
     sigma2 = max(first.sigma, second.sigma) ** 2
-    matrix = _free_of_zeros(option)
-    covariance = sigma2 * matrix @ matrix.T + 0.5 * (spread_1 + spread_2)
+    covariance = sigma2 * option.matrix @ option.matrix.T + 0.5 * (spread_1 + spread_2)
     gap = mean_1 - mean_2
     return float(np.sqrt(gap @ np.linalg.solve(covariance, gap)))
 
@@ -68,24 +78,13 @@ def _forecast(frame: Frame, fit: Fitted, option: Option) -> tuple[Floats, Floats
         frame.machine, plan, fit.offsets, sized, (*frame.effects, *passing)
     )
     known = fit.covariance[: slopes.shape[1], : slopes.shape[1]]
-    matrix = _free_of_zeros(option)
-    slope = matrix @ slopes
-    return matrix @ readings, slope @ known @ slope.T
+    slope = option.matrix @ slopes
+    return option.matrix @ readings, slope @ known @ slope.T
 
 
 def _sized(act: Acting) -> bool:
     """Whether its size was estimated (a relabelling has none, a count of turns is tried)."""
     return isinstance(act.cause, PatternCause) and not act.cause.counts
-
-
-def _free_of_zeros(option: Option) -> Floats:
-    """Combinations of an option's readings that no gauge zero enters, (q, n)."""
-    plan, n = option.plan, option.continues
-    if not n:
-        return zero_free(plan)
-    # The zeros are known from the session: compare with the mean of its residual readings.
-    weights = np.linalg.pinv(plan.zeros[:n])
-    return np.hstack([-plan.zeros[n:] @ weights, np.eye(len(plan) - n)])
 
 
 def _options(frame: Frame, first: Fitted) -> list[Option]:
