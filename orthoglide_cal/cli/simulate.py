@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from orthoglide_cal.cli.cause_option import effect_named
-from orthoglide_cal.cli.common import MachineFile, NoColour, tell
+from orthoglide_cal.cli.common import MachineFile, NoColour, print_json, tell
 from orthoglide_cal.errors import UsageError
 
 
@@ -79,6 +79,9 @@ def simulate(
         ),
     ] = None,
     machine: MachineFile = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="The session as one JSON object instead of a CSV.")
+    ] = False,
     no_colour: NoColour = False,
 ) -> None:
     """Make up a session: readings as a technician would write them down, as CSV."""
@@ -90,6 +93,7 @@ def simulate(
     from orthoglide_cal.data import (
         read_machine,
         readings_csv,
+        session_json,
         session_of_readings,
         write_session,
         write_text,
@@ -111,14 +115,16 @@ def simulate(
     wrong = [effect_named(text, plan, nominal, rng) for text in cause or ()]
     effects = (*machine_effects(nominal), *wrong)
     session = synthetic_session(nominal, plan, np.array(offsets), rng, effects, gauge)
-    if target is None:
+    record = session_of_readings(session, nominal, {"source": f"simulated, seed {chosen}"})
+    if json:
+        print_json(session_json(record))
+    elif target is None:
         print(readings_csv(session), end="")
-    elif target.suffix.lower() in (".yaml", ".yml"):
-        note = {"source": f"simulated, seed {chosen}"}
-        write_session(session_of_readings(session, nominal, note), target)
-        tell(f"{len(session)} readings written to {target}")
-    else:
-        write_text(target, readings_csv(session))
+    if target is not None:
+        if target.suffix.lower() in (".yaml", ".yml"):
+            write_session(record, target)
+        else:
+            write_text(target, readings_csv(session))
         tell(f"{len(session)} readings written to {target}")
     if seed is None:
         tell(f"seed {chosen}")

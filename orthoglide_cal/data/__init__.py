@@ -14,6 +14,7 @@ from orthoglide_cal.data.measured_file import read_input, read_measured
 from orthoglide_cal.data.readings_csv import readings_csv
 from orthoglide_cal.data.session_file import (
     read_session,
+    session_json,
     session_readings,
     session_text,
     write_session,
@@ -45,6 +46,7 @@ __all__ = [
     "read_measured",
     "read_session",
     "readings_csv",
+    "session_json",
     "session_of_readings",
     "session_readings",
     "session_text",

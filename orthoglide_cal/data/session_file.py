@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from orthoglide_cal.data.atomic import write_text
 from orthoglide_cal.data.document import YAML_LIMIT, read_document
@@ -98,15 +99,24 @@ def session_readings(record: SessionRecord, source: Source) -> Readings:
     )
 
 
+def session_json(record: SessionRecord) -> dict[str, Any]:
+    """The session as a JSON object; saved as a .json file it reads back as a session."""
+    return _without_blanks(record.model_dump(mode="json"))
+
+
 def session_text(record: SessionRecord) -> str:
     """The session file's text; one line for each reading."""
-    content = record.model_dump()
+    return yaml_text(_without_blanks(record.model_dump()))
+
+
+def _without_blanks(content: dict[str, Any]) -> dict[str, Any]:
+    """A session whose readings name only what they have."""
     for key in ("readings", "retaken", "skipped"):
         content[key] = [
             {name: value for name, value in entry.items() if value not in (None, "")}
             for entry in content[key]
         ]
-    return yaml_text(content)
+    return content
 
 
 def write_session(record: SessionRecord, path: Path | str, *, overwrite: bool = False) -> None:

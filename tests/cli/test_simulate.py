@@ -201,3 +201,16 @@ def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
     for file in (DOUBLE, SINGLE):
         assert (tmp_path / Path(file).name).read_bytes() == Path(file).read_bytes()
     assert read_session(tmp_path / "session.yaml").readings == read_session(SESSION).readings
+
+
+def test_json_is_the_session_and_reads_back_as_one() -> None:
+    plain = session()
+    shown = run("simulate", "--seed", "5", "--json")
+    (record,) = lines(shown)
+    assert record["environment"]["source"] == "simulated, seed 5"
+    Path("session.json").write_text(shown.stdout, encoding="utf-8")
+    read, machine = read_input("session.json")
+    assert isinstance(read, Readings)
+    assert machine.name == record["machine"]["name"]
+    np.testing.assert_array_equal(read.value, plain.value)
+    np.testing.assert_array_equal(read.plan.setup, plain.plan.setup)

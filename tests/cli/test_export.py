@@ -1,0 +1,46 @@
+"""`orthocal export`: one format at a time, refusals with their exit code."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.program import SIX, lines, run
+
+
+@pytest.fixture
+def sound(tmp_path: Path) -> str:
+    """A session with nothing wrong but its offsets."""
+    path = tmp_path / "sound.csv"
+    made = run("simulate", "--offsets", "0.4", "-0.3", "0.9", "--seed", "3", "--output", str(path))
+    assert made.exit_code == 0
+    return str(path)
+
+
+def test_json_is_the_json_format(sound: str) -> None:
+    short, long = run("export", sound, "--json"), run("export", sound, "--format", "json")
+    assert short.exit_code == long.exit_code == 0
+    (one,), (other,) = lines(short), lines(long)
+    for answer in (one, other):
+        assert answer.pop("number")
+        assert answer.pop("issued")
+    assert one == other
+
+
+@pytest.mark.parametrize(("path", "code"), [("missing.csv", 3), (SIX, 4)])
+def test_json_gives_an_error_in_its_place(path: str, code: int) -> None:
+    shown = run("export", path, "--json")
+    assert shown.exit_code == code
+    (answer,) = lines(shown)
+    assert answer["input"]["path"] == path
+    assert answer["error"]
+    assert shown.stderr == ""
+    plain = run("export", path)
+    assert plain.exit_code == code
+    assert plain.stdout == ""
+    assert plain.stderr.strip()
+
+
+def test_json_beside_another_format_is_refused(sound: str) -> None:
+    shown = run("export", sound, "--json", "--format", "csv")
+    assert shown.exit_code == 2
+    assert "--json does not go with --format csv" in shown.stderr
