@@ -82,5 +82,5 @@ class Effect:
         return readings
 
     def doubts(self) -> tuple[Effect, ...]:
-        """This effect with one uncertain parameter after the other a standard deviation larger."""
+        """This effect, changed by each of its independent uncertainties once."""
         return ()

@@ -6,9 +6,13 @@ Everything here is a frozen value in mm; nothing reads files.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+
+import numpy as np
+
+from orthoglide_cal.axes import Floats
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,7 @@ class IdentifiedCause:
         parameters: name → estimate, in the contract's unit.
         date: ISO date of acceptance.
         data_sha256: digest of the readings that it came from.
+        correlation: of the parameters, rows in their order; empty if they are independent.
     """
 
     id: str
@@ -64,6 +69,14 @@ class IdentifiedCause:
     parameters: Mapping[str, Estimate]
     date: str
     data_sha256: str
+    correlation: tuple[tuple[float, ...], ...] = ()
+
+    def covariance(self, names: Sequence[str]) -> Floats:
+        """Covariance of the parameters in the order of `names`, in the contract's unit."""
+        order = [list(self.parameters).index(name) for name in names]
+        correlation = np.array(self.correlation or np.eye(len(self.parameters)))
+        stds = np.array([self.parameters[name].std for name in names])
+        return np.asarray(np.outer(stds, stds) * correlation[np.ix_(order, order)])
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ ISO = -1
 
 
 def doubtful(machine: Machine, offsets: Floats, plan: Plan, effects: Sequence[Effect]) -> Floats:
-    """What one standard deviation of each parameter of known effects adds to readings, (n, p)."""
+    """What one standard deviation of each doubt about known effects adds to readings, (n, p)."""
     moved = [
         (*effects[:k], other, *effects[k + 1 :])
         for k, effect in enumerate(effects)

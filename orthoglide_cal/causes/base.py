@@ -175,18 +175,24 @@ class RelabelCause(Cause):
 
 @dataclass(frozen=True, eq=False)
 class Acting(Effect):
-    """A cause with values for its parameters; `std` states how uncertain the first of them are."""
+    """A cause with values for its parameters.
+
+    Attributes:
+        cause: the cause.
+        theta: its parameters, shape (..., p), in internal units.
+        where: its place.
+        spread: how uncertain they are: independent changes of theta by one standard deviation
+            each, shape (m, p).
+    """
 
     cause: Cause
     theta: Numbers
     where: Where = MACHINE_WIDE
-    std: tuple[float, ...] = ()
+    spread: Floats | tuple[()] = ()
 
     def doubts(self) -> tuple[Effect, ...]:
-        """See `Effect.doubts`; `std` holds as many parameters as are known to be uncertain."""
-        steps = np.diag(self.std)[:, : len(self.theta)]
-        steps = np.pad(steps, ((0, 0), (0, len(self.theta) - steps.shape[1])))
-        return tuple(Acting(self.cause, self.theta + step, self.where) for step in steps)
+        """See `Effect.doubts`."""
+        return tuple(Acting(self.cause, self.theta + step, self.where) for step in self.spread)
 
     def geometry(self, geometry: Geometry) -> Geometry:
         """Rails and legs as they really are."""

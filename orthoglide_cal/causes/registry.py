@@ -53,6 +53,8 @@ def machine_effects(machine: Machine) -> tuple[Acting, ...]:
             )
         values = [found.parameters[name].value for name in cause.names]
         theta = np.array([*values, *(0.0 for _ in cause.nuisance)]) * cause.scale
-        stds = tuple(found.parameters[name].std * cause.scale for name in cause.names)
-        effects.append(Acting(cause, theta, std=stds))
+        size2, directions = np.linalg.eigh(found.covariance(cause.names))
+        spread = np.zeros((len(values), len(theta)))
+        spread[:, : len(values)] = (directions * np.sqrt(np.maximum(size2, 0.0))).T * cause.scale
+        effects.append(Acting(cause, theta, spread=spread))
     return tuple(effects)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ def read_machine(path: Path | str | None = None) -> Machine:
     return machine_from_tree(load_tree(read_document(str(path), YAML_LIMIT)))
 
 
+@functools.cache
 def default_machine() -> Machine:
     """The paper's prototype, from the file that comes with the package."""
     return machine_from_tree(load_tree(_default_document()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Self
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from orthoglide_cal.data.cause_ids import CAUSE_UNITS
@@ -56,11 +57,36 @@ class IdentifiedModel(Strict):
     parameters: dict[Word, EstimateModel]
     date: Day
     data_sha256: Digest
+    correlation: tuple[tuple[Number, ...], ...] = ()
 
     @field_validator("where", mode="before")
     @classmethod
     def _null_is_everywhere(cls, value: object) -> object:
         return "" if value is None else value
+
+    @model_validator(mode="after")
+    def _correlated(self) -> Self:
+        if not self.correlation:
+            return self
+        wanted = len(self.parameters)
+        if {len(self.correlation), *map(len, self.correlation)} != {wanted}:
+            raise fault(
+                f"The correlations are not {wanted} rows of {wanted} numbers.",
+                "Give one row for each parameter, in their order, or remove them.",
+                ("correlation",),
+            )
+        matrix = np.array(self.correlation)
+        if (
+            np.abs(matrix - matrix.T).max() > 1e-5
+            or np.abs(np.diag(matrix) - 1.0).max() > 1e-5
+            or np.linalg.eigvalsh(matrix)[0] < -1e-5
+        ):
+            raise fault(
+                "These numbers are not correlations.",
+                "They are symmetric, with ones on the diagonal, and of no negative variance.",
+                ("correlation",),
+            )
+        return self
 
     @model_validator(mode="after")
     def _units(self) -> Self:
@@ -152,6 +178,7 @@ class MachineModel(Strict):
                         },
                         "date": cause.date,
                         "data_sha256": cause.data_sha256,
+                        "correlation": cause.correlation,
                     }
                     for cause in machine.identified
                 ],
@@ -180,6 +207,7 @@ class MachineModel(Strict):
                     },
                     date=cause.date,
                     data_sha256=cause.data_sha256,
+                    correlation=cause.correlation,
                 )
                 for cause in self.identified
             ),

@@ -81,12 +81,22 @@ def extend(
         if act.cause.id == id:
             break
         start += act.theta.size
-    stds = np.sqrt(np.diag(fit.covariance)[start : start + len(cause.names)])
+    own = slice(start, start + len(cause.names))
+    covariance = fit.covariance[own, own]
+    stds = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(stds, stds)
     parameters = {
         name: Estimate(
             cause.admissible(float(value)) / cause.scale, float(std / cause.scale), cause.unit
         )
         for name, value, std in zip(cause.names, act.theta, stds, strict=False)
     }
-    identified = IdentifiedCause(id, "", parameters, on.isoformat(), measured.source.sha256)
+    identified = IdentifiedCause(
+        id,
+        "",
+        parameters,
+        on.isoformat(),
+        measured.source.sha256,
+        tuple(tuple(row) for row in correlation.round(6).tolist()),
+    )
     return dataclasses.replace(machine, identified=(*machine.identified, identified))

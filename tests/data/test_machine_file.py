@@ -6,6 +6,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 from orthoglide_cal.data import (
     CAUSE_IDS,
@@ -242,3 +243,38 @@ def test_an_installed_wheel_finds_its_machine(tmp_path):
         check=True, capture_output=True, text=True,
     )  # fmt: skip
     assert done.stdout.split() == [str(site / "orthoglide_cal" / "__init__.py"), "310.25"]
+
+
+CORRELATION = ((1.0, -0.4), (-0.4, 1.0))
+
+
+def test_correlations_survive_and_may_be_missing(tmp_path):
+    cause = dataclasses.replace(identified(), correlation=CORRELATION)
+    path = tmp_path / "m.yaml"
+    write_machine(dataclasses.replace(default_machine(), identified=(cause,)), path)
+    assert read_machine(path).identified == (cause,)
+    without = [line for line in path.read_text().splitlines() if "0.4" not in line]
+    path.write_text("\n".join(line for line in without if "correlation" not in line))
+    assert read_machine(path).identified == (identified(),)
+
+
+@pytest.mark.parametrize(
+    ("rows", "what"),
+    [
+        (((1.0,),), "2 rows of 2"),
+        (((1.0, 0.1), (0.1,)), "2 rows of 2"),
+        (((1.0, 0.1), (0.2, 1.0)), "not correlations"),
+        (((0.9, 0.1), (0.1, 1.0)), "not correlations"),
+        (((1.0, 1.1), (1.1, 1.0)), "not correlations"),
+    ],
+)
+def test_correlations_are_checked(tmp_path, rows, what):
+    cause = dataclasses.replace(identified(), correlation=CORRELATION)
+    text = machine_text(dataclasses.replace(default_machine(), identified=(cause,)))
+    old = yaml.safe_load(text)
+    old["identified"][0]["correlation"] = [list(row) for row in rows]
+    path = tmp_path / "m.yaml"
+    path.write_text(yaml.safe_dump(old))
+    (fault,) = problems(read_machine, path)
+    assert fault.column == "identified[0].correlation"
+    assert what in fault.what

@@ -1,0 +1,169 @@
+"""`orthocal diagnose --accept`: a cause becomes part of the machine."""
+
+import json
+import re
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from orthoglide_cal.causes import CAUSES, machine_effects
+from orthoglide_cal.cli.app import app
+from orthoglide_cal.data import read_machine
+from orthoglide_cal.diagnosis import extend
+from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation import solve
+from tests import truth
+from tests.diagnosis.command import GAP, HEALTHY, SECOND, diagnose, one, written
+from tests.diagnosis.sessions import known, readings_of
+from tests.truth.session import Session
+
+DAY = date(2026, 1, 1)
+
+
+class TestLaterResults:
+    """What was identified on one day is only as sure as it was that day."""
+
+    def test_offsets_of_a_second_session_are_covered(self) -> None:
+        """Slopes of the bars are correlated: without that the r.m.s. would be near 1.3."""
+        scores = []
+        for seed in range(3000, 3100):
+            gauge = (truth.MICRON, truth.DIAL)[seed % 2]
+            first = truth.make_session(seed, truth.PROTOTYPE, gauge, ("bar_skew",))
+            readings, machine = known(first)
+            try:
+                extended = extend(readings, machine, (), "bar_skew", DAY)
+            except UnusableResultError:  # too small to be told from other causes
+                continue
+            later = readings_of(truth.second_session(first, seed))
+            solution = solve(later, extended, None, machine_effects(extended))
+            scores.append((solution.offsets_mm - first.offsets) / solution.std_mm)
+        assert len(scores) >= 80
+        # Three standard deviations of the root mean square, as if a session were one number.
+        spread = 3.0 / np.sqrt(2.0 * len(scores))
+        assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=spread)
+
+    def test_doubts_have_the_covariance_of_the_estimates(self) -> None:
+        """In any order of the parameters in the file."""
+        first = truth.make_session(301, truth.PROTOTYPE, truth.MICRON, ("bar_skew",))
+        readings, machine = known(first)
+        (found,) = extend(readings, machine, (), "bar_skew", DAY).identified
+        names = CAUSES["bar_skew"].names
+        order = [4, 2, 0, 5, 1, 3]
+        mixed = replace(
+            found,
+            parameters={names[k]: found.parameters[names[k]] for k in order},
+            correlation=tuple(tuple(found.correlation[j][k] for k in order) for j in order),
+        )
+        stds = np.array([found.parameters[name].std for name in names])
+        expected = 1e-6 * np.outer(stds, stds) * np.array(found.correlation)
+        assert np.abs(np.array(found.correlation) - np.eye(6)).max() > 0.3
+        for stated in (found, mixed):
+            (effect,) = machine_effects(replace(machine, identified=(stated,)))
+            moved = [other.theta - effect.theta for other in effect.doubts()]
+            assert sum(np.outer(d, d) for d in moved) == pytest.approx(expected, rel=1e-6)
+
+
+class TestAccept:
+    def test_a_new_machine_file_that_every_command_uses(self, tmp_path: Path) -> None:
+        session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+        readings, machine = written(tmp_path, session)
+        before, extended = machine.read_bytes(), tmp_path / "extended.yaml"
+        accept = ("--machine", machine, "--accept", "axis_gap", "--output", extended)
+        ran = diagnose(readings, *accept)
+        assert ran.code == 0
+        assert str(extended) in ran.err
+        assert machine.read_bytes() == before
+        (found,) = read_machine(extended).identified
+        assert found.id == "axis_gap"
+        assert found.data_sha256 == one(readings, "--machine", machine)["input"]["sha256"]
+        assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date)
+        for true, estimate in zip(
+            session.effects[0].parameters, found.parameters.values(), strict=True
+        ):
+            assert 0.0 < estimate.std < 0.05
+            assert estimate.unit == "mm"
+            assert abs(estimate.value - true) < 4.5 * estimate.std
+        self.solved_without_bias(session, readings, machine, extended)
+        again = one(readings, "--machine", extended)
+        assert again["verdict"] == "consistent"
+        # Never overwritten.
+        kept = extended.read_bytes()
+        ran = diagnose(readings, *accept)
+        assert ran.code == 2
+        assert extended.read_bytes() == kept
+
+    @staticmethod
+    def solved_without_bias(
+        session: Session, readings: Path, machine: Path, extended: Path
+    ) -> None:
+        errors = []
+        for model in (machine, extended):
+            done = CliRunner().invoke(
+                app, ["solve", str(readings), "--machine", str(model), "--json"]
+            )
+            assert done.exit_code == 0
+            solution = json.loads(done.stdout)
+            offsets = np.array([solution["offsets_mm"][axis] for axis in "xyz"])
+            errors.append(np.abs(offsets - session.offsets).max())
+        assert errors[0] > 0.03 > 0.015 > errors[1]
+
+    def test_what_is_simulated_carries_it(self, tmp_path: Path) -> None:
+        extended = tmp_path / "machine-axis_gap.yaml"
+        assert diagnose(GAP, "--accept", "axis_gap", "--output", extended).code == 0
+        options = ("simulate", "--seed", "5", "--offsets", "0.2", "-0.4", "0.1", "--noise", "0.001")
+        made = CliRunner().invoke(app, [*options, "--machine", str(extended)])
+        assert made.exit_code == 0
+        plain = diagnose("-", "--json", text=made.stdout)
+        assert [cause["id"] for cause in plain.lines()[0]["causes"]] == ["axis_gap"]
+        knowing = diagnose("-", "--json", "--machine", extended, text=made.stdout)
+        assert knowing.lines()[0]["verdict"] == "consistent"
+
+    def test_the_default_name_says_what_was_accepted(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        assert diagnose(GAP, "--accept", "axis_gap").code == 0
+        assert [path.name for path in tmp_path.iterdir()] == ["machine-axis_gap.yaml"]
+
+    def test_standard_input_can_be_accepted(self, tmp_path: Path) -> None:
+        target = tmp_path / "new.yaml"
+        text = GAP.read_text(encoding="utf-8")
+        ran = diagnose("-", "--accept", "axis_gap", "--output", target, text=text)
+        assert ran.code == 0
+        assert read_machine(target).identified[0].id == "axis_gap"
+
+    @pytest.mark.parametrize("cause", ["misread", "stand_shift", "gauge_slip", "sign_flip"])
+    def test_the_measurement_is_no_part_of_the_machine(self, tmp_path: Path, cause: str) -> None:
+        target = tmp_path / "new.yaml"
+        ran = diagnose(GAP, "--accept", cause, "--output", target)
+        assert ran.code == 4
+        assert "measurement" in ran.err
+        assert "Named" in ran.out
+        assert not target.exists()
+
+    @pytest.mark.parametrize(
+        ("data", "cause"),
+        [(SECOND, "axis_gap"), (HEALTHY, "axis_gap"), (GAP, "encoder_scale")],
+        ids=["open with a bar", "healthy", "another cause"],
+    )
+    def test_what_the_data_do_not_support_is_refused(
+        self, tmp_path: Path, data: Path, cause: str
+    ) -> None:
+        target = tmp_path / "new.yaml"
+        ran = diagnose(data, "--accept", cause, "--output", target)
+        assert ran.code == 4
+        assert ran.err
+        assert not target.exists()
+
+    def test_a_refusal_does_not_spoil_the_line_of_json(self, tmp_path: Path) -> None:
+        target = tmp_path / "new.yaml"
+        ran = diagnose(HEALTHY, "--json", "--accept", "axis_gap", "--output", target)
+        assert ran.code == 4
+        assert [line["verdict"] for line in ran.lines()] == ["consistent"]
+
+    def test_one_file_only(self) -> None:
+        assert diagnose(GAP, HEALTHY, "--accept", "axis_gap").code == 2

@@ -1,0 +1,99 @@
+"""What `orthocal diagnose` says to a person."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests import truth
+from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, written
+from tests.machines import SAMPLES
+
+
+class TestText:
+    FILES = (HEALTHY, GAP, SECOND, THIRD, SAMPLES / "single_posture_session.csv")
+
+    @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+    def test_nothing_is_wider_than_a_terminal(self, path: Path) -> None:
+        lines = shown(path).splitlines()
+        assert len(lines) > 15
+        assert max(map(len, lines)) <= 80
+        assert [line for line in lines if line != line.rstrip()] == []
+        assert "\x1b" not in shown(path)
+
+    def test_many_postures_and_cycles_stay_within_it(self, tmp_path: Path) -> None:
+        from orthoglide_cal.data import default_machine, readings_csv
+        from orthoglide_cal.plan import Plan
+        from orthoglide_cal.protocols import double_posture, synthetic_session
+
+        machine = default_machine()
+        plan = double_posture(machine, cycles=12)
+        moved = plan.displacement * np.where(np.arange(len(plan)) % 7 < 3, 0.37, 1.0)
+        plan = Plan(
+            plan.leg, plan.direction, moved, plan.contact, plan.gauge_at, plan.setup,
+            plan.order, plan.hours,
+        )  # fmt: skip
+        rng = np.random.default_rng(1)
+        made = synthetic_session(machine, plan, np.array([0.3, -0.2, 0.5]), rng)
+        path = tmp_path / ("a rather long name of a file of readings " * 3 + ".csv")
+        path.write_text(readings_csv(made), encoding="utf-8")
+        ran = diagnose(path)
+        assert ran.code == 0
+        assert max(map(len, ran.out.splitlines())) <= 80
+        assert "22.2" in ran.out
+
+    def test_wrapped_lines_keep_their_place(self) -> None:
+        lines = shown(GAP).splitlines()
+        start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("mend"))
+        column = lines[start].index("Shim")
+        assert lines[start + 1].startswith(" " * column)
+        assert lines[start + 1][column] != " "
+
+    def test_it_says_what_to_do(self) -> None:
+        text = " ".join(shown(GAP).split())
+        assert "Named: the actuator axes do not meet in one point." in text
+        assert "xy +0.3" in text
+        assert f"orthocal diagnose {GAP} --accept axis_gap" in text
+        assert "readings left out of the fit" in text
+        assert "tolerances halved and doubled" in text
+        assert "type in" in text
+        assert "-0.189" in text
+
+    def test_an_open_answer_offers_no_compensation(self) -> None:
+        text = " ".join(shown(SECOND).split())
+        assert "Ambiguous" in text
+        assert "Read next" in text
+        assert "--accept" not in text
+
+    def test_a_fault_of_the_measurement_offers_none_either(self, tmp_path: Path) -> None:
+        session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("misread",))
+        readings, machine = written(tmp_path, session)
+        ran = diagnose(readings, "--machine", machine)
+        text = " ".join(ran.out.split())
+        assert "Named: one reading is wrong." in text
+        assert "nothing for the controller to correct" in text
+        assert "--accept" not in text
+
+    def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
+        """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
+        from orthoglide_cal.diagnosis import diagnose as judge
+        from orthoglide_cal.report.diagnose_text import render
+        from tests.diagnosis.sessions import known
+
+        readings, machine = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
+        found = judge(readings, machine)
+        assert "nothing is wrong at all" not in render(found, readings, machine).plain
+        faint = replace(found, ranking={**found.ranking, "": 0.217})
+        assert "21.7 % that nothing is wrong at all" in render(faint, readings, machine).plain
+
+    def test_names_from_outside_are_shown_not_obeyed(self, tmp_path: Path) -> None:
+        session = truth.make_session(21, truth.PROTOTYPE, truth.MICRON)
+        readings, machine = written(tmp_path, session, "\x1b[31mred.csv")
+        text = machine.read_text(encoding="utf-8")
+        name = '"[bold]\\u202Eevil[/bold]"'
+        machine.write_text(text.replace("truth-prototype", name), encoding="utf-8")
+        ran = diagnose(readings, "--machine", machine)
+        assert "\x1b" not in ran.out
+        assert "\u202e" not in ran.out
+        assert "[bold]" in ran.out
