@@ -12,7 +12,7 @@ from orthoglide_cal.causes import CAUSES, Acting, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.gain import HeldOut, leave_out_cells, predict_later
-from orthoglide_cal.diagnosis.posterior import misfit
+from orthoglide_cal.diagnosis.posterior import DISMISSED, misfit
 from orthoglide_cal.diagnosis.refine import Fitted
 from orthoglide_cal.diagnosis.result import (
     AMBIGUOUS,
@@ -264,6 +264,14 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         pattern = max(unlisted, key=lambda name: unlisted[name])
         notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
         notes.append("Its size is part of the uncertainty of the offsets.")
+    listed = found.posterior.listed
+    for part in (key for key in listed if key and set(key) < set(answer.accepted)):
+        if listed[part] >= DISMISSED * listed[answer.accepted]:
+            rest = "+".join(cause for cause in answer.accepted if cause not in part)
+            notes.append(
+                f"{part[0]} alone is possible, too (probability {listed[part]:.2g}): whether {rest}"
+                " acts beside it is not certain."
+            )
     if isinstance(measured, Differences) and causes:
         unknowns = sum(len(act.cause.names) for act in causes)
         spare = len(measured) - 3
