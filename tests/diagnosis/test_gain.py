@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.data import read_measured
-from orthoglide_cal.diagnosis.assess import assess
+from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.gain import leave_out_cells, predict_later
 from orthoglide_cal.diagnosis.refine import Fitted
@@ -103,6 +103,31 @@ def test_errors_are_as_large_as_the_model_says(hidden: str) -> None:
     assert len(after) >= 5
     assert 0.85 < rms(np.array(after)) < 1.15
     assert rms(np.array(before)) > 2.0
+
+
+@pytest.mark.parametrize("hidden", ["axis_gap", "axis_squareness", "encoder_scale", "backlash"])
+def test_a_wrong_cause_predicts_clearly_worse(hidden: str) -> None:
+    """Every rival that the truth calls distinguishable (4σ and more), the nearest ones included."""
+    for seed in (1, 2):
+        session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (hidden,))
+        readings, machine = known(session)
+        frame = Frame.of(readings, machine)
+        found = assess(frame)
+        assert found.answer.accepted == (hidden,)
+
+        def error(cause: str, frame: Frame = frame, found: Assessment = found) -> float:
+            return leave_out_cells(frame, found.fit((cause,)), found.accepted).rms_mm
+
+        distances = truth.separation(session).distances
+        rivals = [
+            rival
+            for rival, distance in distances.items()
+            if (rival,) in found.scores and rival != hidden and distance >= 4.0
+        ]
+        assert len(rivals) >= 9
+        for rival in rivals:
+            clearly = 1.5 if distances[rival] >= 10.0 else 1.15
+            assert error(rival) > clearly * error(hidden), rival
 
 
 @pytest.mark.parametrize("hidden", ["axis_gap", "encoder_scale"])
