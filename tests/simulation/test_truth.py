@@ -6,9 +6,9 @@ import pytest
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.machine import Machine
-from orthoglide_cal.plan import Contact, Plan
 from orthoglide_cal.simulation import simulate
 from tests import truth
+from tests.causes.condition import as_plan
 from tests.machines import LARGE, PROTOTYPE
 from tests.truth.forward import PARTS, SIZE
 
@@ -27,21 +27,6 @@ SIZES = {
 # The truth sets a gauge up where the leg really stood, the model where the offsets alone put it:
 # hundredths of a millimetre along a leg that leans by some thousandths.
 EXACT, NEAR = 1e-9, 1e-3
-
-
-def as_plan(plan: truth.Plan) -> Plan:
-    """The truth's plan as the package's."""
-    n = plan.count
-    return Plan(
-        leg=plan.leg,
-        direction=plan.direction,
-        displacement=plan.displacement,
-        contact=np.full(n, Contact.FIXED),
-        gauge_at=np.full(n, 0.5),
-        setup=plan.setup,
-        order=np.arange(n),
-        hours=plan.hours,
-    )
 
 
 def both(
