@@ -7,20 +7,34 @@ import os
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from orthoglide_cal.data import readings_csv
 from orthoglide_cal.estimation import Problem, fit_offsets
-from orthoglide_cal.protocols import NAMES, double_posture, ideal_plan, reduction, zero_free
+from orthoglide_cal.protocols import (
+    NAMES,
+    double_posture,
+    ideal_plan,
+    reduction,
+    synthetic_session,
+    zero_free,
+)
 from orthoglide_cal.simulation import simulate
 from tests.machines import PROTOTYPE, ROOT
 
+SESSION = "sample_data/double_posture_session.csv"
+IMPORTS = "typer, rich, yaml, pydantic, scipy.special"
 SESSIONS = 20_000
+FILES = 200
 SAMPLE = 20
+ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True)
@@ -103,6 +117,30 @@ def start(arguments: Sequence[str], imports: str) -> Comparison:
     return Comparison(f"orthocal {' '.join(arguments)}", ours, theirs)
 
 
+def many_files() -> Comparison:
+    """One more file in a `diagnose` of many, against the start of a bare interpreter."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{seed}.csv" for seed in range(FILES)]
+        for seed, path in enumerate(files):
+            rng = np.random.default_rng(seed)
+            made = synthetic_session(PROTOTYPE, double_posture(PROTOTYPE), np.zeros(3), rng)
+            path.write_text(readings_csv(made), encoding="utf-8")
+
+        def run(*arguments: str) -> Callable[[], object]:
+            return lambda: subprocess.run(
+                [sys.executable, *arguments],
+                cwd=ROOT,
+                env={**os.environ, "PYTHONPATH": str(ROOT), **ONE_CORE},
+                stdout=subprocess.DEVNULL,
+                check=True,
+            )
+
+        call = ("-m", "orthoglide_cal", "diagnose", "--json")
+        many, one = alternately(run(*call, *map(str, files)), run(*call, str(files[0])), 3)
+        bare, _ = alternately(run("-c", "pass"), run("-c", "pass"), 5)
+    return Comparison("one more file", (many - one) / (FILES - 1), bare)
+
+
 def main() -> None:
     """Measure and print."""
     solves = [solving(method) for method in ("six", "twelve", "readings")]
@@ -114,14 +152,18 @@ def main() -> None:
     starts = [
         start(["--version"], "typer"),
         start(["--help"], "typer"),
-        start(
-            ["solve", "sample_data/experiment2.csv"], "typer, rich, yaml, pydantic, scipy.special"
-        ),
+        start(["solve", "sample_data/experiment2.csv"], IMPORTS),
         start(["diagnose", "--help"], "typer"),
+        start(["diagnose", SESSION], IMPORTS),
     ]
     print(f"\n{'':48}{'command':>10}{'imports':>10}{'ratio':>10}")
     for row in starts:
         print(f"{row.what:48}{row.ours:>8.2f} s{row.theirs:>8.2f} s{row.ours / row.theirs:>10.2f}")
+    row = many_files()
+    print(
+        f"\ndiagnose of {FILES} healthy files, one core: {row.ours * 1e3:.1f} ms each"
+        f" ({1.0 / row.ours:.0f} per second), {1.0 / row.ratio:.1f} starts of a bare interpreter"
+    )
     both = solves[0].ours + solves[1].ours
     print(f"\nTable 3 (800,000 solves) at this pace: {400_000 * both:.0f} s")
 

@@ -138,16 +138,18 @@ def screen(
     # Beside an extra there is at most one cause of the base.
     single = [base for base in menu.bases if len(base) <= 1]
     both = [base for base in menu.bases if len(base) > 1]
-    residual = catalogue.residuals[""]
-    scores: dict[Names, Score] = {}
-    for bases in filter(None, (single, both)):
-        density = _of_bases(frame, bases, catalogue, noise, widen)
-        by_sigma = density.log_density(residual[:, None])[..., 0] + noise.log_weight
-        for base, log in zip(bases, log_sums(by_sigma, 1), strict=True):
-            scores[names(*base)] = Score(float(log), base, None)
-        if bases is single:
-            scores |= _with_extras(frame, menu, catalogue, noise, density, by_sigma, widen)
+    density, by_sigma = _of_bases(frame, single, catalogue, noise, widen)
+    scores = _alone(single, by_sigma)
+    scores |= _with_extras(frame, menu, catalogue, noise, single, density, by_sigma, widen)
+    if both:
+        scores |= _alone(both, _of_bases(frame, both, catalogue, noise, widen)[1])
     return scores
+
+
+def _alone(bases: Sequence[tuple[Cause, ...]], by_sigma: Floats) -> dict[Names, Score]:
+    """Scores of bases without an extra."""
+    logs = log_sums(by_sigma, 1).tolist()
+    return {names(*base): Score(log, base, None) for base, log in zip(bases, logs, strict=True)}
 
 
 def _with_extras(
@@ -155,6 +157,7 @@ def _with_extras(
     menu: Menu,
     catalogue: Catalogue,
     noise: NoiseGrid,
+    bases: Sequence[tuple[Cause, ...]],
     density: Gaussian,
     by_sigma: Floats,
     widen: float,
@@ -162,10 +165,10 @@ def _with_extras(
     """Scores of every extra beside every base of at most one cause.
 
     Args:
-        density: under these bases.
-        by_sigma: their own log densities with the weight of each σ, shape (bases, g).
+        bases: the bases.
+        density: under them.
+        by_sigma: their own log densities, shape (bases, g), as `_of_bases` gives them.
     """
-    bases = [base for base in menu.bases if len(base) <= 1]
     power, match = density.against(catalogue.columns, catalogue.residuals[""])
     extras: tuple[PatternCause | RelabelCause, ...] = (*menu.patterns, *menu.relabels)
     scores: dict[Names, Score] = {}
@@ -191,8 +194,12 @@ def _of_bases(
     catalogue: Catalogue,
     noise: NoiseGrid,
     widen: float,
-) -> Gaussian:
-    """Densities under many bases at once, padded with columns of zeros to one width."""
+) -> tuple[Gaussian, Floats]:
+    """Densities under many bases at once, padded with columns of zeros to one width.
+
+    Returns:
+        The densities; that of the data without an extra, with the weight of each σ, (bases, g).
+    """
     columns = []
     for base in bases:
         stds = [cause.prior_std(frame.machine) * widen for cause in base]
@@ -201,7 +208,9 @@ def _of_bases(
     padded = np.zeros((len(bases), len(frame), max(own.shape[1] for own in columns)))
     for filled, own in zip(padded, columns, strict=True):
         filled[:, : own.shape[1]] = own
-    return Gaussian(padded, noise)
+    density = Gaussian(padded, noise)
+    residual = catalogue.residuals[""]
+    return density, density.log_density(residual[:, None])[..., 0] + noise.log_weight
 
 
 def evidence_beside(
