@@ -21,7 +21,6 @@ HELDOUT_RATIO = (0.8, 1.25)
 FEWEST = 5
 """Sessions from which a held-out ratio is judged: one scatters by about 11 %, five by 5 %."""
 LATER_RATIO = (0.0, 1.3)
-PER_SECOND = 20.0
 MARGINS = ("distinct", "close")
 
 
