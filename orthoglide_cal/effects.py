@@ -65,6 +65,11 @@ class Effect:
     Leading axes of an effect's own parameters broadcast with those of the offsets.
     """
 
+    @property
+    def repeats(self) -> bool:
+        """Whether readings that differ in nothing but set-up and time are predicted equal."""
+        return False
+
     def geometry(self, geometry: Geometry) -> Geometry:
         """Rails and legs as they really are."""
         return geometry

@@ -190,6 +190,11 @@ class Acting(Effect):
     where: Where = MACHINE_WIDE
     spread: Floats | tuple[()] = ()
 
+    @property
+    def repeats(self) -> bool:
+        """See `Effect.repeats`."""
+        return self.cause.lasting and not self.cause.timed
+
     def doubts(self) -> tuple[Effect, ...]:
         """See `Effect.doubts`."""
         return tuple(Acting(self.cause, self.theta + step, self.where) for step in self.spread)

@@ -120,7 +120,8 @@ def pose(
     """
     if method.differences is None:
         assert isinstance(measured, Readings)
-        contrasts = cell_contrasts if folded and not effects else zero_free
+        alike = folded and all(effect.repeats for effect in effects)
+        contrasts = cell_contrasts if alike else zero_free
         matrix = contrasts(measured.plan)
         return Posed(Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, ())
     return pose_differences(measured, machine, method.differences, effects)

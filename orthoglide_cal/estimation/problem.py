@@ -58,9 +58,9 @@ class Problem:
     def _folded(self) -> tuple[Plan, Floats]:
         """Plan and R with readings that repeat each other predicted once.
 
-        An effect may tell them apart by their time, so with effects nothing is folded.
+        With an effect that may tell them apart nothing is folded.
         """
-        if self.effects:
+        if not all(effect.repeats for effect in self.effects):
             return self.plan, self.matrix
         first, kind = self.plan.distinct
         fold = kind[:, None] == np.arange(len(first))

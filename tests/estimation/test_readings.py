@@ -1,12 +1,14 @@
 """All raw readings at once: generalised least squares with one unknown zero per set-up."""
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.axes import Floats
-from orthoglide_cal.causes import CAUSES, machine_effects
+from orthoglide_cal.causes import CAUSES, Cause, machine_effects
+from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import RankDeficientError, UsageError
 from orthoglide_cal.estimation import METHODS, solve, solve_many, usable_methods
 from orthoglide_cal.machine import Estimate, IdentifiedCause, Machine
@@ -36,11 +38,13 @@ def moved(plan: Plan, displacements: Floats) -> Plan:
     return Plan(**{**parts, "displacement": displacements})
 
 
-def explicit(session: Readings, machine: Machine) -> tuple[Floats, Floats]:
+def explicit(
+    session: Readings, machine: Machine, effects: Sequence[Effect] = ()
+) -> tuple[Floats, Floats]:
     """Offsets and covariance/σ² by Gauss–Newton on offsets and zeros together, the long way."""
     offsets = np.zeros(3)
     for _ in range(20):
-        h, slope = simulate_with_jacobian(machine, offsets, session.plan)
+        h, slope = simulate_with_jacobian(machine, offsets, session.plan, effects)
         design = np.hstack((slope, session.plan.zeros))
         step = np.linalg.lstsq(design, session.value - h, rcond=None)[0]
         offsets = offsets + step[:3]
@@ -161,6 +165,22 @@ def accepted(values: tuple[float, ...]) -> Machine:
     }
     cause = IdentifiedCause("axis_gap", "", gaps, "2026-01-01", "0" * 64)
     return replace(PROTOTYPE, identified=(cause,))
+
+
+LASTING = [cause for cause in CAUSES.values() if cause.lasting]
+
+
+@pytest.mark.parametrize("cause", LASTING, ids=lambda cause: cause.id)
+def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause) -> None:
+    """Readings of one kind may be joined only where the cause cannot tell them apart."""
+    sizes = cause.prior_std(PROTOTYPE) * np.linspace(1.0, 2.0, len(cause.prior_std(PROTOTYPE)))
+    effects = [cause.at(sizes)]
+    assert effects[0].repeats != cause.timed
+    session = readings(PROTOTYPE, double_posture(PROTOTYPE), seed=4, effects=effects)
+    offsets, _ = explicit(session, PROTOTYPE, effects)
+    solution = solve(session, PROTOTYPE, None, effects)
+    assert solution.offsets_mm == pytest.approx(offsets, abs=1e-9)
+    assert np.abs(solve(session, PROTOTYPE).offsets_mm - offsets).max() > 1e-4
 
 
 @pytest.mark.parametrize("method", ["readings", "six", "twelve"])
