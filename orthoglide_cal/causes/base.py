@@ -165,6 +165,14 @@ class RelabelCause(Cause):
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
         raise NotImplementedError
 
+    def reversible(self, plan: Plan, where: Where) -> bool:
+        """Whether `relabel` can express it: each reading was written down in place of another."""
+        return True
+
+    def reread(self, plan: Plan, where: Where) -> Plan:
+        """The plan with each reading under the leg and direction that was really read."""
+        return plan
+
     def record(
         self, readings: Numbers, theta: Numbers, where: Where, commanded: Commanded
     ) -> Numbers:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats
@@ -19,20 +21,34 @@ class SwappedGauges(RelabelCause):
     advice = "Check the cables or columns of the two gauges of this leg and exchange them back."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Where, ...]:
-        """Every leg whose two directions were read as often at the same postures."""
-        return tuple(Where((leg,)) for leg in range(3) if partners(plan, leg) is not None)
+        """Every leg that was read in two directions."""
+        return tuple(
+            Where((leg,))
+            for leg in range(3)
+            if np.unique(plan.direction[plan.leg == leg]).size == 2
+        )
 
     def label(self, where: Where, plan: Plan, machine: Machine) -> str:
         """The leg."""
         return f"leg {AXES[where.index[0]]}"
 
     def relabel(self, plan: Plan, where: Where) -> tuple[np.ndarray, Floats]:
-        """Exchange the readings of the two directions of the leg."""
+        """Exchange the readings of the two directions of the leg, where they pair up."""
         index = np.arange(len(plan))
         pairs = partners(plan, where.index[0])
         if pairs is not None:
             index[pairs[0]], index[pairs[1]] = pairs[1], pairs[0]
         return index, np.ones(len(plan))
+
+    def reversible(self, plan: Plan, where: Where) -> bool:
+        """Whether every reading has its partner."""
+        return partners(plan, where.index[0]) is not None
+
+    def reread(self, plan: Plan, where: Where) -> Plan:
+        """The leg's two directions exchanged."""
+        own = plan.leg == where.index[0]
+        total = np.unique(plan.direction[own]).sum()
+        return replace(plan, direction=np.where(own, total - plan.direction, plan.direction))
 
 
 def partners(plan: Plan, leg: int) -> tuple[np.ndarray, np.ndarray] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from orthoglide_cal.diagnosis.explanations import Menu, Names, menu_of
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.posterior import Answer, Posterior, answer, misfit
 from orthoglide_cal.diagnosis.refine import Fitted, refine
+from orthoglide_cal.diagnosis.reread import reread
 from orthoglide_cal.diagnosis.result import AMBIGUOUS, CONSISTENT, NAMED
 from orthoglide_cal.diagnosis.screen import Catalogue, Score, screen
 from orthoglide_cal.diagnosis.unlisted import Unlisted, unlisted_patterns
@@ -35,6 +36,7 @@ class Assessment:
         noise: grid of σ.
         scores: set of ids → score of the screening.
         fits: nonlinear fits of the sets that matter; always those of () and of the best set.
+        refit: fits a set nonlinearly.
         unlisted: patterns beyond the list.
         posterior: probabilities.
         answer: the verdict.
@@ -46,6 +48,7 @@ class Assessment:
     noise: NoiseGrid
     scores: Mapping[Names, Score]
     fits: dict[Names, Fitted]
+    refit: Callable[[Names], Fitted]
     unlisted: tuple[Unlisted, ...]
     posterior: Posterior
     answer: Answer
@@ -53,7 +56,7 @@ class Assessment:
     def fit(self, key: Names) -> Fitted:
         """The nonlinear fit of a set of ids; made when first asked for."""
         if key not in self.fits:
-            self.fits[key] = refine(self.frame, self.catalogue, self.noise, self.scores[key])
+            self.fits[key] = self.refit(key)
         return self.fits[key]
 
     @property
@@ -117,11 +120,22 @@ def assess(frame: Frame, widen: float = 1.0) -> Assessment:
     noise = NoiseGrid.around(machine.gauge.noise_mm)
     catalogue = Catalogue.of(frame, menu)
     scores = screen(frame, menu, catalogue, noise, widen)
+    others = {
+        key: other
+        for key, other in reread(frame, menu, noise, widen).items()
+        if key not in scores or other.score.log_evidence > scores[key].log_evidence
+    }
+    scores |= {key: other.score for key, other in others.items()}
+
+    def refit(key: Names) -> Fitted:
+        if key in others:
+            return others[key].refine(noise, widen)
+        return refine(frame, catalogue, noise, scores[key], widen=widen)
 
     weight = {key: score.log_evidence + menu.log_prior[key] for key, score in scores.items()}
     order = sorted(weight, key=lambda key: -weight[key])
     chosen = [key for key in order[:FITS] if weight[key] > weight[order[0]] - WORTH_A_FIT]
-    fits = {key: refine(frame, catalogue, noise, scores[key], widen=widen) for key in chosen}
+    fits = {key: refit(key) for key in chosen}
     evidence = {key: score.log_evidence for key, score in scores.items()}
     evidence.update({key: fit.log_evidence for key, fit in fits.items()})
 
@@ -131,7 +145,7 @@ def assess(frame: Frame, widen: float = 1.0) -> Assessment:
     posterior = Posterior.of(evidence, menu, {u.what: u.log_evidence for u in unlisted})
     best = posterior.best
     if best not in fits:
-        fits[best] = refine(frame, catalogue, noise, scores[best], widen=widen)
+        fits[best] = refit(best)
     left = fits[best].residual
     chance = misfit(
         float(left @ left), len(frame) - effective_unknowns(fits[best]), machine.gauge.noise_mm
@@ -143,6 +157,7 @@ def assess(frame: Frame, widen: float = 1.0) -> Assessment:
         noise,
         scores,
         fits,
+        refit,
         tuple(unlisted),
         posterior,
         answer(posterior, chance),

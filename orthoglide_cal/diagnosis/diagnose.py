@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import fdtrc
 
-from orthoglide_cal.axes import AXES, Floats
+from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import CAUSES, Acting, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.frame import Frame
@@ -218,7 +218,7 @@ def _pictures(
     else:
         data, left = measured.value, [frame.matrix.T @ f.residual for f in (nothing, accepted)]
         for act in accepted.acting:
-            if isinstance(act.cause, RelabelCause):
+            if isinstance(act.cause, RelabelCause) and act.cause.reversible(frame.plan, act.where):
                 index, sign = act.cause.relabel(frame.plan, act.where)
                 left[1] = sign * left[1][index]
     return data, data - left[0], data - left[1]
@@ -248,16 +248,6 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         notes.append(
             "Of plausible size yet too small to be seen in these readings:"
             f" {', '.join(answer.ambiguous_with)}."
-        )
-    plan = found.frame.plan
-    places = {where.index[0] for where in found.catalogue.places.get("swapped_gauges", ())}
-    both = [leg for leg in range(3) if np.unique(plan.direction[plan.leg == leg]).size == 2]
-    untried = [leg for leg in both if leg not in places]
-    if untried:
-        notes.append(
-            "Exchanged gauges could not be tried on leg"
-            f" {', '.join(AXES[leg] for leg in untried)}: its two directions were not read at the"
-            " same postures."
         )
     if answer.verdict == UNEXPLAINED:
         unlisted = found.posterior.unlisted

@@ -120,11 +120,6 @@ class Frame:
         index, sign = cause.relabel(self.plan, where)
         return np.asarray(self.matrix @ (sign * (self.matrix.T @ self.data)[index]))
 
-    def model(self, offsets: Floats, acting: Sequence[Acting] = ()) -> Floats:
-        """Predicted data, shape (k,)."""
-        readings = simulate(self.machine, offsets, self.plan, (*self.effects, *acting))
-        return np.asarray(self.matrix @ readings)
-
     def linearised(
         self, offsets: Floats, causes: Sequence[tuple[Cause, Floats]]
     ) -> tuple[Floats, Floats, list[Floats]]:

@@ -55,7 +55,7 @@ class Catalogue:
     """Places of all extras on these data, made once.
 
     Attributes:
-        places: cause id → its places.
+        places: cause id → its places; of a relabelling those where the data can undo it.
         columns: W·pattern of one unit at each place of each pattern cause, one after the other,
             shape (k, P) [mm per unit].
         own: cause id → its columns.
@@ -78,9 +78,10 @@ class Catalogue:
     @classmethod
     def of(cls, frame: Frame, menu: Menu) -> Catalogue:
         """Enumerate the places and fit the offsets to each relabelled data set."""
-        places = {
-            c.id: c.places(frame.plan, frame.machine) for c in (*menu.patterns, *menu.relabels)
-        }
+        places = {c.id: c.places(frame.plan, frame.machine) for c in menu.patterns}
+        for cause in menu.relabels:
+            there = cause.places(frame.plan, frame.machine)
+            places[cause.id] = tuple(w for w in there if cause.reversible(frame.plan, w))
         patterns = [c.patterns(frame.plan, places[c.id]) for c in menu.patterns]
         ends = np.cumsum([0, *(pattern.shape[1] for pattern in patterns)])
         own = {c.id: slice(*pair) for c, pair in zip(menu.patterns, pairwise(ends), strict=True)}

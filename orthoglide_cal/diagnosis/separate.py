@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.axes import AXES, Floats
-from orthoglide_cal.causes import Acting, PatternCause
+from orthoglide_cal.causes import Acting, PatternCause, RelabelCause
 from orthoglide_cal.causes.base import reading_label
 from orthoglide_cal.diagnosis.frame import Frame, differentiate
 from orthoglide_cal.diagnosis.refine import Fitted
@@ -74,6 +74,9 @@ def _forecast(frame: Frame, fit: Fitted, option: Option) -> tuple[Floats, Floats
     # its uncertainty.
     sized = [act for act in fit.acting if act.cause.lasting or (n and _sized(act))]
     passing = [act for act in fit.acting if n and not act.cause.lasting and not _sized(act)]
+    for act in passing:
+        if isinstance(act.cause, RelabelCause) and not act.cause.reversible(plan, act.where):
+            plan = act.cause.reread(plan, act.where)
     readings, slopes = differentiate(
         frame.machine, plan, fit.offsets, sized, (*frame.effects, *passing)
     )
