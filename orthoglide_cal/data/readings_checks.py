@@ -17,7 +17,7 @@ from orthoglide_cal.data.table import Row, Table
 from orthoglide_cal.machine import Machine
 from orthoglide_cal.plan import Contact
 
-MINUTES_PER_READING = 0.2  # assumed where no times are given
+MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
 
 _ALL_OR_NONE = ("seq", "cycle", "minutes", "end")
 

@@ -9,13 +9,13 @@ cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from orthoglide_cal.axes import Floats
-from orthoglide_cal.causes import Acting, Cause, RelabelCause, Where
+from orthoglide_cal.causes import CAUSES, Acting, Cause, RelabelCause, Where
 from orthoglide_cal.effects import Effect
 from orthoglide_cal.estimation import Problem
 from orthoglide_cal.estimation.identifiability import require_rank
@@ -25,6 +25,10 @@ from orthoglide_cal.measured import Differences, Measured, Readings
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.protocols import ideal_plan, reduction
 from orthoglide_cal.simulation import STEP, doubtful, simulate
+
+# Between a quick session and a slow one: factor on the pace where no times were written down.
+UNKNOWN_PACE = 3.0
+PER_HOUR = "mm/h"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,8 @@ class Frame:
         Raises:
             RankDeficientError: the data do not determine the offsets.
         """
+        if isinstance(measured, Readings) and not measured.timed:
+            machine = _at_unknown_pace(machine)
         posed = pose(measured, machine, METHODS[measured.kind], effects)
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix
@@ -129,6 +135,15 @@ class Frame:
         ends = np.cumsum([3, *(theta.size for _, theta in causes)])
         by_offsets, *by_causes = np.split(self.matrix @ slopes, ends[:-1], axis=1)
         return self.matrix @ readings, by_offsets, by_causes
+
+
+def _at_unknown_pace(machine: Machine) -> Machine:
+    """Rates of change as plausible as before, on a clock that was only assumed."""
+    widened = {
+        id: size * UNKNOWN_PACE if id in CAUSES and CAUSES[id].unit == PER_HOUR else size
+        for id, size in machine.tolerances.items()
+    }
+    return replace(machine, tolerances=widened)
 
 
 def differentiate(

@@ -29,8 +29,8 @@ def test_the_required_columns_are_enough(tmp_path):
     assert read.line.tolist() == [2, 3, 4]
     assert np.isnan(read.temperature).all()
     assert not read.timed
-    np.testing.assert_allclose(read.plan.hours * 60, [0.0, 0.2, 0.4])
-    assert read.remarks == ("Times were not given; 0.2 minutes per reading were assumed.",)
+    np.testing.assert_allclose(read.plan.hours * 60, [0.0, 0.4, 0.8])
+    assert read.remarks == ("Times were not given; 0.4 minutes per reading were assumed.",)
 
 
 def test_all_columns(tmp_path):

@@ -1,19 +1,24 @@
 """Uncertainty that must not get lost: of accepted causes, of unexplained residuals, of rivals."""
 
+import csv
+import io
 from datetime import date
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.causes import machine_effects
+from orthoglide_cal.data.document import document_from_bytes
+from orthoglide_cal.data.measured_file import input_from_document
 from orthoglide_cal.diagnosis import diagnose, extend
 from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.gain import leave_out_cells
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.measured import Readings
 from tests import truth
-from tests.diagnosis.sessions import known
+from tests.diagnosis.sessions import known, machine_of
 from tests.truth.effects import Effect
 
 ON = date(2024, 5, 6)
@@ -110,3 +115,36 @@ def test_a_second_cause_that_may_be_chance_is_said_to_be_open() -> None:
     assert "whether backlash acts beside it" in note
     clear = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("gauge_slip", "axis_gap"))
     assert not [note for note in diagnose(*known(clear)).notes if "alone" in note]
+
+
+def without_times(session: truth.Session) -> Readings:
+    """The record as a file without the column `minutes`."""
+    rows = list(csv.DictReader(io.StringIO(truth.readings_csv(session))))
+    text = io.StringIO()
+    kept = [name for name in rows[0] if name != "minutes"]
+    writer = csv.DictWriter(text, kept, extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(rows)
+    document = document_from_bytes(text.getvalue().encode(), "session.csv")
+    measured, _ = input_from_document(document, machine_of(session.machine, session.gauge))
+    assert isinstance(measured, Readings)
+    assert not measured.timed
+    return measured
+
+
+@pytest.mark.parametrize("cause", ["thermal_drift", "gauge_drift"])
+def test_a_drift_is_found_at_a_pace_that_nobody_wrote_down(cause: str) -> None:
+    """From 45 seconds to three minutes a reading: the rates come out too large."""
+    tried = 0
+    for pace in (1.5, 3.0, 6.0):
+        for seed in range(1, 9):
+            session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (cause,), pace=pace)
+            apart = truth.separation(session).distances
+            if min(d for id, d in apart.items() if id != cause) < 5.0:
+                continue
+            tried += 1
+            found = diagnose(without_times(session), machine_of(truth.PROTOTYPE, truth.MICRON))
+            mentioned = {one.id for one in found.causes} | set(found.ambiguous_with)
+            assert cause in mentioned, (pace, seed)
+            assert any("Times were not given" in note for note in found.notes)
+    assert tried >= 10
