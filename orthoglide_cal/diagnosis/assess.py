@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.axes import Floats
+from orthoglide_cal.diagnosis.catalogue import Catalogue
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Menu, Names, menu_of
 from orthoglide_cal.diagnosis.frame import Frame
@@ -15,7 +16,7 @@ from orthoglide_cal.diagnosis.posterior import Answer, Posterior, answer, misfit
 from orthoglide_cal.diagnosis.refine import Fitted, refine
 from orthoglide_cal.diagnosis.reread import reread
 from orthoglide_cal.diagnosis.result import AMBIGUOUS, CONSISTENT, NAMED
-from orthoglide_cal.diagnosis.screen import Catalogue, Score, screen
+from orthoglide_cal.diagnosis.screen import Score, screen
 from orthoglide_cal.diagnosis.unlisted import Unlisted, unlisted_patterns
 
 # Explanations within this much log evidence of the best are fitted nonlinearly, the best few.

@@ -10,17 +10,18 @@ from scipy.special import log_ndtr
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import Acting, Cause, PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.catalogue import Catalogue
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.screen import (
     BLUNDER_SCALES,
     OFFSETS_MM,
-    Catalogue,
     Extra,
     Score,
     base_columns,
     evidence_beside,
 )
+from orthoglide_cal.diagnosis.sparse import LOG_ALL, with_single
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +127,11 @@ def refine(
         theta = _split(solution[3:], [t.size for t in theta])
     density = Gaussian(base_columns(slope, slopes, sizes, doubt), noise)
     log, by_sigma = evidence_beside(frame, score, catalogue, noise, density, linear + fixed, widen)
+    if extra is None and len(base) == 1:
+        others = base_columns(slope, [], [], doubt)
+        (log,) = with_single([(base[0], slopes[0] * sizes[0], log)], others, linear, noise)
+    elif base:
+        log += LOG_ALL
     weight = np.exp(by_sigma - log_sum(by_sigma))
     sigma_new = float(np.sqrt(weight @ noise.sigma**2))
     covariance = _covariance(columns, stds, sigma_new)

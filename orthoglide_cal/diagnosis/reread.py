@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orthoglide_cal.diagnosis.catalogue import Catalogue
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Menu, Names, names
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.refine import Fitted, refine
-from orthoglide_cal.diagnosis.screen import Catalogue, Extra, Score, screen
+from orthoglide_cal.diagnosis.screen import Extra, Score, screen
 
 
 @dataclass(frozen=True, eq=False)

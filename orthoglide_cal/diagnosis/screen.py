@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import Cause, PatternCause, RelabelCause, Where
+from orthoglide_cal.diagnosis.catalogue import Catalogue
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum, log_sums
 from orthoglide_cal.diagnosis.explanations import Menu, Names, names
 from orthoglide_cal.diagnosis.frame import Frame
-from orthoglide_cal.errors import NotConvergedError
-from orthoglide_cal.estimation.problem import normal_step
+from orthoglide_cal.diagnosis.sparse import LOG_ALL, with_single
 
 # Offsets are not judged by their size: one standard deviation of their prior [mm].
 OFFSETS_MM = 10.0
-# After a step this short the linear model is exact to less than a nanometre.
-SHORT_STEP_MM = 1e-3
-MAX_ITERATIONS = 30
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
 
@@ -50,79 +46,6 @@ class Score:
     extra: Extra | None
 
 
-@dataclass(frozen=True, eq=False)
-class Catalogue:
-    """Places of all extras on these data, made once.
-
-    Attributes:
-        places: cause id → its places; of a relabelling those where the data can undo it.
-        columns: W·pattern of one unit at each place of each pattern cause, one after the other,
-            shape (k, P) [mm per unit].
-        own: cause id → its columns.
-        offsets: fitted offsets with each relabelling undone, id → (places, 3); "" → (3,).
-        residuals: what is left then, id → (k, places); "" → (k,).
-        slope: derivative of the data by the offsets at the offsets-only fit, (k, 3).
-        linear: broad cause id → derivative by its parameters there, where it is absent, (k, p).
-        doubt: what one standard deviation of each accepted parameter adds, (k, p) [mm].
-    """
-
-    places: Mapping[str, tuple[Where, ...]]
-    columns: Floats
-    own: Mapping[str, slice]
-    offsets: Mapping[str, Floats]
-    residuals: Mapping[str, Floats]
-    slope: Floats
-    linear: Mapping[str, Floats]
-    doubt: Floats
-
-    @classmethod
-    def of(cls, frame: Frame, menu: Menu) -> Catalogue:
-        """Enumerate the places and fit the offsets to each relabelled data set."""
-        places = {c.id: c.places(frame.plan, frame.machine) for c in menu.patterns}
-        for cause in menu.relabels:
-            there = cause.places(frame.plan, frame.machine)
-            places[cause.id] = tuple(w for w in there if cause.reversible(frame.plan, w))
-        patterns = [c.patterns(frame.plan, places[c.id]) for c in menu.patterns]
-        ends = np.cumsum([0, *(pattern.shape[1] for pattern in patterns)])
-        own = {c.id: slice(*pair) for c, pair in zip(menu.patterns, pairwise(ends), strict=True)}
-        columns = frame.matrix @ np.hstack([np.zeros((len(frame.plan), 0)), *patterns])
-        versions = [frame.data]
-        for cause in menu.relabels:
-            versions += [frame.relabelled(cause, where) for where in places[cause.id]]
-        fitted, left = _fit_all(frame, np.stack(versions))
-        offsets: dict[str, Floats] = {"": fitted[0]}
-        residuals: dict[str, Floats] = {"": left[0]}
-        start = 1
-        for cause in menu.relabels:
-            stop = start + len(places[cause.id])
-            offsets[cause.id] = fitted[start:stop]
-            residuals[cause.id] = left[start:stop].T
-            start = stop
-        absent = [(c, np.zeros(c.prior_std(frame.machine).size)) for c in menu.broad]
-        _, slope, slopes = frame.linearised(offsets[""], absent)
-        linear = {c.id: part for c, part in zip(menu.broad, slopes, strict=True)}
-        doubt = frame.doubt(offsets[""])
-        return cls(places, columns, own, offsets, residuals, slope, linear, doubt)
-
-
-def _fit_all(frame: Frame, versions: Floats) -> tuple[Floats, Floats]:
-    """Offsets (v, 3) and residuals (v, k) of several versions of the data, by Gauss–Newton.
-
-    Raises:
-        NotConvergedError: the steps do not become short.
-    """
-    offsets = np.zeros((len(versions), 3))
-    for _ in range(MAX_ITERATIONS):
-        model, slope = frame.problem.model_with_jacobian(offsets)
-        step = normal_step(slope, versions - model)
-        offsets = offsets + step
-        if np.abs(step).max() < SHORT_STEP_MM:
-            return offsets, versions - model - (slope @ step[..., None])[..., 0]
-    raise NotConvergedError(
-        "No offsets fit these data: the search does not settle.", "Run: orthocal validate"
-    )
-
-
 def base_columns(
     slope: Floats, slopes: Sequence[Floats], stds: Sequence[Floats], doubt: Floats
 ) -> Floats:
@@ -141,9 +64,23 @@ def screen(
     both = [base for base in menu.bases if len(base) > 1]
     density, by_sigma = _of_bases(frame, single, catalogue, noise, widen)
     scores = _alone(single, by_sigma)
+    together = [
+        (
+            cause,
+            catalogue.linear[cause.id] * cause.prior_std(frame.machine) * widen,
+            scores[names(cause)].log_evidence,
+        )
+        for cause in menu.broad
+    ]
+    if together:
+        others = base_columns(catalogue.slope, [], [], catalogue.doubt)
+        logs = with_single(together, others, catalogue.residuals[""], noise)
+        for (cause, _, _), log in zip(together, logs, strict=True):
+            scores[names(cause)] = Score(log, (cause,), None)
     scores |= _with_extras(frame, menu, catalogue, noise, single, density, by_sigma, widen)
     if both:
-        scores |= _alone(both, _of_bases(frame, both, catalogue, noise, widen)[1])
+        by_sigma = _of_bases(frame, both, catalogue, noise, widen)[1]
+        scores |= _alone(both, by_sigma + LOG_ALL)
     return scores
 
 
@@ -185,7 +122,9 @@ def _with_extras(
         log = log_sums(log.reshape(*by_sigma.shape, -1), 1) - math.log(len(places))
         best, total = log.argmax(axis=1).tolist(), log_sums(log, 1).tolist()
         for base, number, value in zip(bases, best, total, strict=True):
-            scores[names(*base, cause)] = Score(value, base, _extra(cause, places, number))
+            log_evidence = value + LOG_ALL if base else value
+            extra = _extra(cause, places, number)
+            scores[names(*base, cause)] = Score(log_evidence, base, extra)
     return scores
 
 

@@ -12,6 +12,7 @@ from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Names
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.screen import BLUNDER_SCALES, OFFSETS_MM
+from orthoglide_cal.diagnosis.sparse import ALL
 from orthoglide_cal.effects import Commanded
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.simulation import simulate
@@ -116,6 +117,18 @@ def linear_model(found: Assessment, base: tuple[Cause, ...]) -> tuple[Floats, Fl
     return residual, frame.matrix @ np.stack(columns, axis=1)
 
 
+def one_alone(noise: NoiseGrid, cause: Cause, columns: Floats, residual: Floats) -> float:
+    """Evidence of one parameter acting alone, whichever it is; columns: offsets, then the cause."""
+    ends = 3, 3 + len(cause.names)
+    always = np.hstack((columns[:, : ends[0]], columns[:, ends[1] :]))
+    each = []
+    for one in columns[:, ends[0] : ends[1]].T:
+        both = np.column_stack((always, one))
+        logs = [dense(both, sigma, residual) for sigma in noise.sigma.tolist()]
+        each.append(np.logaddexp.reduce(noise.log_weight + logs))
+    return float(np.logaddexp.reduce(each) - np.log(len(each)))
+
+
 def by_brute_force(found: Assessment, key: Names) -> float:
     """Evidence of a set, every σ, place and size one by one with a dense covariance."""
     frame, noise, machine = found.frame, found.noise, found.frame.machine
@@ -153,7 +166,13 @@ def by_brute_force(found: Assessment, key: Names) -> float:
                 square = residual @ np.linalg.solve(wider, residual)
                 log = -0.5 * (square + np.linalg.slogdet(wider)[1])
                 parts.append(share - np.log(len(BLUNDER_SCALES)) + log)
-    return float(np.logaddexp.reduce(parts))
+    together = float(np.logaddexp.reduce(parts))
+    if not base:
+        return together
+    if extra is not None or len(base) > 1:
+        return together + float(np.log(ALL))
+    single = one_alone(noise, base[0], columns, residual)
+    return float(np.logaddexp(np.log(ALL) + together, np.log(1.0 - ALL) + single))
 
 
 @pytest.mark.parametrize(
@@ -224,6 +243,11 @@ def test_refined_evidence_against_weighted_samples_of_the_full_model(cause: str)
     sampled = logs.max() + np.log(weights.mean())
     error = weights.std() / weights.mean() / np.sqrt(len(weights))
     assert error < 0.03
+    # Or one of its parameters acts alone.
+    linear = found.catalogue.linear[cause] * kind.prior_std(frame.machine)
+    columns = np.hstack((found.catalogue.slope * OFFSETS_MM, linear))
+    single = one_alone(noise, kind, columns, found.catalogue.residuals[""])
+    sampled = np.logaddexp(np.log(ALL) + sampled, np.log(1.0 - ALL) + single)
     tolerance = 0.5 if kind.positive else 0.05
     assert fit.log_evidence == pytest.approx(sampled, abs=tolerance + 3.0 * error)
 

@@ -106,13 +106,15 @@ def test_only_stands_that_still_stand_are_read_again() -> None:
 
 
 def test_a_second_cause_that_may_be_chance_is_said_to_be_open() -> None:
-    session = truth.make_session(1_100_000, truth.PROTOTYPE, truth.DIAL, ("sign_flip", "backlash"))
+    session = truth.make_session(
+        1_100_000, truth.PROTOTYPE, truth.DIAL, ("stand_shift", "encoder_scale")
+    )
     found = diagnose(*known(session))
-    assert {cause.id for cause in found.causes} == {"sign_flip", "backlash"}
-    assert 0.1 < found.ranking["sign_flip"] < found.ranking["backlash+sign_flip"]
+    assert {cause.id for cause in found.causes} == {"stand_shift", "encoder_scale"}
+    assert 0.01 < found.ranking["stand_shift"] < 0.5 * found.ranking["encoder_scale+stand_shift"]
     (note,) = [note for note in found.notes if "alone" in note]
-    assert note.startswith("sign_flip alone is possible, too")
-    assert "whether backlash acts beside it" in note
+    assert note.startswith("stand_shift alone is possible, too")
+    assert "whether encoder_scale acts beside it" in note
     clear = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("gauge_slip", "axis_gap"))
     assert not [note for note in diagnose(*known(clear)).notes if "alone" in note]
 

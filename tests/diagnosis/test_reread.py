@@ -6,12 +6,13 @@ import pytest
 from orthoglide_cal.causes import CAUSES, RelabelCause
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.diagnosis.assess import assess
+from orthoglide_cal.diagnosis.catalogue import Catalogue
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.diagnosis.explanations import menu_of
 from orthoglide_cal.diagnosis.frame import Frame
 from orthoglide_cal.diagnosis.refine import refine
 from orthoglide_cal.diagnosis.reread import reread
-from orthoglide_cal.diagnosis.screen import Catalogue, screen
+from orthoglide_cal.diagnosis.screen import screen
 from orthoglide_cal.measured import Readings
 from tests import truth
 from tests.diagnosis.sessions import known
