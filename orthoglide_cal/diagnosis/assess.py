@@ -123,7 +123,7 @@ def assess(frame: Frame, widen: float = 1.0) -> Assessment:
     scores = screen(frame, menu, catalogue, noise, widen)
     others = {
         key: other
-        for key, other in reread(frame, menu, noise, widen).items()
+        for key, other in reread(frame, menu, catalogue, noise, widen).items()
         if key not in scores or other.score.log_evidence > scores[key].log_evidence
     }
     scores |= {key: other.score for key, other in others.items()}

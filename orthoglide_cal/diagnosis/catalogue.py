@@ -25,18 +25,20 @@ class Catalogue:
     """Places of all extras on these data, made once.
 
     Attributes:
-        places: cause id → its places; of a relabelling those where the data can undo it.
+        places: cause id → its places.
+        undone: id of a relabelling → those of its places where the data can undo it.
         columns: W·pattern of one unit at each place of each pattern cause, one after the other,
             shape (k, P) [mm per unit].
         own: cause id → its columns.
-        offsets: fitted offsets with each relabelling undone, id → (places, 3); "" → (3,).
-        residuals: what is left then, id → (k, places); "" → (k,).
+        offsets: fitted offsets with each relabelling undone, id → (undone, 3); "" → (3,).
+        residuals: what is left then, id → (k, undone); "" → (k,).
         slope: derivative of the data by the offsets at the offsets-only fit, (k, 3).
         linear: broad cause id → derivative by its parameters there, where it is absent, (k, p).
         doubt: what one standard deviation of each accepted parameter adds, (k, p) [mm].
     """
 
     places: Mapping[str, tuple[Where, ...]]
+    undone: Mapping[str, tuple[Where, ...]]
     columns: Floats
     own: Mapping[str, slice]
     offsets: Mapping[str, Floats]
@@ -48,23 +50,26 @@ class Catalogue:
     @classmethod
     def of(cls, frame: Frame, menu: Menu) -> Catalogue:
         """Enumerate the places and fit the offsets to each relabelled data set."""
-        places = {c.id: c.places(frame.plan, frame.machine) for c in menu.patterns}
-        for cause in menu.relabels:
-            there = cause.places(frame.plan, frame.machine)
-            places[cause.id] = tuple(w for w in there if cause.reversible(frame.plan, w))
+        places = {
+            c.id: c.places(frame.plan, frame.machine) for c in (*menu.patterns, *menu.relabels)
+        }
+        undone = {
+            c.id: tuple(where for where in places[c.id] if c.reversible(frame.plan, where))
+            for c in menu.relabels
+        }
         patterns = [c.patterns(frame.plan, places[c.id]) for c in menu.patterns]
         ends = np.cumsum([0, *(pattern.shape[1] for pattern in patterns)])
         own = {c.id: slice(*pair) for c, pair in zip(menu.patterns, pairwise(ends), strict=True)}
         columns = frame.matrix @ np.hstack([np.zeros((len(frame.plan), 0)), *patterns])
         versions = [frame.data]
         for cause in menu.relabels:
-            versions += [frame.relabelled(cause, where) for where in places[cause.id]]
+            versions += [frame.relabelled(cause, where) for where in undone[cause.id]]
         fitted, left = _fit_all(frame, np.stack(versions))
         offsets: dict[str, Floats] = {"": fitted[0]}
         residuals: dict[str, Floats] = {"": left[0]}
         start = 1
         for cause in menu.relabels:
-            stop = start + len(places[cause.id])
+            stop = start + len(undone[cause.id])
             offsets[cause.id] = fitted[start:stop]
             residuals[cause.id] = left[start:stop].T
             start = stop
@@ -72,7 +77,7 @@ class Catalogue:
         _, slope, slopes = frame.linearised(offsets[""], absent)
         linear = {c.id: part for c, part in zip(menu.broad, slopes, strict=True)}
         doubt = frame.doubt(offsets[""])
-        return cls(places, columns, own, offsets, residuals, slope, linear, doubt)
+        return cls(places, undone, columns, own, offsets, residuals, slope, linear, doubt)
 
 
 def _fit_all(frame: Frame, versions: Floats) -> tuple[Floats, Floats]:

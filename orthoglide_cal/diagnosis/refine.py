@@ -94,11 +94,12 @@ def refine(
     data, start = frame.data, catalogue.offsets[""]
     pattern = None
     if extra is not None:
-        place = catalogue.places[extra.cause.id].index(extra.where)
         if isinstance(extra.cause, RelabelCause):
             data = frame.relabelled(extra.cause, extra.where)
+            place = catalogue.undone[extra.cause.id].index(extra.where)
             start = catalogue.offsets[extra.cause.id][place]
         else:
+            place = catalogue.places[extra.cause.id].index(extra.where)
             pattern = catalogue.columns[:, catalogue.own[extra.cause.id]][:, place]
     offsets, sigma = start, float(noise.sigma[np.argmax(noise.log_weight)])
 
@@ -164,9 +165,8 @@ def _residual_of(catalogue: Catalogue, extra: Extra | None) -> Floats:
     """Residual of the offsets-only fit, a relabelling undone, shape (k,)."""
     if extra is None or not isinstance(extra.cause, RelabelCause):
         return catalogue.residuals[""]
-    return catalogue.residuals[extra.cause.id][
-        :, catalogue.places[extra.cause.id].index(extra.where)
-    ]
+    place = catalogue.undone[extra.cause.id].index(extra.where)
+    return catalogue.residuals[extra.cause.id][:, place]
 
 
 def _extra_prior(frame: Frame, score: Score, widen: float) -> tuple[float, Floats]:

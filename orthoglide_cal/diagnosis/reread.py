@@ -50,22 +50,22 @@ class Reread:
         )
 
 
-def reread(frame: Frame, menu: Menu, noise: NoiseGrid, widen: float = 1.0) -> dict[Names, Reread]:
+def reread(
+    frame: Frame, menu: Menu, catalogue: Catalogue, noise: NoiseGrid, widen: float = 1.0
+) -> dict[Names, Reread]:
     """The best place of every such fault beside every base of at most one cause."""
     single = tuple(base for base in menu.bases if len(base) <= 1)
     bases = dataclasses.replace(menu, patterns=(), relabels=(), bases=single)
     found: dict[Names, Reread] = {}
     for cause in menu.relabels:
-        places = cause.places(frame.plan, frame.machine)
-        for where in places:
-            if cause.reversible(frame.plan, where):
-                continue
+        places = catalogue.places[cause.id]
+        for where in (where for where in places if where not in catalogue.undone[cause.id]):
             other = dataclasses.replace(frame, plan=cause.reread(frame.plan, where))
-            catalogue = Catalogue.of(other, bases)
-            for base in screen(other, bases, catalogue, noise, widen).values():
+            own = Catalogue.of(other, bases)
+            for base in screen(other, bases, own, noise, widen).values():
                 log = base.log_evidence - math.log(len(places))
                 score = Score(log, base.base, Extra(cause, where))
                 key = names(*base.base, cause)
                 if key not in found or log > found[key].score.log_evidence:
-                    found[key] = Reread(other, catalogue, base, score)
+                    found[key] = Reread(other, own, base, score)
     return found

@@ -111,19 +111,20 @@ def _with_extras(
     extras: tuple[PatternCause | RelabelCause, ...] = (*menu.patterns, *menu.relabels)
     scores: dict[Names, Score] = {}
     for cause in extras:
-        places = catalogue.places[cause.id]
-        if not places:
+        tried = catalogue.undone.get(cause.id, catalogue.places[cause.id])
+        if not tried:
             continue
         if isinstance(cause, RelabelCause):
             log = density.log_density(catalogue.residuals[cause.id]) + noise.log_weight[:, None]
         else:
             own = catalogue.own[cause.id]
             log = pattern_density(frame, cause, power[..., own], match[..., own], by_sigma, widen)
-        log = log_sums(log.reshape(*by_sigma.shape, -1), 1) - math.log(len(places))
+        share = math.log(len(catalogue.places[cause.id]))
+        log = log_sums(log.reshape(*by_sigma.shape, -1), 1) - share
         best, total = log.argmax(axis=1).tolist(), log_sums(log, 1).tolist()
         for base, number, value in zip(bases, best, total, strict=True):
             log_evidence = value + LOG_ALL if base else value
-            extra = _extra(cause, places, number)
+            extra = _extra(cause, tried, number)
             scores[names(*base, cause)] = Score(log_evidence, base, extra)
     return scores
 

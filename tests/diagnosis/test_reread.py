@@ -78,12 +78,12 @@ def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
     frame = Frame.of(readings, machine)
     menu = menu_of(machine, timed=True)
     noise = NoiseGrid.around(machine.gauge.noise_mm)
-    assert reread(frame, menu, noise) == {}
     catalogue = Catalogue.of(frame, menu)
+    assert reread(frame, menu, catalogue, noise) == {}
     score = screen(frame, menu, catalogue, noise)[("swapped_gauges",)]
     undone = refine(frame, catalogue, noise, score)
     monkeypatch.setattr(type(SWAP), "reversible", lambda *_: False)
-    other = reread(frame, menu, noise)[("swapped_gauges",)]
+    other = reread(frame, menu, Catalogue.of(frame, menu), noise)[("swapped_gauges",)]
     under = other.refine(noise)
     assert other.score.extra == score.extra
     assert under.log_evidence == pytest.approx(undone.log_evidence, abs=0.05)
