@@ -87,8 +87,10 @@ def _fit_all(frame: Frame, versions: Floats) -> tuple[Floats, Floats]:
         NotConvergedError: the steps do not become short.
     """
     offsets = np.zeros((len(versions), 3))
-    for _ in range(MAX_ITERATIONS):
-        model, slope = frame.problem.model_with_jacobian(offsets)
+    model, slope = frame.problem.at_zero
+    for iteration in range(MAX_ITERATIONS):
+        if iteration:
+            model, slope = frame.problem.model_with_jacobian(offsets)
         step = normal_step(slope, versions - model)
         offsets = offsets + step
         if np.abs(step).max() < SHORT_STEP_MM:

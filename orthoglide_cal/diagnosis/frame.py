@@ -21,7 +21,7 @@ from orthoglide_cal.estimation import Problem
 from orthoglide_cal.estimation.identifiability import require_rank
 from orthoglide_cal.estimation.methods import METHODS, pose
 from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Differences, Measured, Readings
+from orthoglide_cal.measured import Measured, Readings
 from orthoglide_cal.plan import Plan
 from orthoglide_cal.protocols import ideal_plan, reduction
 from orthoglide_cal.simulation import STEP, doubtful, simulate
@@ -65,9 +65,15 @@ class Frame:
         if isinstance(measured, Readings) and not measured.timed:
             machine = _at_unknown_pace(machine)
         posed = pose(measured, machine, METHODS[measured.kind], effects)
-        require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix
-        if isinstance(measured, Differences) and measured.kind == "six":
+        if isinstance(measured, Readings):
+            # Zero-free contrasts are orthonormal.
+            white = np.eye(len(matrix))
+            frame = cls(machine, plan, matrix, posed.data, white, tuple(effects), True, ())
+            require_rank(frame.problem)
+            return frame
+        require_rank(posed.problem)
+        if measured.kind == "six":
             # The readings behind max − min, with the isotropic ones that the carriages pass.
             plan = ideal_plan("twelve", machine)
             matrix = reduction("six", posed.names, machine, plan)
@@ -79,7 +85,7 @@ class Frame:
             np.asarray(np.linalg.solve(root, posed.data), dtype=np.float64),
             root,
             tuple(effects),
-            isinstance(measured, Readings),
+            False,
             posed.names,
         )
 

@@ -12,7 +12,7 @@ from orthoglide_cal.protocols import SINGLE
 
 def calibration_matrix(problem: Problem) -> Floats:
     """The matrix of eqs. (10), (16), (17): R·∂h/∂Δρ at zero offsets, shape (k, 3)."""
-    return problem.model_with_jacobian(np.zeros(3))[1]
+    return problem.at_zero[1]
 
 
 def pseudoinverse(problem: Problem) -> Floats:

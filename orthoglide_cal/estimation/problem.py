@@ -55,6 +55,11 @@ class Problem:
         return _reduce(matrix, readings, -1), _reduce(matrix, slope, -2)
 
     @cached_property
+    def at_zero(self) -> tuple[Floats, Floats]:
+        """`model_with_jacobian` at zero offsets, where every search starts: (k,) [mm], (k, 3)."""
+        return self.model_with_jacobian(np.zeros(3))
+
+    @cached_property
     def _folded(self) -> tuple[Plan, Floats]:
         """Plan and R with readings that repeat each other predicted once.
 
