@@ -14,7 +14,7 @@ from orthoglide_cal.diagnosis.result import AMBIGUOUS, CONSISTENT, NAMED, UNEXPL
 
 # Something is wrong only if that is this many times likelier than that nothing is: among healthy
 # sessions fewer than one in a hundred gets that far.
-ODDS_TO_NAME = 1.9
+ODDS_TO_NAME = 1.8
 # A rival this unlikely beside the best explanation is dismissed.
 DISMISSED = 0.01
 # A cause this unlikely beside "nothing is wrong" would have been seen at plausible sizes.
