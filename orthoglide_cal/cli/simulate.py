@@ -116,15 +116,15 @@ def simulate(
     effects = (*machine_effects(nominal), *wrong)
     session = synthetic_session(nominal, plan, np.array(offsets), rng, effects, gauge)
     record = session_of_readings(session, nominal, {"source": f"simulated, seed {chosen}"})
-    if json:
-        print_json(session_json(record))
-    elif target is None:
-        print(readings_csv(session), end="")
     if target is not None:
         if target.suffix.lower() in (".yaml", ".yml"):
             write_session(record, target)
         else:
             write_text(target, readings_csv(session))
         tell(f"{len(session)} readings written to {target}")
+    if json:
+        print_json(session_json(record))
+    elif target is None:
+        print(readings_csv(session), end="")
     if seed is None:
         tell(f"seed {chosen}")

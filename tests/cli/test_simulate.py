@@ -214,3 +214,11 @@ def test_json_is_the_session_and_reads_back_as_one() -> None:
     assert machine.name == record["machine"]["name"]
     np.testing.assert_array_equal(read.value, plain.value)
     np.testing.assert_array_equal(read.plan.setup, plain.plan.setup)
+
+
+def test_json_is_not_shown_for_a_file_that_was_not_written() -> None:
+    Path("there.csv").write_text("kept", encoding="utf-8")
+    refused = run("simulate", "--seed", "5", "--json", "--output", "there.csv")
+    assert refused.exit_code == 2
+    assert refused.stdout == ""
+    assert Path("there.csv").read_text(encoding="utf-8") == "kept"
