@@ -1,11 +1,62 @@
 """Every error the package raises on purpose: what is wrong, where, and how to mend it.
 
 An error carries its data as fields; only the command line turns it into text and an exit code.
+Here, too, is how every message writes text from outside, files, and commands to type.
 """
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
+
+# Control characters, halves of pairs, private ones, and those that change the direction of what
+# follows: U+202E turns "exe.csv" around.
+_HIDDEN = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\uf8ff\ufeff"
+    "\U000e0000-\U000e00ff\U000e01f0-\U0010ffff]"
+)
+
+
+def visible(text: str) -> str:
+    """The text on one line, with control and direction characters as codes: "⟨U+202E⟩".
+
+    Printable text (`str.isprintable`) stays as it is: where there is much of it, ask that first.
+    """
+    return _HIDDEN.sub(_code, text)
+
+
+def _code(found: re.Match[str]) -> str:
+    character = found[0]
+    return " " if character in "\n\t\r" else f"⟨U+{ord(character):04X}⟩"
+
+
+def visible_lines(text: str) -> str:
+    """The same of a text of several lines, which stay lines."""
+    return "\n".join(visible(line) for line in text.split("\n"))
+
+
+def command(verb: str, *paths: str, machine: Path | None = None, options: str = "") -> str:
+    """A command to type.
+
+    Args:
+        verb: of the program, e.g. "solve".
+        paths: of its input files, as the user gave them.
+        machine: machine file, as the user gave it.
+        options: further ones, as they are typed.
+
+    >>> command("diagnose", "my data.csv", options="--accept axis_gap")
+    "orthocal diagnose 'my data.csv' --accept axis_gap"
+    """
+    files = [path if path == "-" else shlex.quote(path) for path in paths]
+    given = ["--machine", shlex.quote(str(machine))] if machine else []
+    return " ".join(("orthocal", verb, *files, *given, *([options] if options else [])))
+
+
+def file_words(path: str) -> str:
+    """A file as a person calls it."""
+    return "standard input" if path == "-" else path
 
 
 class OrthocalError(Exception):
@@ -67,7 +118,7 @@ class InputError(OrthocalError):
     def where(self) -> str:
         """File, line and column as `data.csv, line 7, column posture`; empty if unknown."""
         parts = [
-            self.file,
+            file_words(self.file) if self.file is not None else None,
             f"line {self.line}" if self.line is not None else None,
             f"column {self.column}" if self.column is not None else None,
         ]

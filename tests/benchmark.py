@@ -1,36 +1,28 @@
 """`python -m tests.benchmark`: how fast, as ratios measured in the same run.
 
-Absolute times depend on the machine; a ratio of two medians taken alternately does not much.
+Absolute times depend on the machine; a ratio of two medians taken alternately does not much, and
+one of processor times hardly depends on what else the machine does, nor on its disk. All rows but
+the batched solves go through the command line; what those need of the package is named in
+`solving` alone.
 """
 
 import os
+import resource
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from scipy.optimize import least_squares
+from tests.journeys import run_quietly
 
-from orthoglide_cal.data import readings_csv
-from orthoglide_cal.estimation import Problem, fit_offsets
-from orthoglide_cal.protocols import (
-    NAMES,
-    double_posture,
-    ideal_plan,
-    reduction,
-    synthetic_session,
-    zero_free,
-)
-from orthoglide_cal.simulation import simulate
-from tests.machines import PROTOTYPE, ROOT
-
+ROOT = Path(__file__).parents[1]
 SESSION = "sample_data/double_posture_session.csv"
 IMPORTS = "typer, rich, yaml, pydantic, scipy.special"
+MEASURE = ("measure", "--gauge", "simulated", "--seed", "1")
 SESSIONS = 20_000
 FILES = 200
 SAMPLE = 20
@@ -38,48 +30,75 @@ ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True)
+class Cost:
+    """Time of day, and processor time of this process and its children, both in seconds."""
+
+    passed: float
+    computed: float
+
+    def each(self, count: int) -> "Cost":
+        """One of so many."""
+        return Cost(self.passed / count, self.computed / count)
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """Two medians in seconds, taken alternately."""
+    """Two medians, taken alternately."""
 
     what: str
-    ours: float
-    theirs: float
+    ours: Cost
+    theirs: Cost
 
-    @property
-    def ratio(self) -> float:
-        """How many times longer the other takes."""
-        return self.theirs / self.ours
+
+def spent() -> tuple[float, float]:
+    """Time of day and processor time so far [s]; a child counts from its end on."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.perf_counter(), time.process_time() + children.ru_utime + children.ru_stime
 
 
 def alternately(
     ours: Callable[[], object], theirs: Callable[[], object], rounds: int
-) -> tuple[float, float]:
-    """Median time of each, warm [s]."""
-    times: tuple[list[float], list[float]] = ([], [])
+) -> tuple[Cost, Cost]:
+    """Median cost of each, warm."""
+    costs: tuple[list[list[float]], list[list[float]]] = ([], [])
     ours()
     theirs()
     for _ in range(rounds):
-        for taken, run in zip(times, (ours, theirs), strict=True):
-            start = time.perf_counter()
+        for taken, run in zip(costs, (ours, theirs), strict=True):
+            before = spent()
             run()
-            taken.append(time.perf_counter() - start)
-    return statistics.median(times[0]), statistics.median(times[1])
-
-
-def problem_of(method: str) -> Problem:
-    """One estimation problem of the prototype."""
-    if method == "readings":
-        plan = double_posture(PROTOTYPE)
-        return Problem(PROTOTYPE, plan, zero_free(plan))
-    plan = ideal_plan(method, PROTOTYPE)
-    return Problem(PROTOTYPE, plan, reduction(method, NAMES[method], PROTOTYPE, plan))
+            taken.append([b - a for a, b in zip(before, spent(), strict=True)])
+    mine, other = (Cost(*map(statistics.median, zip(*taken, strict=True))) for taken in costs)
+    return mine, other
 
 
 def solving(method: str) -> Comparison:
     """Batched solves against scipy's least squares, per session, with the same derivatives."""
-    problem = problem_of(method)
+    import numpy as np
+    from scipy.optimize import least_squares
+
+    from orthoglide_cal.estimation import Problem, fit_offsets
+    from orthoglide_cal.files import default_machine
+    from orthoglide_cal.model import (
+        DIFFERENCES,
+        DataKind,
+        double_posture,
+        ideal_plan,
+        reduction,
+        simulate,
+        zero_free,
+    )
+
+    model, kind = default_machine(), DataKind(method)
+    if kind is DataKind.READINGS:
+        plan = double_posture(model.machine)
+        matrix = zero_free(plan)
+    else:
+        plan = ideal_plan(kind, model.machine)
+        matrix = reduction(kind, DIFFERENCES[kind], model.machine, plan)
+    problem = Problem(model, plan, matrix)
     rng = np.random.default_rng(1)
-    signal = simulate(PROTOTYPE, rng.uniform(-1.0, 1.0, (SESSIONS, 3)), problem.plan)
+    signal = simulate(model, rng.uniform(-1.0, 1.0, (SESSIONS, 3)), plan)
     data = (signal + 0.01 * rng.standard_normal(signal.shape)) @ problem.matrix.T
 
     def ours() -> object:
@@ -88,83 +107,87 @@ def solving(method: str) -> Comparison:
     def theirs() -> object:
         return [
             least_squares(
-                lambda x, row=row: problem.model(x) - row,
+                lambda x, row=row: problem.predict(x) - row,
                 np.zeros(3),
-                jac=lambda x: problem.model_with_jacobian(x)[1],
+                jac=lambda x: problem.predict_with_jacobian(x)[1],
             )
             for row in data[:SAMPLE]
         ]
 
     batched, single = alternately(ours, theirs, 5)
-    return Comparison(f"one solve, {method}", batched / SESSIONS, single / SAMPLE)
+    return Comparison(f"one solve, {method}", batched.each(SESSIONS), single.each(SAMPLE))
 
 
-def start(arguments: Sequence[str], imports: str) -> Comparison:
-    """A command as a process, against a process that only imports what the command needs."""
-
-    def run(command: Sequence[str]) -> Callable[[], object]:
-        return lambda: subprocess.run(
-            [sys.executable, *command],
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            stdout=subprocess.DEVNULL,
-            check=True,
-        )
-
-    ours, theirs = alternately(
-        run(["-m", "orthoglide_cal", *arguments]), run(["-c", f"import {imports}"]), 7
+def process(*arguments: str, cwd: Path = ROOT) -> Callable[[], object]:
+    """Runs an interpreter with these arguments, nothing typed and nothing shown."""
+    return lambda: subprocess.run(
+        [sys.executable, *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        check=True,
     )
-    return Comparison(f"orthocal {' '.join(arguments)}", ours, theirs)
+
+
+def command(*arguments: str, imports: str = IMPORTS, rounds: int = 7) -> Comparison:
+    """A command as a process, against a process that only imports what the command needs."""
+    with tempfile.TemporaryDirectory() as folder:
+        # `measure` leaves its sessions where it runs.
+        cwd = Path(folder) if arguments[0] == "measure" else ROOT
+        costs = alternately(
+            process("-m", "orthoglide_cal", *arguments, cwd=cwd),
+            process("-c", f"import {imports}"),
+            rounds,
+        )
+    return Comparison(f"orthocal {' '.join(arguments)}", *costs)
 
 
 def many_files() -> Comparison:
     """One more file in a `diagnose` of many, against the start of a bare interpreter."""
     with tempfile.TemporaryDirectory() as folder:
-        files = [Path(folder) / f"{seed}.csv" for seed in range(FILES)]
+        files = [f"{folder}/{seed}.csv" for seed in range(FILES)]
         for seed, path in enumerate(files):
-            rng = np.random.default_rng(seed)
-            made = synthetic_session(PROTOTYPE, double_posture(PROTOTYPE), np.zeros(3), rng)
-            path.write_text(readings_csv(made), encoding="utf-8")
-
-        def run(*arguments: str) -> Callable[[], object]:
-            return lambda: subprocess.run(
-                [sys.executable, *arguments],
-                cwd=ROOT,
-                env={**os.environ, "PYTHONPATH": str(ROOT), **ONE_CORE},
-                stdout=subprocess.DEVNULL,
-                check=True,
-            )
-
+            run_quietly("simulate", "--seed", str(seed), "--output", path)
         call = ("-m", "orthoglide_cal", "diagnose", "--json")
-        many, one = alternately(run(*call, *map(str, files)), run(*call, str(files[0])), 3)
-        bare, _ = alternately(run("-c", "pass"), run("-c", "pass"), 5)
-    return Comparison("one more file", (many - one) / (FILES - 1), bare)
+        many, one = alternately(process(*call, *files), process(*call, files[0]), 3)
+        bare, _ = alternately(process("-c", "pass"), process("-c", "pass"), 5)
+    more = Cost(many.passed - one.passed, many.computed - one.computed)
+    return Comparison("one more file", more.each(FILES - 1), bare)
 
 
 def main() -> None:
     """Measure and print."""
+    os.environ.update(ONE_CORE)  # before numpy is imported
     solves = [solving(method) for method in ("six", "twelve", "readings")]
     print(f"{'':34}{'batched':>12}{'scipy':>12}{'times faster':>14}")
     for row in solves:
-        print(
-            f"{row.what:34}{row.ours * 1e6:>9.1f} µs{row.theirs * 1e6:>9.1f} µs{row.ratio:>14.0f}"
-        )
-    starts = [
-        start(["--version"], "typer"),
-        start(["--help"], "typer"),
-        start(["solve", "sample_data/experiment2.csv"], IMPORTS),
-        start(["diagnose", "--help"], "typer"),
-        start(["diagnose", SESSION], IMPORTS),
+        ours, theirs = row.ours.computed, row.theirs.computed
+        print(f"{row.what:34}{ours * 1e6:>9.1f} µs{theirs * 1e6:>9.1f} µs{theirs / ours:>14.0f}")
+    commands = [
+        command("--version", imports="typer"),
+        command("--help", imports="typer"),
+        command("solve", "sample_data/experiment2.csv"),
+        command("diagnose", "--help", imports="typer"),
+        command("diagnose", SESSION),
+        command("measure", "--gauge", "simulated", "--seed", "1"),
     ]
-    print(f"\n{'':48}{'command':>10}{'imports':>10}{'ratio':>10}")
-    for row in starts:
-        print(f"{row.what:48}{row.ours:>8.2f} s{row.theirs:>8.2f} s{row.ours / row.theirs:>10.2f}")
+    print(f"\n{'':58}{'time of day':^30}{'processor time':^30}")
+    print(f"{'':58}{'command   imports  ratio':>30}{'command   imports  ratio':>30}")
+    for row in commands:
+        pairs = (
+            (row.ours.passed, row.theirs.passed),
+            (row.ours.computed, row.theirs.computed),
+        )
+        cells = (f"{a:>11.2f} s{b:>8.2f} s{a / b:>7.2f}" for a, b in pairs)
+        print(f"{row.what:58}{'  '.join(cells)}")
     row = many_files()
+    ours, bare = row.ours.computed, row.theirs.computed
     print(
-        f"\ndiagnose of {FILES} healthy files, one core: {row.ours * 1e3:.1f} ms each"
-        f" ({1.0 / row.ours:.0f} per second), {1.0 / row.ratio:.1f} starts of a bare interpreter"
+        f"\ndiagnose of {FILES} healthy files, one core: {ours * 1e3:.1f} ms each"
+        f" ({1.0 / ours:.0f} per second), {ours / bare:.1f} starts of a bare interpreter"
     )
-    both = solves[0].ours + solves[1].ours
+    both = solves[0].ours.computed + solves[1].ours.computed
     print(f"\nTable 3 (800,000 solves) at this pace: {400_000 * both:.0f} s")
 
 

@@ -2,13 +2,48 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 
-from orthoglide_cal.data import default_machine, read_machine
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.model import Effect, Gauge, Machine, Model
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = ROOT / "sample_data"
-PROTOTYPE = default_machine()
-LARGE = read_machine(ROOT / "configs" / "orthoglide_large.yaml")
+
+
+def _machine(name: str) -> Machine:
+    given = yaml.safe_load((ROOT / "configs" / f"{name}.yaml").read_text(encoding="utf-8"))
+    given = {
+        key: value
+        for key, value in given.items()
+        if key not in ("schema_version", "identified", "offsets_mm")
+    }
+    given["gauge"] = Gauge(**{"revolution_mm": None, **given["gauge"]})
+    given["joint_limits_mm"] = tuple(given["joint_limits_mm"])
+    return Machine(**given)
+
+
+PROTOTYPE = _machine("orthoglide_prototype")
+LARGE = _machine("orthoglide_large")
+NOMINAL = Model(PROTOTYPE)
+NOMINAL_LARGE = Model(LARGE)
 
 both_machines = pytest.mark.parametrize("machine", [PROTOTYPE, LARGE], ids=["prototype", "large"])
+both_models = pytest.mark.parametrize("model", [NOMINAL, NOMINAL_LARGE], ids=["prototype", "large"])
+
+
+def extended(**causes: tuple[float, ...]) -> Model:
+    """The prototype with accepted causes: id → parameters in the contract's unit, each ± 0.01."""
+    effects = []
+    for id, values in causes.items():
+        cause = CAUSES[id]
+        named = np.arange(cause.unknowns) < len(values)
+        theta = np.zeros(cause.unknowns)
+        theta[named] = np.array(values) * cause.scale
+        covariance = np.diag(named * (0.01 * cause.scale) ** 2)
+        effects.append(
+            Effect(cause, theta, covariance=covariance, date="2026-01-01", data_sha256="0" * 64)
+        )
+    return NOMINAL.extended(effects)

@@ -1,130 +1,182 @@
-"""Imports run downwards only: no room of the package knows one above it."""
+"""The package as a whole, from its syntax: which room may know which, and what nobody needs.
+
+Each test reads every file and names all places that break its rule.
+"""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import pytest
-
-from tests.machines import ROOT
-
+ROOT = Path(__file__).parents[1]
 PACKAGE = "orthoglide_cal"
-SOURCES = sorted((ROOT / PACKAGE).rglob("*.py"))
-# From the top down; rooms in one line do not know each other either.
-LAYERS = (
-    ("__main__",),
-    ("cli",),
-    ("report",),
-    ("session", "outcome"),
-    ("verification", "diagnosis"),
-    ("estimation",),
-    ("data",),
-    ("causes", "protocols"),
-    ("simulation",),
-    ("effects",),
-    ("kinematics",),
-    ("measured",),
-    ("plan",),
-    ("machine",),
-    ("axes", "errors", "published"),
-)
-RANK = {room: rank for rank, rooms in enumerate(LAYERS) for room in rooms}
-PRINTING = {"print", "input"}
-
-
-def room_of(module: str) -> str:
-    """Second part of a dotted name: "orthoglide_cal.data.table" → "data"."""
-    parts = module.split(".")
-    return parts[1] if len(parts) > 1 else ""
+# From the top down: a room may import those below it.
+ROOMS = (
+    "__main__", "cli", "report", "session", "results", "verification", "planning", "diagnosis",
+    "paper", "estimation", "files", "causes", "model", "errors",
+)  # fmt: skip
+# What is imported by these rooms only, whatever its place in the order.
+ONLY_FOR = {"paper": {"cli", "report"}}
+PRINTING = {"cli"}
+SEEDING = {"cli", "session"}
+LONGEST = 450
 
 
 def name_of(path: Path) -> str:
-    """Dotted name of a source file."""
+    """Dotted name of a source file; a folder's for its `__init__.py`."""
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
-def imported(path: Path) -> Iterator[tuple[int, str]]:
-    """(line, dotted name) of everything that a file imports from the package, anywhere in it."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+FILES = {name_of(path): path for path in sorted((ROOT / PACKAGE).rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
+
+
+def room_of(module: str) -> str:
+    """Second part of a dotted name; "" for the package itself."""
+    return [*module.split("."), ""][1]
+
+
+def imported(name: str) -> Iterator[tuple[str, str]]:
+    """(place, dotted name) of what a file imports from the package, anywhere in it.
+
+    `from a import b` is the module a.b if there is one, else the module a.
+    """
+    for node in ast.walk(TREES[name]):
         if isinstance(node, ast.Import):
-            yield from ((node.lineno, name.name) for name in node.names)
+            modules = [entry.name for entry in node.names]
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}:{node.lineno} imports relatively"
-            module = node.module or ""
-            if module == PACKAGE:
-                yield from ((node.lineno, f"{module}.{name.name}") for name in node.names)
-            else:
-                yield node.lineno, module
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_imports_run_downwards(path: Path) -> None:
-    room = room_of(name_of(path))
-    for line, module in imported(path):
-        if not module.startswith(f"{PACKAGE}."):
-            continue
-        other = room_of(module)
-        if other == room or other == "__version__":
-            continue
-        assert RANK[room] < RANK[other], f"{path}:{line}: {room} must not know {other}"
-
-
-def test_every_room_has_its_layer() -> None:
-    rooms = {room_of(name_of(path)) for path in SOURCES} - {""}
-    assert rooms == set(RANK)
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_files_are_short(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 300
-
-
-@pytest.mark.parametrize("path", [p for p in SOURCES if p.name == "__init__.py"], ids=name_of)
-def test_init_files_only_re_export(path: Path) -> None:
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        name = isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
-        if name:
-            assert node.targets[0].id in ("__all__", "__version__")  # type: ignore[attr-defined]
-        assert text or name or isinstance(node, ast.Import | ast.ImportFrom)
-
-
-@pytest.mark.parametrize(
-    "path", [p for p in SOURCES if room_of(name_of(p)) not in ("cli", "__main__", "")], ids=name_of
-)
-def test_only_the_command_line_prints_reads_keys_or_exits(path: Path) -> None:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if not isinstance(node, ast.Call):
-            continue
-        called = node.func
-        if isinstance(called, ast.Name):
-            assert called.id not in PRINTING, f"{path}:{node.lineno}"
-        if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name):
-            assert (called.value.id, called.attr) != ("sys", "exit"), f"{path}:{node.lineno}"
-
-
-@pytest.mark.parametrize("path", [p for p in SOURCES if room_of(name_of(p)) == "cli"], ids=name_of)
-def test_commands_import_only_the_quick_at_module_level(path: Path) -> None:
-    """So that `--help` stays quick: typer, the standard library, errors and the commands."""
-    heavy = ("numpy", "scipy", "matplotlib", "jinja2", "rich", "yaml", "pydantic", "serial")
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Import):
-            names = [name.name for name in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [node.module or ""]
+            inner = [f"{node.module}.{entry.name}" for entry in node.names]
+            modules = [module if module in FILES else str(node.module) for module in inner]
+            if node.level:
+                modules = [f"{PACKAGE}.(relative)"]
         else:
             continue
-        for name in names:
-            assert name.partition(".")[0] not in heavy, f"{path}:{node.lineno}"
-            if name.startswith(PACKAGE):
-                assert room_of(name) in ("", "cli", "errors"), f"{path}:{node.lineno}"
+        place = f"{name}:{node.lineno}"
+        yield from ((place, module) for module in modules if module.split(".")[0] == PACKAGE)
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=name_of)
-def test_randomness_comes_through_a_generator(path: Path) -> None:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Attribute):
-            if (node.value.attr, node.attr) == ("random", "default_rng"):
-                assert room_of(name_of(path)) in ("cli", "session"), f"{path}:{node.lineno}"
-            elif node.value.attr == "random":
-                assert node.attr == "Generator", f"{path}:{node.lineno}"
+def listed(faults: Sequence[str]) -> str:
+    """For the message of a failed test."""
+    return f"{len(faults)} places:\n" + "\n".join(faults)
+
+
+def test_every_room_has_its_place_in_the_order() -> None:
+    assert {room_of(name) for name in FILES} - {""} <= set(ROOMS)
+
+
+def test_imports_run_downwards() -> None:
+    rank = {room: place for place, room in enumerate(ROOMS)}
+    faults = []
+    for name in FILES:
+        for place, module in imported(name):
+            room, other = room_of(name), room_of(module)
+            # The package itself holds the version and knows nobody.
+            if other in (room, "") or {room, other} - set(ROOMS) - {""}:
+                continue
+            upwards = room == "" or rank[other] < rank[room]
+            if upwards or room not in ONLY_FOR.get(other, {room}):
+                faults.append(f"{place}: {room or PACKAGE} must not know {module}")
+    assert not faults, listed(faults)
+
+
+def test_imports_are_absolute() -> None:
+    faults = [place for name in FILES for place, m in imported(name) if m.endswith("(relative)")]
+    assert not faults, listed(faults)
+
+
+def test_every_file_is_reached_from_the_program() -> None:
+    """A file that searches its folder for modules (`pkgutil`) reaches all that lie in it."""
+    reached: set[str] = set()
+    waiting = [f"{PACKAGE}.__main__"]
+    while waiting:
+        name = waiting.pop()
+        if name in reached or name not in FILES:
+            continue
+        reached.add(name)
+        waiting += [module for _, module in imported(name)]
+        waiting.append(name.rpartition(".")[0])
+        words = {alias.name for node in ast.walk(TREES[name]) if isinstance(node, ast.Import)
+                 for alias in node.names}  # fmt: skip
+        if "pkgutil" in words:
+            folder = FILES[name].parent
+            waiting += [inner for inner, path in FILES.items() if path.is_relative_to(folder)]
+    assert not set(FILES) - reached, listed(sorted(set(FILES) - reached))
+
+
+def test_nothing_is_shipped_that_only_tests_use() -> None:
+    """Every name that a file defines is read somewhere in the package; re-exports do not count."""
+    defined: dict[str, str] = {}
+    read = {"__all__", "__version__"}
+    for name, tree in TREES.items():
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                registered = any(ast.unparse(d).startswith("app.") for d in node.decorator_list)
+                words = [] if registered else [node.name]
+            elif isinstance(node, ast.Assign | ast.AnnAssign):
+                words = [inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)
+                         and isinstance(inner.ctx, ast.Store)]  # fmt: skip
+            else:
+                words = []
+            defined |= {word: f"{name}:{node.lineno}: {word}" for word in words}
+        for inner in ast.walk(tree):
+            if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Load):
+                read.add(inner.id)
+            elif isinstance(inner, ast.Attribute):
+                read.add(inner.attr)
+    faults = [place for word, place in defined.items() if word not in read]
+    assert not faults, listed(faults)
+
+
+def test_public_things_say_what_they_are() -> None:
+    faults = [
+        f"{name}:{node.lineno}: {node.name}"
+        for name, tree in TREES.items()
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef | ast.ClassDef)
+        and not node.name.startswith("_")
+        and not ast.get_docstring(node)
+    ]
+    faults += [name for name, tree in TREES.items() if not ast.get_docstring(tree)]
+    assert not faults, listed(faults)
+
+
+def test_no_file_is_too_long_to_be_one_idea() -> None:
+    lines = {name: path.read_text(encoding="utf-8").count("\n") for name, path in FILES.items()}
+    faults = [f"{name}: {count} lines" for name, count in lines.items() if count > LONGEST]
+    assert not faults, listed(faults)
+
+
+def test_init_files_only_re_export() -> None:
+    faults = []
+    for name, path in FILES.items():
+        for node in TREES[name].body if path.name == "__init__.py" else ():
+            text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+            names = [getattr(target, "id", "") for target in getattr(node, "targets", ())]
+            stated = names in (["__all__"], ["__version__"])
+            if not (text or stated or isinstance(node, ast.Import | ast.ImportFrom)):
+                faults.append(f"{name}:{node.lineno}")
+    assert not faults, listed(faults)
+
+
+def test_only_the_command_line_prints_asks_or_exits() -> None:
+    faults = []
+    for name, tree in TREES.items():
+        if room_of(name) in PRINTING:
+            continue
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call):
+                called = ast.unparse(node.func)
+                if called in ("print", "input", "exit", "quit", "sys.exit", "os._exit"):
+                    faults.append(f"{name}:{node.lineno}: {called}")
+    assert not faults, listed(faults)
+
+
+def test_randomness_comes_through_a_generator() -> None:
+    """Only a command, or the simulated gauge of a session, makes one from its seed."""
+    faults = []
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and ast.unparse(node.value).endswith("np.random"):
+                allowed = {"Generator"} | ({"default_rng"} if room_of(name) in SEEDING else set())
+                if node.attr not in allowed:
+                    faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
+    assert not faults, listed(faults)

@@ -1,27 +1,9 @@
-"""What can be wrong with a machine or a measurement: one file per cause.
+"""What can be wrong with a machine or a measurement: a file for each stage of a reading.
 
-A new cause is a new file with a `CAUSE`; it is found by its being here.
+A new cause is a class in the `CAUSES` of its file, or of a new file here; it is found there.
 """
 
-from orthoglide_cal.causes.base import (
-    MACHINE_WIDE,
-    Acting,
-    Cause,
-    PatternCause,
-    RelabelCause,
-    Step,
-    Where,
-)
-from orthoglide_cal.causes.registry import CAUSES, machine_effects
+from orthoglide_cal.causes.base import PatternCause, RelabelCause, onwards, reading_label
+from orthoglide_cal.causes.registry import CAUSES
 
-__all__ = [
-    "CAUSES",
-    "MACHINE_WIDE",
-    "Acting",
-    "Cause",
-    "PatternCause",
-    "RelabelCause",
-    "Step",
-    "Where",
-    "machine_effects",
-]
+__all__ = ["CAUSES", "PatternCause", "RelabelCause", "onwards", "reading_label"]

@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from orthoglide_cal import __version__
-from orthoglide_cal.cli.common import NoColour, leave_closed_pipe, tell_error
+from orthoglide_cal.cli.common import NoColour, leave_closed, tell_error
 from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.measure import measure
@@ -36,7 +36,7 @@ class _Commands(TyperGroup):
             tell_error(error)
             raise typer.Exit(error.exit_code) from error
         except BrokenPipeError:
-            leave_closed_pipe()
+            leave_closed(sys.stdout)
             raise typer.Exit from None
 
 
@@ -88,6 +88,6 @@ def main() -> None:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
-        leave_closed_pipe()
+        leave_closed(sys.stdout)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)

@@ -9,32 +9,18 @@ from typing import Annotated
 
 import typer
 
-from orthoglide_cal.cli.common import (
-    AsJson,
-    Files,
-    MachineFile,
-    NoColour,
-    for_each,
-    output,
-    print_json,
-    read_input,
-    tell,
-    tell_error,
-)
+from orthoglide_cal.cli import common
 from orthoglide_cal.errors import OrthocalError, UsageError
 
 
 def diagnose(
-    files: Files,
-    machine: MachineFile = None,
+    files: common.Files,
+    machine: common.MachineFile = None,
     holdout: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="Later readings that no fit may see.", show_default=False
-        ),
+        str | None, common.option(metavar="FILE", help="Later readings that no fit may see.")
     ] = None,
     applied: Annotated[
-        tuple[float, float, float],
+        common.Offsets,
         typer.Option(
             metavar="DX DY DZ",
             help="Offsets entered in the controller before the held-out readings [mm].",
@@ -42,74 +28,61 @@ def diagnose(
     ] = (0.0, 0.0, 0.0),
     accept: Annotated[
         str | None,
-        typer.Option(
-            metavar="CAUSE",
-            help="Make this cause part of the machine, in a new machine file.",
-            show_default=False,
+        common.option(
+            metavar="CAUSE", help="Make this cause part of the machine, in a new machine file."
         ),
     ] = None,
     to: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            metavar="FILE",
-            help="The new machine file of --accept; never overwritten.",
-            show_default=False,
+        common.option(
+            "--output", metavar="FILE", help="The new machine file of --accept; never overwritten."
         ),
     ] = None,
-    json: AsJson = False,
-    no_colour: NoColour = False,
+    json: common.AsJson = False,
+    no_colour: common.NoColour = False,
 ) -> None:
     """Name what the model leaves out, how sure that is, and what it gains to know it."""
     import numpy as np
 
-    from orthoglide_cal import data, diagnosis
-    from orthoglide_cal.causes import machine_effects
+    from orthoglide_cal import diagnosis
+    from orthoglide_cal import files as written
+    from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 
     _check_options(files, holdout, applied, accept, to)
 
     def judge(path: str) -> int:
-        measured, judged_by = read_input(path, machine)
-        effects = machine_effects(judged_by)
-        later = data.read_measured(holdout, judged_by) if holdout else None
+        given = common.read_input(path, machine)
+        later = written.read_input(holdout, given.model).measured if holdout else None
         found = diagnosis.diagnose(
-            measured,
-            judged_by,
-            effects,
+            given.measured,
+            given.model,
             holdout=later,
             applied=np.array(applied),
-            sensitivity=not json,
+            sensitivity=() if json else tuple(diagnosis.Verdict),
         )
-        if json:
-            from orthoglide_cal.report.diagnose_json import as_json
-
-            print_json(as_json(found))
-        else:
-            from orthoglide_cal.report.diagnose_text import render
-
-            shown = render(found, measured, judged_by, machine, held_out_file=later is not None)
-            output().print(shown)
+        document = diagnosis_document(found, given.measured, machine, later is not None)
+        common.deliver(document, as_json=json)
         if accept is None:
             return 0
         stem = machine.stem if machine else "machine"
         target = to or Path(f"{stem}-{accept}.yaml")
         try:
-            extended = diagnosis.extend(measured, judged_by, effects, accept, date.today())
-            data.write_machine(extended, target)
+            extended = diagnosis.extend(given.measured, given.model, accept, date.today())
+            written.write_text(target, written.machine_text(extended))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.
-            tell_error(error, path)
+            common.tell_error(error, path)
             return error.exit_code
-        tell(f"{accept} is now part of {target}; use it with --machine {target}.")
+        common.tell(f"{accept} is now part of {target}; use it with --machine {target}.")
         return 0
 
-    for_each(files, judge, as_json=json)
+    common.for_each(files, judge, as_json=json)
 
 
 def _check_options(
     files: list[str],
     holdout: str | None,
-    applied: tuple[float, float, float],
+    applied: common.Offsets,
     accept: str | None,
     to: Path | None,
 ) -> None:

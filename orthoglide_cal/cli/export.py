@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from orthoglide_cal.cli.common import MachineFile, NoColour, for_each, tell
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.cli import common
+from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 class Format(StrEnum):
@@ -35,27 +35,22 @@ def export(
     format: Annotated[
         Format,
         typer.Option(
-            help="table: joint corrections over the workspace, for causes that were accepted.",
+            help="table: joint corrections over the workspace, for causes that were accepted."
         ),
     ] = Format.TEXT,
     target: Annotated[
         Path | None,
-        typer.Option(
+        common.option(
             "--output",
             "-o",
             metavar="FILE",
             help="Write there instead of standard output; an existing file is not touched.",
-            show_default=False,
         ),
     ] = None,
-    machine: MachineFile = None,
-    method: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Estimator, as for solve.", show_default=False),
-    ] = None,
+    machine: common.MachineFile = None,
+    method: common.MethodName = None,
     force: Annotated[
-        bool,
-        typer.Option("--force", help="Export what must not be used; it is marked as forced."),
+        bool, typer.Option("--force", help="Export what must not be used; it is marked as forced.")
     ] = False,
     points: Annotated[
         int, typer.Option(metavar="N", help="Points of the table along each edge of the cube.")
@@ -63,41 +58,43 @@ def export(
     json: Annotated[
         bool, typer.Option("--json", help="Short for --format json, errors included.")
     ] = False,
-    no_colour: NoColour = False,
+    no_colour: common.NoColour = False,
 ) -> None:
     """Write the new offsets for the controller, if they may be used."""
-    from orthoglide_cal import outcome
-    from orthoglide_cal.data import read_machine, write_text
-    from orthoglide_cal.outcome.export import export as release
-    from orthoglide_cal.report import snippets
+    from orthoglide_cal import results
+    from orthoglide_cal.files import write_text
+    from orthoglide_cal.model.workspace import compensation
+    from orthoglide_cal.report import controller
 
     if json and format not in (Format.TEXT, Format.JSON):
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
-    wanted = Format.JSON if json else format
+    formats = {
+        Format.TEXT: controller.as_text,
+        Format.LINUXCNC: controller.as_linuxcnc,
+        Format.JSON: controller.as_json,
+        Format.YAML: controller.as_yaml,
+    }
 
     def judge(path: str) -> None:
-        case = outcome.read_case(path, read_machine(machine) if machine else None)
-        released = release(outcome.calibrate(case, method), force)
-        match wanted:
-            case Format.TEXT:
-                text = snippets.plain_text(released)
-            case Format.LINUXCNC:
-                text = snippets.linuxcnc(released)
-            case Format.CSV:
-                text = snippets.offsets_csv(released)
-            case Format.JSON:
-                text = snippets.as_json(released)
-            case Format.YAML:
-                text = snippets.as_yaml(released)
-            case Format.TABLE:
-                table = outcome.compensation(case.machine, points)
-                text = snippets.compensation_csv(table, released)
+        given = common.read_input(path, machine)
+        found = results.calibrate(given, method)
+        try:
+            released = results.export(found, force)
+        except UnusableResultError as error:
+            remedies = [*controller.remedy_words(found, machine), error.remedy]
+            raise UnusableResultError(error.what, "\n".join(filter(None, remedies))) from error
+        if format is Format.TABLE:
+            text = controller.as_table(compensation(given.model, points), released)
+        elif format is Format.CSV:
+            text = controller.as_csv(released)
+        else:
+            text = formats[Format.JSON if json else format](released, machine)
         if released.forced:
-            tell(f"FORCED: {' '.join(released.forced)}")
+            common.tell(f"FORCED: {' '.join(released.forced)}")
         if target is None:
             print(text, end="")
         else:
             write_text(target, text)
-            tell(f"Joint offsets {released.identity.number} written to {target}")
+            common.tell(f"Joint offsets {released.calibration.identity.number} written to {target}")
 
-    for_each([file], judge, as_json=json)
+    common.for_each([file], judge, as_json=json)

@@ -7,7 +7,7 @@ import select
 import sys
 from contextlib import suppress
 from types import TracebackType
-from typing import Any
+from typing import Any, NoReturn
 
 from orthoglide_cal.errors import UsageError
 
@@ -15,27 +15,23 @@ if sys.platform != "win32":
     import termios
 
 
-class Keyboard:
+class StandardInput:
     """Standard input. In a terminal the line stays editable, and TAB ends it as Return does."""
 
-    def __init__(self, *, answers_itself: bool = False) -> None:
-        """
-        Args:
-            answers_itself: without a terminal, the end of input counts as pressing Return: a
-                simulated gauge then reads itself.
-        """
+    def __init__(self) -> None:
+        self.live = False
+        self._file = -1
+        self._rest = b""
+        self._ended = False
+        self._before: list[Any] | None = None
+
+    def __enter__(self) -> StandardInput:
         if sys.platform == "win32":
             raise UsageError(
                 "`measure` needs a POSIX terminal.", "Run it under Linux, macOS or WSL."
             )
         self._file = sys.stdin.fileno()
         self.live = os.isatty(self._file)
-        self._answers_itself = answers_itself and not self.live
-        self._rest = b""
-        self._ended = False
-        self._before: list[Any] | None = None
-
-    def __enter__(self) -> Keyboard:
         if self.live:
             self._before = termios.tcgetattr(self._file)
             mode = termios.tcgetattr(self._file)
@@ -69,7 +65,7 @@ class Keyboard:
         if line is not None:
             return line
         if self._ended:
-            return self._after_the_end()
+            self._end()
         ready, _, _ = select.select([self._file], [], [], timeout_s)
         if not ready:
             return None
@@ -82,7 +78,7 @@ class Keyboard:
             if self._rest:
                 data, self._rest = self._rest, b""
                 return _text(data)
-            return self._after_the_end()
+            self._end()
         self._rest += data
         if self.live and data.endswith(b"\t"):
             sys.stdout.write("\n")
@@ -90,11 +86,9 @@ class Keyboard:
             self._rest = self._rest[-1:]
         return self._take_line()
 
-    def _after_the_end(self) -> str:
-        if self.live:
-            self._ended = False
-        if self._answers_itself:
-            return ""
+    def _end(self) -> NoReturn:
+        # In a terminal the end of input is a key like others: what follows it can be read again.
+        self._ended = not self.live
         raise EOFError
 
     def _take_line(self) -> str | None:

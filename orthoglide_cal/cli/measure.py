@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import errno
 import math
-import shlex
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from enum import StrEnum
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -18,11 +17,11 @@ import typer
 from orthoglide_cal.cli.common import (
     MachineFile,
     NoColour,
-    leave_closed_pipe,
+    deliver,
+    given_machine,
+    leave_closed,
     messages,
     output,
-    print_json,
-    read_input,
     tell,
 )
 from orthoglide_cal.errors import UsageError
@@ -30,7 +29,7 @@ from orthoglide_cal.errors import UsageError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orthoglide_cal.session import Run, Show, Sitting
+    from orthoglide_cal.session import Dialogue, Show
 
 INTERRUPTED = 130
 _STYLES = {
@@ -41,20 +40,6 @@ _STYLES = {
     "question": "bold yellow",
     "prompt": "bold cyan",
 }
-
-
-class Order(StrEnum):
-    """Order of the steps."""
-
-    PAPER = "paper"
-    FEWEST = "fewest-moves"
-
-
-class Unit(StrEnum):
-    """Unit of readings that come without one."""
-
-    MM = "mm"
-    IN = "in"
 
 
 def measure(
@@ -83,8 +68,12 @@ def measure(
         ),
     ] = None,
     order: Annotated[
-        Order | None,
-        typer.Option(help="The paper's order (default) or fewer gauge moves.", show_default=False),
+        str | None,
+        typer.Option(
+            metavar="[paper|fewest-moves]",
+            help="The paper's order (default) or fewer gauge moves.",
+            show_default=False,
+        ),
     ] = None,
     gauges: Annotated[
         int | None,
@@ -102,7 +91,9 @@ def measure(
             show_default=False,
         ),
     ] = None,
-    unit: Annotated[Unit, typer.Option(help="Unit of readings without one.")] = Unit.MM,
+    unit: Annotated[
+        str, typer.Option(metavar="[mm|in]", help="Unit of readings without one.")
+    ] = "mm",
     until: Annotated[
         float | None,
         typer.Option(
@@ -115,7 +106,7 @@ def measure(
         int | None,
         typer.Option(min=0, help="Of the simulated gauge's hidden machine.", show_default=False),
     ] = None,
-    operator: Annotated[str, typer.Option(help="Your name.", show_default=False)] = "",
+    operator: Annotated[str | None, typer.Option(help="Your name.", show_default=False)] = None,
     temperature: Annotated[
         float | None, typer.Option(metavar="C", help="Of the room.", show_default=False)
     ] = None,
@@ -134,83 +125,70 @@ def measure(
     no_colour: NoColour = False,
 ) -> None:
     """Measure, guided step by step; every reading is saved at once and checked as it comes."""
-    from orthoglide_cal.data import read_machine
-    from orthoglide_cal.session import Request, Wanted, clock, open_sitting, protocol_name
+    from orthoglide_cal import session as guided
+    from orthoglide_cal.cli.keyboard import StandardInput
 
     for name, given in (("--until", until), ("--temperature", temperature)):
         if given is not None and not math.isfinite(given):
             raise UsageError(f"{name} cannot be {given}.", "Give a plain number.")
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
-    identities = _identities(gauge_id or [], certificate or [])
-    wanted = Wanted(
-        machine=read_machine(machine) if machine else None,
-        protocol=protocol_name(protocol),
+    if len(certificate or ()) > len(gauge_id or ()):
+        raise UsageError(
+            "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
+        )
+    request = guided.Request(
+        path=session,
+        resume=resume,
+        model=given_machine(machine),
+        protocol=guided.named(guided.MeasuringProtocol, "protocol", protocol),
         cycles=cycles,
-        order=order,
+        order=guided.named(guided.Order, "order", order),
         stands=gauges,
         source=tuple(gauge or ()),
         seed=seed,
-    )
-    request = Request(
-        path=session,
-        resume=resume,
-        wanted=wanted,
-        unit=unit,
+        unit=guided.named(guided.Unit, "unit", unit) or guided.Unit.MM,
         until_mm=until,
-        operator=operator,
+        operator=operator or None,
         temperature_c=temperature,
-        gauges=identities,
+        gauges=tuple(
+            guided.GaugeLabel(name, number or None)
+            for name, number in zip_longest(gauge_id or (), certificate or ())
+        ),
     )
-    sitting = open_sitting(request, Path(), clock)
-    try:
-        show = _show_on(messages() if json else output())
-        with _saved_when_interrupted(sitting.path):
-            run = _lead(sitting, show)
-            _finish(sitting, run, show, as_json=json)
-    finally:
-        sitting.close()
+    show = _show_on(messages() if json else output())
+    keyboard = StandardInput()
+    with (
+        closing(guided.open_session(request, Path(), keyboard, show)) as dialogue,
+        _saved_when_interrupted(dialogue.path),
+    ):
+        with keyboard:
+            dialogue.greet()
+            dialogue.run()
+        _finish(dialogue, show, as_json=json)
 
 
-def _lead(sitting: Sitting, show: Show) -> Run:
-    """Run the session to its end."""
-    from orthoglide_cal.cli.keyboard import Keyboard
-    from orthoglide_cal.session import clock
-
-    with Keyboard(answers_itself=sitting.simulated is not None) as keyboard:
-        run = sitting.run(keyboard, show, clock)
-        run.greet(sitting.journal.recovered.lost)
-        run.run()
-    return run
-
-
-def _finish(sitting: Sitting, run: Run, show: Show, *, as_json: bool) -> None:
+def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
     """Write the session file, then show what `solve` makes of it and what to do next."""
     from orthoglide_cal import estimation
-    from orthoglide_cal.causes import machine_effects
-    from orthoglide_cal.report.solve_json import as_json as json_of
-    from orthoglide_cal.report.solve_text import render
-    from orthoglide_cal.session import guide, publish
+    from orthoglide_cal.errors import command
+    from orthoglide_cal.files import read_input
+    from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.session import Style
 
-    publish(run.record(), sitting.path)
-    for line in guide.closing(run.state, str(sitting.path)):
-        show(line, "good")
-    measured, judged_by = read_input(str(sitting.path), None)
-    solution = estimation.solve(measured, judged_by, effects=machine_effects(judged_by))
-    if as_json:
-        print_json(json_of(solution))
-    else:
-        output().print(render(solution, judged_by))
-    if sitting.simulated is not None:
-        for line in guide.truth(solution, sitting.simulated.offsets_mm):
-            show(line)
+    dialogue.publish()
+    given = read_input(str(dialogue.path))
+    solution = estimation.solve(given.measured, given.model)
+    deliver(solution_document(solution), as_json=as_json)
+    dialogue.reveal(solution)
     show("Next, ask whether the model is right for this machine:")
-    show(f"  orthocal diagnose {shlex.quote(str(sitting.path))}", "title")
+    show(f"  {command('diagnose', str(dialogue.path))}", Style.TITLE)
 
 
 @contextmanager
 def _saved_when_interrupted(path: Path) -> Iterator[None]:
     """Whatever interrupts a session, it ends with exit code 130 and how to go on."""
+    from orthoglide_cal.errors import command
     from orthoglide_cal.session import Quit
 
     def interrupt(number: int, frame: object) -> None:
@@ -222,7 +200,7 @@ def _saved_when_interrupted(path: Path) -> Iterator[None]:
         yield
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
         said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-        _leave(f"{said} Go on with: orthocal measure {shlex.quote(str(path))} --resume")
+        _leave(f"{said} Go on with: {command('measure', str(path), options='--resume')}")
     except OSError as error:
         if error.errno != errno.EIO:
             raise
@@ -238,26 +216,26 @@ def _leave(message: str) -> NoReturn:
             tell(message)
         sys.stdout.flush()
     except OSError:
-        # Nobody is there to read it; keep Python from complaining about that at its end.
-        leave_closed_pipe()
+        leave_closed(sys.stdout, sys.stderr)
     raise typer.Exit(INTERRUPTED)
 
 
 def _show_on(console: Console) -> Show:
-    def show(text: str, style: str = "", end: str = "\n") -> None:
-        console.print(text, style=_STYLES.get(style, ""), end=end, soft_wrap=True)
+    from rich.color import ColorSystem
+    from rich.style import Style as Paint
+
+    from orthoglide_cal.errors import visible_lines
+    from orthoglide_cal.session import Style
+
+    paints = {style: Paint.parse(_STYLES.get(style, "")) for style in Style}
+
+    def show(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
+        # Lines are ready as they are: rich would spend more time on them than all checks together.
+        system = ColorSystem.STANDARD if console.color_system else None
+        printable = text.replace("\n", "").isprintable()
+        harmless = text if printable else visible_lines(text)
+        shown = paints[style].render(harmless, color_system=system)
+        console.file.write(shown + end)
         console.file.flush()
 
     return show
-
-
-def _identities(ids: Sequence[str], certificates: Sequence[str]) -> tuple[dict[str, str], ...]:
-    """One {"id", "certificate"} per gauge that has an id."""
-    if len(certificates) > len(ids):
-        raise UsageError(
-            "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
-        )
-    padded = [*certificates, *[""] * (len(ids) - len(certificates))]
-    return tuple(
-        {"id": name, "certificate": number} for name, number in zip(ids, padded, strict=True)
-    )

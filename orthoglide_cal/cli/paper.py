@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orthoglide_cal.cli.common import AsJson, NoColour, messages, output, print_json
+from orthoglide_cal.cli.common import AsJson, NoColour, deliver, messages, option
 from orthoglide_cal.errors import UnusableResultError
 
 if TYPE_CHECKING:
-    from orthoglide_cal.estimation.reproduction import Reproduction
+    from orthoglide_cal.paper.tables import Reproduction
 
 
 class TableName(StrEnum):
@@ -28,25 +28,19 @@ class TableName(StrEnum):
 
 def paper(
     table: Annotated[
-        TableName | None,
-        typer.Option(help="Only this one; without it all of them.", show_default=False),
+        TableName | None, option(help="Only this one; without it all of them.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the noise of Table 3.")] = 1,
     json: AsJson = False,
     no_colour: NoColour = False,
 ) -> None:
     """Reproduce the tables of the paper that the method comes from."""
+    from orthoglide_cal.report.documents.checks import paper_document
+
     missed = False
     for name in TableName if table is None else (table,):
         found = _compute(name, seed)
-        if json:
-            from orthoglide_cal.report.paper_json import as_json
-
-            print_json(as_json(found))
-        else:
-            from orthoglide_cal.report.paper_text import render
-
-            output().print(render(found))
+        deliver(paper_document(found), as_json=json)
         missed |= not found.reproduced
     if missed:
         raise typer.Exit(UnusableResultError.exit_code)
@@ -55,18 +49,18 @@ def paper(
 def _compute(name: TableName, seed: int) -> Reproduction:
     import numpy as np
 
-    from orthoglide_cal.data import default_machine
-    from orthoglide_cal.estimation import reproduction
+    from orthoglide_cal.files import default_machine
+    from orthoglide_cal.paper import tables
 
     prototype = default_machine()
     if name is TableName.T3:
         with _progress("Table 3, solves") as progress:
-            return reproduction.table_3(prototype, np.random.default_rng(seed), progress)
+            return tables.table_3(prototype, np.random.default_rng(seed), progress)
     simple = {
-        TableName.T1: reproduction.table_1,
-        TableName.T4: reproduction.table_4,
-        TableName.T5: reproduction.table_5,
-        TableName.ACCURACY: reproduction.accuracy,
+        TableName.T1: tables.table_1,
+        TableName.T4: tables.table_4,
+        TableName.T5: tables.table_5,
+        TableName.ACCURACY: tables.accuracy,
     }
     return simple[name](prototype)
 

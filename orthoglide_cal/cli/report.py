@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orthoglide_cal.cli.common import AsJson, MachineFile, NoColour, for_each, print_json
-from orthoglide_cal.cli.documents import HtmlFile, MarkdownFile, Overwrite, deliver
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.cli import common
+from orthoglide_cal.errors import UnusableResultError, UsageError
+
+if TYPE_CHECKING:
+    from orthoglide_cal.report.document import Document
 
 
 def report(
@@ -22,109 +25,71 @@ def report(
             show_default=False,
         ),
     ] = None,
-    machine: MachineFile = None,
-    method: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Estimator, as for solve.", show_default=False),
-    ] = None,
-    html: HtmlFile = None,
-    markdown: MarkdownFile = None,
-    json: AsJson = False,
-    overwrite: Overwrite = False,
+    machine: common.MachineFile = None,
+    method: common.MethodName = None,
+    html: common.HtmlFile = None,
+    markdown: common.MarkdownFile = None,
+    json: common.AsJson = False,
+    overwrite: common.Overwrite = False,
     after: Annotated[
         str | None,
-        typer.Option(
+        common.option(
             metavar="FILE",
             help="Measured after the adjustment: shown as left, compared with the promise.",
-            show_default=False,
         ),
     ] = None,
     applied: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
+        common.Offsets | None,
+        common.option(
             metavar="DX DY DZ",
             help="What was added to the controller's offsets before --after [mm].",
-            show_default=False,
         ),
     ] = None,
-    limit: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="Largest deviation allowed as left.", show_default=False),
-    ] = None,
+    limit: common.Limit = None,
     history: Annotated[
         Path | None,
-        typer.Option(
+        common.option(
             metavar="FOLDER",
             help="Instead: results of one machine over time, from the sessions in a folder.",
-            show_default=False,
         ),
     ] = None,
     name: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Machine, if the folder holds several.", show_default=False
-        ),
+        str | None, common.option(metavar="NAME", help="Machine, if the folder holds several.")
     ] = None,
-    no_colour: NoColour = False,
+    no_colour: common.NoColour = False,
 ) -> None:
     """Write the calibration report, or the history of a machine."""
     if after is None and (applied is not None or limit is not None):
         raise UsageError("--applied and --limit go with --after.", "Name the later readings.")
+    if history is not None and (file is not None or after is not None):
+        raise UsageError("--history takes a folder instead of a file.", "Give one of the two.")
+    show = functools.partial(
+        common.deliver, as_json=json, html=html, markdown=markdown, overwrite=overwrite
+    )
     if history is not None:
-        if file is not None or after is not None:
-            raise UsageError("--history takes a folder instead of a file.", "Give one of the two.")
-        _history(history, name, html, markdown, json, overwrite)
+        show(_history(history, name))
         return
 
-    def judge(path: str) -> int | None:
-        from orthoglide_cal import outcome
-        from orthoglide_cal.data import read_machine
-        from orthoglide_cal.outcome.pairing import verify_cases
+    from orthoglide_cal import results
+    from orthoglide_cal.files import latest_session
+    from orthoglide_cal.report.documents.calibration import calibration_document
+    from orthoglide_cal.verification import verify
 
-        judged_by = read_machine(machine) if machine else None
-        case = outcome.read_case(path, judged_by)
-        verification = (
-            verify_cases(case, outcome.read_case(after, judged_by), applied, limit)
-            if after is not None
-            else None
-        )
-        found = outcome.calibrate(case, method, verification=verification)
-        if json:
-            from orthoglide_cal.report.calibration_json import as_json
+    def judge(path: str) -> int:
+        given, verification = common.read_input(path, machine), None
+        if after is not None:
+            verification = verify(given, common.read_input(after, machine), applied, limit)
+        found = results.calibrate(given, method, verification=verification)
+        show(calibration_document(found, machine))
+        return 0 if found.solution else UnusableResultError.exit_code
 
-            print_json(as_json(found))
-        else:
-            from orthoglide_cal.report.calibration_report import calibration_report
-
-            deliver(calibration_report(found), html, markdown, overwrite)
-        return 4 if found.findings is None else None
-
-    for_each([file or _latest()], judge, as_json=json)
+    common.for_each([file or str(latest_session(Path()))], judge, as_json=json)
 
 
-def _latest() -> str:
-    from orthoglide_cal.outcome import latest_session
+def _history(folder: Path, name: str | None) -> Document:
+    from orthoglide_cal import results
+    from orthoglide_cal.report.documents.history import history_document
 
-    return str(latest_session(Path()))
-
-
-def _history(
-    folder: Path,
-    name: str | None,
-    html: Path | None,
-    markdown: Path | None,
-    json: bool,
-    overwrite: bool,
-) -> None:
-    from orthoglide_cal import outcome
-
-    found = outcome.history(folder, name)
-    if json:
-        from orthoglide_cal.report.history_json import as_json
-
-        print_json(as_json(found))
-    else:
-        from orthoglide_cal.report.history_report import history_report
-
-        identity = outcome.identify(" ".join(entry.path for entry in found.entries))
-        deliver(history_report(found, identity), html, markdown, overwrite)
+    found = results.history(folder, name)
+    identity = results.identify(" ".join(str(entry.session.path) for entry in found.entries))
+    return history_document(found, identity)

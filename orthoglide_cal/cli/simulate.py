@@ -5,13 +5,17 @@ from __future__ import annotations
 import secrets
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orthoglide_cal.cli.cause_option import effect_named
-from orthoglide_cal.cli.common import MachineFile, NoColour, print_json, tell
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.cli.common import MachineFile, NoColour, option, print_json, tell
+from orthoglide_cal.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from orthoglide_cal.model import Cause, Effect, Machine, Place, Plan
 
 
 class Protocol(StrEnum):
@@ -26,23 +30,16 @@ def simulate(
         Protocol, typer.Option(help="Double-posture or single-posture (sec. 3.2, 3.3).")
     ] = Protocol.DOUBLE,
     offsets: Annotated[
-        tuple[float, float, float],
-        typer.Option(metavar="DX DY DZ", help="True joint offsets, mm."),
+        tuple[float, float, float], typer.Option(metavar="DX DY DZ", help="True joint offsets, mm.")
     ] = (0.0, 0.0, 0.0),
     noise: Annotated[
         float | None,
-        typer.Option(
-            metavar="MM",
-            help="Standard deviation of a reading; the gauge's own if not given.",
-            show_default=False,
-        ),
+        option(metavar="MM", help="Standard deviation of a reading; the gauge's own if not given."),
     ] = None,
     resolution: Annotated[
         float | None,
-        typer.Option(
-            metavar="MM",
-            help="Smallest step of the gauge; 0: none; the gauge's own if not given.",
-            show_default=False,
+        option(
+            metavar="MM", help="Smallest step of the gauge; 0: none; the gauge's own if not given."
         ),
     ] = None,
     cycles: Annotated[int, typer.Option(min=1, max=1000, help="Repeats of the postures.")] = 3,
@@ -56,26 +53,21 @@ def simulate(
     ] = 0.5,
     cause: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             metavar="ID[@PLACE]=VALUES",
             help="Something wrong, e.g. axis_gap=0.1,0.2,-0.1 or gauge_drift@x,y=0.05 (leg,"
             " direction) or misread@12=0.1 (twelfth reading); may be repeated.",
-            show_default=False,
         ),
     ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="The same seed gives the same session.", show_default=False),
-    ] = None,
+    seed: Annotated[int | None, option(min=0, help="The same seed gives the same session.")] = None,
     target: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--output",
             "-o",
             metavar="FILE",
             help="Write there instead of standard output: a session if it ends in .yaml, else a"
             " CSV; an existing file is not touched.",
-            show_default=False,
         ),
     ] = None,
     machine: MachineFile = None,
@@ -89,8 +81,7 @@ def simulate(
 
     import numpy as np
 
-    from orthoglide_cal.causes import machine_effects
-    from orthoglide_cal.data import (
+    from orthoglide_cal.files import (
         read_machine,
         readings_csv,
         session_json,
@@ -98,13 +89,15 @@ def simulate(
         write_session,
         write_text,
     )
-    from orthoglide_cal.protocols import double_posture, single_posture, synthetic_session
+    from orthoglide_cal.model import double_posture, single_posture
+    from orthoglide_cal.model.synthetic import synthetic_session
 
     for name, size in (("--noise", noise), ("--resolution", resolution)):
         if size is not None and not 0.0 <= size < float("inf"):
             raise UsageError(f"{name} cannot be {size:g}.", "Give millimetres from 0.")
     chosen = secrets.randbelow(2**32) if seed is None else seed
-    nominal = read_machine(machine)
+    known = read_machine(machine)
+    nominal = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
     gauge = replace(nominal.gauge, **{k: v for k, v in given.items() if v is not None})
     if protocol is Protocol.DOUBLE:
@@ -112,10 +105,9 @@ def simulate(
     else:
         plan = single_posture(nominal, cycles)
     rng = np.random.default_rng(chosen)
-    wrong = [effect_named(text, plan, nominal, rng) for text in cause or ()]
-    effects = (*machine_effects(nominal), *wrong)
-    session = synthetic_session(nominal, plan, np.array(offsets), rng, effects, gauge)
-    record = session_of_readings(session, nominal, {"source": f"simulated, seed {chosen}"})
+    wrong = [_effect_named(text, plan, nominal, rng) for text in cause or ()]
+    session = synthetic_session(known.extended(wrong), plan, np.array(offsets), rng, gauge)
+    record = session_of_readings(session, known, {"source": f"simulated, seed {chosen}"})
     if target is not None:
         if target.suffix.lower() in (".yaml", ".yml"):
             write_session(record, target)
@@ -128,3 +120,80 @@ def simulate(
         print(readings_csv(session), end="")
     if seed is None:
         tell(f"seed {chosen}")
+
+
+def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
+    """The effect that `--cause ID[@PLACE]=VALUES` describes.
+
+    `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit
+    `gauge_drift@x,y=0.05`      in one place: leg x, direction y
+    `misread@12=0.1`            the twelfth reading in time; for gauge_slip `12+` is "and all after"
+    `sign_flip@z,x`             causes without a size take no value
+
+    Args:
+        text: as typed.
+        plan: the readings; gives the places.
+        machine: gives the plausible size of parameters that nobody can type (where a carriage
+            with lost motion stands before its first motion); they are drawn at random.
+        rng: for those.
+
+    Raises:
+        UsageError: no such cause or place, or not as many values as the cause has parameters.
+    """
+    from orthoglide_cal.causes import CAUSES
+
+    head, _, tail = text.partition("=")
+    name, _, place = (part.strip() for part in head.partition("@"))
+    if name not in CAUSES:
+        raise UsageError(f"There is no cause {name!r}.", f"Choose one of {', '.join(CAUSES)}.")
+    cause = CAUSES[name]
+    return cause.at(_parameters(cause, tail, machine, rng), _place(cause, place, plan, machine))
+
+
+def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Generator) -> np.ndarray:
+    import numpy as np
+
+    from orthoglide_cal.files import parse_number
+
+    names = cause.names
+    try:
+        values = [parse_number(part) for part in text.split(",")] if text.strip() else []
+    except InputError as error:
+        raise UsageError(
+            f"--cause {cause.id}: {error.what} ({error.value!r})", error.remedy
+        ) from error
+    if len(values) != len(names):
+        unit = f" in {cause.unit}" if cause.unit else ""
+        wanted = f"={','.join(names)}" if names else ""
+        raise UsageError(
+            f"--cause {cause.id} takes {len(names)} values{unit}, not {len(values)}.",
+            f"Write {cause.id}{wanted}, a number for each name.",
+        )
+    if cause.positive and min(values) < 0.0:
+        raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")
+    hidden = [size * machine.tolerances.get(cause.id, 0.0) for _, size in cause.nuisance]
+    return np.array([*values, *rng.normal(0.0, hidden)]) * cause.scale
+
+
+def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
+    from orthoglide_cal.model import Place
+
+    places = cause.places(plan, machine)
+    index: tuple[int, ...] = ()
+    if text:
+        onward = text.endswith("+")
+        parts = [part.strip() for part in text.removesuffix("+").split(",")]
+        if all(part in ("x", "y", "z") for part in parts):
+            index = tuple("xyz".index(part) for part in parts)
+        elif len(parts) == 1 and parts[0].isdecimal() and 1 <= int(parts[0]) <= len(plan):
+            reading = int(plan.in_time[int(parts[0]) - 1])
+            index = (reading, int(onward)) if len(places[0].index) == 2 else (reading,)
+    place = Place(index)
+    if place not in places or bool(text) != bool(index):
+        here = f" at {text!r}" if text else ""
+        example = {0: "no place", 1: "12 (a reading) or x (a leg)", 2: "x,y (leg, direction) or 12"}
+        raise UsageError(
+            f"{cause.id} cannot act{here} in this session.",
+            f"Give as its place: {example[len(places[0].index)] if places else 'none fits'}.",
+        )
+    return place

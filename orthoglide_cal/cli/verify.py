@@ -6,62 +6,42 @@ from typing import Annotated
 
 import typer
 
-from orthoglide_cal.cli.common import AsJson, MachineFile, NoColour, for_each, print_json
-from orthoglide_cal.cli.documents import HtmlFile, MarkdownFile, Overwrite, deliver
+from orthoglide_cal.cli import common
 
 
 def verify(
     before: Annotated[
-        str,
-        typer.Argument(metavar="BEFORE", help="Measured before the offsets were entered."),
+        str, typer.Argument(metavar="BEFORE", help="Measured before the offsets were entered.")
     ],
     after: Annotated[
-        str,
-        typer.Argument(metavar="AFTER", help="Measured after it, with the same protocol."),
+        str, typer.Argument(metavar="AFTER", help="Measured after it, with the same protocol.")
     ],
     applied: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
+        common.Offsets | None,
+        common.option(
             metavar="DX DY DZ",
             help="What was added to the controller's offsets between the two [mm]; without it"
             " the difference that two sessions record.",
-            show_default=False,
         ),
     ] = None,
-    limit: Annotated[
-        float | None,
-        typer.Option(
-            metavar="MM",
-            help="Largest deviation allowed in any difference: pass, fail or undecided.",
-            show_default=False,
-        ),
-    ] = None,
-    machine: MachineFile = None,
-    html: HtmlFile = None,
-    markdown: MarkdownFile = None,
-    json: AsJson = False,
-    overwrite: Overwrite = False,
-    no_colour: NoColour = False,
+    limit: common.Limit = None,
+    machine: common.MachineFile = None,
+    html: common.HtmlFile = None,
+    markdown: common.MarkdownFile = None,
+    json: common.AsJson = False,
+    overwrite: common.Overwrite = False,
+    no_colour: common.NoColour = False,
 ) -> None:
     """Compare what a correction promised with what came true."""
+    from orthoglide_cal import verification
+    from orthoglide_cal.report.documents.verification import verification_document
+    from orthoglide_cal.results import identify
 
     def judge(path: str) -> None:
-        from orthoglide_cal.data import read_machine
-        from orthoglide_cal.outcome import identify, read_case
-        from orthoglide_cal.outcome.pairing import verify_cases
+        inputs = common.read_input(path, machine), common.read_input(after, machine)
+        found = verification.verify(*inputs, applied, limit)
+        identity = identify(found.before.source.sha256 + found.after.source.sha256)
+        document = verification_document(found, identity)
+        common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
 
-        judged_by = read_machine(machine) if machine else None
-        first, second = read_case(path, judged_by), read_case(after, judged_by)
-        found = verify_cases(first, second, applied, limit)
-        if json:
-            from orthoglide_cal.report.verification_json import as_json
-
-            print_json(as_json(found))
-            return
-        from orthoglide_cal.report.verification_report import verification_report
-
-        identity = identify(found.before.sha256 + found.after.sha256)
-        document = verification_report(found, identity.number, identity.issued, identity.software)
-        deliver(document, html, markdown, overwrite)
-
-    for_each([before], judge, as_json=json)
+    common.for_each([before], judge, as_json=json)

@@ -1,7 +1,6 @@
 """Diagnosis: what the simulation gets wrong, by which cause, and what an extension gains."""
 
-from orthoglide_cal.diagnosis.accept import extend
-from orthoglide_cal.diagnosis.diagnose import diagnose
-from orthoglide_cal.diagnosis.result import Diagnosis, LackOfFit, NamedCause, NextMeasurement
+from orthoglide_cal.diagnosis.diagnose import diagnose, extend
+from orthoglide_cal.diagnosis.result import Diagnosis, Explanation, NamedCause, Verdict
 
-__all__ = ["Diagnosis", "LackOfFit", "NamedCause", "NextMeasurement", "diagnose", "extend"]
+__all__ = ["Diagnosis", "Explanation", "NamedCause", "Verdict", "diagnose", "extend"]

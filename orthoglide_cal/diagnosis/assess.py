@@ -1,24 +1,30 @@
-"""All explanations of one data set, weighed: the numerical half of a diagnosis."""
+"""All explanations of one data set, weighed: probabilities, verdict, the offsets that follow."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.diagnosis.catalogue import Catalogue
-from orthoglide_cal.diagnosis.evidence import NoiseGrid
-from orthoglide_cal.diagnosis.explanations import Menu, Names, menu_of
-from orthoglide_cal.diagnosis.frame import Frame
-from orthoglide_cal.diagnosis.posterior import Answer, Posterior, answer, misfit
-from orthoglide_cal.diagnosis.refine import Fitted, refine
-from orthoglide_cal.diagnosis.reread import reread
-from orthoglide_cal.diagnosis.result import AMBIGUOUS, CONSISTENT, NAMED
-from orthoglide_cal.diagnosis.screen import Score, screen
-from orthoglide_cal.diagnosis.unlisted import Unlisted, unlisted_patterns
+from orthoglide_cal.diagnosis.evidence import log_sum
+from orthoglide_cal.diagnosis.explanations import UNLISTED, Candidates, Ids, Linearised, Whitened
+from orthoglide_cal.diagnosis.fit import Fitted, fit_explanation
+from orthoglide_cal.diagnosis.result import Verdict
+from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
+from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.model import Floats
 
+# Something is wrong only if that is this many times likelier than that nothing is: among healthy
+# sessions fewer than one in a hundred gets that far.
+ODDS_TO_NAME = 1.8
+# A rival this unlikely beside the best explanation is dismissed.
+DISMISSED = 0.01
+# A cause this unlikely beside "nothing is wrong" would have been seen at plausible sizes.
+WOULD_BE_SEEN = 0.001
+# The best listed explanation must leave no more than noise, at this chance of a false refusal.
+MISFIT = 2e-4
 # Explanations within this much log evidence of the best are fitted nonlinearly, the best few.
 WORTH_A_FIT = 8.0
 FITS = 3
@@ -26,146 +32,198 @@ FITS = 3
 WEIGHS = 0.01
 
 
+@dataclass(frozen=True)
+class Posterior:
+    """Probabilities of every explanation tried.
+
+    Attributes:
+        listed: set of ids → probability.
+        unlisted: pattern in words → probability.
+    """
+
+    listed: Mapping[Ids, float]
+    unlisted: Mapping[str, float]
+
+    @classmethod
+    def of(
+        cls,
+        log_evidence: Mapping[Ids, float],
+        log_prior: Mapping[Ids, float],
+        unlisted: Mapping[str, float],
+    ) -> Posterior:
+        """Bayes' rule; the unlisted patterns share one prior weight."""
+        logs = {ids: value + log_prior[ids] for ids, value in log_evidence.items()}
+        share = np.log(UNLISTED / max(len(unlisted), 1))
+        others = {what: value + share for what, value in unlisted.items()}
+        total = log_sum(np.array([*logs.values(), *others.values()]))
+        return cls(
+            {ids: float(np.exp(value - total)) for ids, value in logs.items()},
+            {what: float(np.exp(value - total)) for what, value in others.items()},
+        )
+
+    @property
+    def best(self) -> Ids:
+        """The most probable set of causes (not empty unless nothing else was tried)."""
+        return max((ids for ids in self.listed if ids), key=self.listed.__getitem__, default=())
+
+    def rivals(self) -> tuple[Ids, ...]:
+        """Sets that these data cannot tell from the best one, most probable first.
+
+        A set that holds the best one and adds to it does not contradict it; one that holds
+        another rival and adds to it says nothing new.
+        """
+        best = self.best
+        floor = DISMISSED * self.listed[best]
+        found = [
+            ids
+            for ids, value in self.listed.items()
+            if ids and value >= floor and not set(best) <= set(ids)
+        ]
+        kept = [ids for ids in found if not any(set(other) < set(ids) for other in found)]
+        return tuple(sorted(kept, key=lambda ids: -self.listed[ids]))
+
+    def unseen(self) -> Ids:
+        """Single causes that may be there although nothing shows, most probable first."""
+        floor = WOULD_BE_SEEN * self.listed[()]
+        found = [ids for ids, value in self.listed.items() if len(ids) == 1 and value >= floor]
+        return tuple(id for (id,) in sorted(found, key=lambda ids: -self.listed[ids]))
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict with the accepted set and the ids that cannot be told from it."""
+
+    verdict: Verdict
+    accepted: Ids = ()
+    ambiguous_with: Ids = ()
+
+
+def judge(posterior: Posterior, misfit: float) -> Judgement:
+    """The verdict with the set that it accepts.
+
+    Args:
+        posterior: of all explanations.
+        misfit: chance that noise leaves more than the best set of causes does.
+    """
+    nothing, best = posterior.listed[()], posterior.best
+    something = sum(value for ids, value in posterior.listed.items() if ids)
+    if sum(posterior.unlisted.values()) > nothing + something:
+        return Judgement(Verdict.UNEXPLAINED)
+    if something < ODDS_TO_NAME * nothing:
+        return Judgement(Verdict.CONSISTENT, (), posterior.unseen())
+    if misfit < MISFIT:
+        return Judgement(Verdict.UNEXPLAINED)
+    others = dict.fromkeys(id for rival in posterior.rivals() for id in rival if id not in best)
+    return Judgement(Verdict.AMBIGUOUS if others else Verdict.NAMED, best, tuple(others))
+
+
 @dataclass(frozen=True, eq=False)
 class Assessment:
     """Explanations of one data set with their probabilities.
 
     Attributes:
-        frame: the data.
-        menu: what was tried.
-        catalogue: places of the extras.
-        noise: grid of σ.
-        scores: set of ids → score of the screening.
-        fits: nonlinear fits of the sets that matter; always those of () and of the best set.
-        refit: fits a set nonlinearly.
+        at: the data, and what every candidate would do to them.
+        scores: set of ids → its score where the offsets-only model fits best.
+        fits: nonlinear fits made so far.
         unlisted: patterns beyond the list.
         posterior: probabilities.
-        answer: the verdict.
+        judgement: the verdict, and what it accepts.
     """
 
-    frame: Frame
-    menu: Menu
-    catalogue: Catalogue
-    noise: NoiseGrid
-    scores: Mapping[Names, Score]
-    fits: dict[Names, Fitted]
-    refit: Callable[[Names], Fitted]
+    at: Linearised
+    scores: Mapping[Ids, Score]
+    fits: dict[Ids, Fitted]
     unlisted: tuple[Unlisted, ...]
     posterior: Posterior
-    answer: Answer
+    judgement: Judgement
 
-    def fit(self, key: Names) -> Fitted:
-        """The nonlinear fit of a set of ids; made when first asked for."""
-        if key not in self.fits:
-            self.fits[key] = self.refit(key)
-        return self.fits[key]
+    def fit(self, ids: Ids) -> Fitted:
+        """The nonlinear fit of a set of causes; made when first asked for."""
+        if ids not in self.fits:
+            self.fits[ids] = fit_explanation(self.scores[ids])
+        return self.fits[ids]
 
     @property
     def accepted(self) -> Fitted:
         """The fit of the accepted set; of the offsets alone if there is none."""
-        return self.fit(self.answer.accepted)
+        return self.fit(self.judgement.accepted)
 
+    @cached_property
+    def left_open(self) -> tuple[tuple[float, Fitted], ...]:
+        """The explanations that the data leave open, the accepted one first, and their shares."""
+        listed, verdict = self.posterior.listed, self.judgement.verdict
+        if verdict is Verdict.UNEXPLAINED:
+            return ((1.0, self.accepted),)
+        open_ = [self.judgement.accepted]
+        if verdict is Verdict.AMBIGUOUS:
+            open_ += self.posterior.rivals()
+        elif verdict is Verdict.CONSISTENT:
+            unseen = [(id,) for id in self.posterior.unseen()]
+            open_ += [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
+        weights = np.array([listed[ids] for ids in open_])
+        weights /= weights.sum()
+        return tuple(zip(weights.tolist(), map(self.fit, open_), strict=True))
+
+    @property
     def offsets(self) -> tuple[Floats, Floats]:
-        """Offsets and standard deviations under the answer, shapes (3,), (3,) [mm].
+        """Offsets (3,) [mm] and their covariance (3, 3) [mm²] under the judgement.
 
         Averaged over the explanations that the data leave open, weighted by probability, so
         that the choice among them is part of the uncertainty.
         """
-        verdict = self.answer.verdict
-        if verdict == NAMED:
-            return self.accepted.offsets, self.accepted.offsets_std
-        listed = self.posterior.listed
-        if verdict == AMBIGUOUS:
-            keys = [self.posterior.best, *self.posterior.rivals()]
-        elif verdict == CONSISTENT:
-            unseen = [(cause,) for cause in self.posterior.unseen()]
-            keys = [(), *(key for key in unseen if listed[key] >= WEIGHS * listed[()])]
-        else:
-            return self._unexplained_offsets()
-        weights = np.array([listed[key] for key in keys])
-        weights /= weights.sum()
-        values = np.stack([self.fit(key).offsets for key in keys])
-        variances = np.stack([self.fit(key).offsets_std ** 2 for key in keys])
+        if self.judgement.verdict is Verdict.UNEXPLAINED:
+            return self.accepted.offsets, self._unexplained_covariance()
+        weights = np.array([share for share, _ in self.left_open])
+        values = np.stack([fit.offsets for _, fit in self.left_open])
+        within = np.stack([fit.joint_covariance() for _, fit in self.left_open])
         mean = weights @ values
-        return mean, np.sqrt(weights @ (variances + (values - mean) ** 2))
+        apart = values - mean
+        between = apart[:, :, None] * apart[:, None, :]
+        return mean, np.tensordot(weights, within + between, axes=1)
 
-    def _unexplained_offsets(self) -> tuple[Floats, Floats]:
-        """Offsets-only fit, its uncertainty widened by the likeliest unlisted pattern."""
-        pattern = max(self.unlisted, key=lambda u: u.log_evidence)
-        fit = self.fit(())
-        slope = fit.columns[:, :3]
-        spread = pattern.sigma**2 * np.eye(len(self.frame)) + pattern.columns @ pattern.columns.T
-        estimator = np.linalg.pinv(slope)
-        likeliest = np.diag(estimator @ spread @ estimator.T)
+    def _unexplained_covariance(self) -> Floats:
+        """Of the offsets-only fit, widened by the likeliest unlisted pattern, (3, 3) [mm²]."""
+        pattern = max(self.unlisted, key=lambda unlisted: unlisted.log_evidence)
+        fit, white = self.fit(()), self.at.white
+        same = np.eye(len(white))
+        estimator = np.linalg.pinv(fit.columns[:, :3])
+        likeliest = pattern.sigma**2 * same + pattern.columns @ pattern.columns.T
         # Whatever it is may also return with its posture, where repeats cannot average it out:
         # as large in each cell as what is left in the readings.
-        left = float(fit.residual @ fit.residual) / max(len(self.frame) - 3, 1)
-        cells = self.frame.matrix @ (
-            self.frame.plan.cells[:, None] == np.unique(self.frame.plan.cells)
-        )
-        returning = left * np.diag(
-            estimator @ (np.eye(len(self.frame)) + cells @ cells.T) @ estimator.T
-        )
-        return fit.offsets, np.sqrt(np.maximum(likeliest, returning))
+        left = float(fit.residual @ fit.residual) / max(len(white) - 3, 1)
+        cells = white.matrix @ (white.plan.cells[:, None] == np.unique(white.plan.cells))
+        returning = left * (same + cells @ cells.T)
+        spreads = [estimator @ spread @ estimator.T for spread in (likeliest, returning)]
+        # Correlated like the larger of the two, and for each offset as wide as the wider.
+        larger = max(spreads, key=np.trace)
+        widest = np.max([np.diag(spread) for spread in spreads], axis=0)
+        widened = np.sqrt(widest / np.diag(larger))
+        return np.asarray(larger * np.outer(widened, widened))
 
 
-def assess(frame: Frame, widen: float = 1.0) -> Assessment:
+def assess(white: Whitened) -> Assessment:
     """Weigh every explanation.
 
-    Args:
-        frame: the data.
-        widen: factor on all tolerances, to see how the answer depends on them.
+    Raises:
+        NotConvergedError: no offsets fit these data.
     """
-    machine = frame.machine
-    menu = menu_of(machine, frame.timed)
-    noise = NoiseGrid.around(machine.gauge.noise_mm)
-    catalogue = Catalogue.of(frame, menu)
-    scores = screen(frame, menu, catalogue, noise, widen)
-    others = {
-        key: other
-        for key, other in reread(frame, menu, catalogue, noise, widen).items()
-        if key not in scores or other.score.log_evidence > scores[key].log_evidence
-    }
-    scores |= {key: other.score for key, other in others.items()}
-
-    def refit(key: Names) -> Fitted:
-        if key in others:
-            return others[key].refine(noise, widen)
-        return refine(frame, catalogue, noise, scores[key], widen=widen)
-
-    weight = {key: score.log_evidence + menu.log_prior[key] for key, score in scores.items()}
-    order = sorted(weight, key=lambda key: -weight[key])
-    chosen = [key for key in order[:FITS] if weight[key] > weight[order[0]] - WORTH_A_FIT]
-    fits = {key: refit(key) for key in chosen}
-    evidence = {key: score.log_evidence for key, score in scores.items()}
-    evidence.update({key: fit.log_evidence for key, fit in fits.items()})
-
-    unlisted = unlisted_patterns(
-        frame, catalogue.slope, catalogue.doubt, catalogue.residuals[""], noise
+    candidates = Candidates.of(white.problem.model, ordered=white.raw)
+    at = Linearised.of(white, candidates)
+    scores, unlisted = score_all(at), score_unlisted(at)
+    evidence = {ids: score.log_evidence for ids, score in scores.items()}
+    weight = {ids: value + candidates.log_prior[ids] for ids, value in evidence.items()}
+    order = sorted(weight, key=lambda ids: -weight[ids])[:FITS]
+    chosen = [ids for ids in order if weight[ids] > weight[order[0]] - WORTH_A_FIT]
+    fits = {ids: fit_explanation(scores[ids]) for ids in chosen}
+    evidence |= {ids: fit.log_evidence for ids, fit in fits.items()}
+    posterior = Posterior.of(
+        evidence, candidates.log_prior, {found.what: found.log_evidence for found in unlisted}
     )
-    posterior = Posterior.of(evidence, menu, {u.what: u.log_evidence for u in unlisted})
     best = posterior.best
     if best not in fits:
-        fits[best] = refit(best)
+        fits[best] = fit_explanation(scores[best])
     left = fits[best].residual
-    chance = misfit(
-        float(left @ left), len(frame) - effective_unknowns(fits[best]), machine.gauge.noise_mm
+    misfit = chance_of_residual(
+        float(left @ left), len(white) - fits[best].unknowns, white.machine.gauge.noise_mm
     )
-    return Assessment(
-        frame,
-        menu,
-        catalogue,
-        noise,
-        scores,
-        fits,
-        refit,
-        tuple(unlisted),
-        posterior,
-        answer(posterior, chance),
-    )
-
-
-def effective_unknowns(fit: Fitted) -> float:
-    """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
-    gain = fit.covariance @ fit.columns.T / fit.sigma**2
-    return float(np.trace(fit.columns @ gain))
+    return Assessment(at, scores, fits, tuple(unlisted), posterior, judge(posterior, misfit))

@@ -1,35 +1,30 @@
-"""From what was measured to a verdict on the model: the main entry."""
+"""From what was measured to a verdict on the model, and to a model extended by a cause."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import date
 
 import numpy as np
 from scipy.special import fdtrc
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.causes import CAUSES, Acting, PatternCause, RelabelCause
-from orthoglide_cal.diagnosis.assess import Assessment, assess
-from orthoglide_cal.diagnosis.frame import Frame
-from orthoglide_cal.diagnosis.gain import HeldOut, leave_out_cells, predict_later
-from orthoglide_cal.diagnosis.posterior import DISMISSED, misfit
-from orthoglide_cal.diagnosis.refine import Fitted
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.assess import DISMISSED, Assessment, assess
+from orthoglide_cal.diagnosis.explanations import Ids, Whitened
+from orthoglide_cal.diagnosis.fit import Fitted, HeldOut, leave_out_cells, predict_later
+from orthoglide_cal.diagnosis.next_reading import best_next
 from orthoglide_cal.diagnosis.result import (
-    AMBIGUOUS,
-    CONSISTENT,
-    NAMED,
-    UNEXPLAINED,
     Diagnosis,
+    Explanation,
     LackOfFit,
     NamedCause,
     NextMeasurement,
+    Verdict,
 )
-from orthoglide_cal.diagnosis.separate import best_next
-from orthoglide_cal.effects import Effect
-from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.accuracy import scatter_of_repeats
-from orthoglide_cal.machine import Estimate, Machine
-from orthoglide_cal.measured import Differences, Measured, Readings
+from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.estimation.accuracy import chance_of_residual, scatter_of_repeats
+from orthoglide_cal.model import Effect, Floats, Measured, Model
 
 # A held-out error counts as lower if it falls below this share of the one before.
 LOWER = 0.98
@@ -37,159 +32,180 @@ LOWER = 0.98
 
 def diagnose(
     measured: Measured,
-    machine: Machine,
-    effects: Sequence[Effect] = (),
+    model: Model,
     holdout: Measured | None = None,
     applied: Floats | None = None,
-    sensitivity: bool = False,
+    sensitivity: Container[Verdict] = (),
 ) -> Diagnosis:
     """Say what the offsets-only model gets wrong, if anything.
 
     Args:
         measured: readings or differences.
-        machine: nominal machine, gauge and tolerances.
-        effects: causes already accepted for this machine.
+        model: nominal machine, gauge and tolerances, and the causes accepted already.
         holdout: later data that no fit may see.
         applied: offsets entered in the controller before the held-out data, shape (3,) [mm].
-        sensitivity: also answer with all tolerances halved and doubled.
+        sensitivity: verdicts for which to answer with all tolerances halved and doubled, too.
 
     Raises:
         RankDeficientError: the data do not determine the offsets.
         UnusableResultError: the numbers of the machine file and the data are too far apart.
     """
+    with _weighable(model):
+        white = Whitened.of(measured, model)
+        later = None if holdout is None else Whitened.of(holdout, model)
+        entered = np.zeros(3) if applied is None else applied
+        found = assess(white)
+        nothing, accepted = found.fit(()), found.accepted
+        causes: tuple[NamedCause, ...] = ()
+        if found.judgement.accepted:
+            before, after = (
+                predict_later(later, fit, entered)
+                if later is not None
+                else leave_out_cells(white, fit, accepted)
+                for fit in (nothing, accepted)
+            )
+            causes = _named(found, before, after)
+        changes: dict[str, tuple[Verdict, Ids]] = {}
+        if found.judgement.verdict in sensitivity:
+            for name, factor in (("halved", 0.5), ("doubled", 2.0)):
+                other = assess(white.scaled(factor)).judgement
+                changes[name] = other.verdict, other.accepted
+        offsets, covariance = found.offsets
+        return Diagnosis(
+            measured=measured,
+            model=model,
+            verdict=found.judgement.verdict,
+            lack_of_fit=_lack_of_fit(white, measured, nothing),
+            causes=causes,
+            ambiguous_with=found.judgement.ambiguous_with,
+            next_measurement=_next(found),
+            left_open=found.left_open,
+            offsets_mm=offsets,
+            covariance_mm2=covariance,
+            nominal_mm=_predicted(white, measured, nothing),
+            explained_mm=_predicted(white, measured, accepted),
+            sensitivity=changes,
+            ranking=_ranking(found),
+            notes=_notes(found, measured),
+        )
+
+
+def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
+    """The model with one more accepted cause.
+
+    Args:
+        measured: the data that it is identified from.
+        model: as known so far.
+        id: cause to accept.
+        on: date to note.
+
+    Raises:
+        UsageError: there is no such cause.
+        UnusableResultError: these data do not support it, or it lies in the measurement.
+    """
+    cause = CAUSES.get(id)
+    if cause is None:
+        raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
+    if not cause.lasting:
+        raise UnusableResultError(
+            f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
+            cause.advice,
+        )
+    with _weighable(model):
+        found = assess(Whitened.of(measured, model))
+        verdict, accepted = found.judgement.verdict, found.judgement.accepted
+        if not accepted:
+            raise UnusableResultError(
+                f"These data are {verdict}: they do not support {id} as an extension.",
+                "Run orthocal diagnose and see what it says.",
+            )
+        doubtful = _doubtful(found, id) if verdict is Verdict.AMBIGUOUS else []
+        if doubtful:
+            raise UnusableResultError(
+                f"These data cannot tell what lies in the machine from {', '.join(doubtful)},"
+                " which lies in the measurement.",
+                "Take the reading that orthocal diagnose names, then accept.",
+            )
+        listed = found.posterior.listed
+        best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
+        if id not in best or listed[best] < DISMISSED * listed[accepted]:
+            raise UnusableResultError(
+                f"These data speak against {id}.", f"They name {', '.join(accepted)}."
+            )
+        (effect,) = (effect for effect in found.fit(best).effects if effect.cause is cause)
+        return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
+
+
+@contextmanager
+def _weighable(model: Model) -> Iterator[None]:
+    """Turn a failure of linear algebra into an error that says what it comes from."""
     try:
-        return _diagnose(measured, machine, effects, holdout, applied, sensitivity)
+        yield
     except np.linalg.LinAlgError as error:
         raise UnusableResultError(
             "These data cannot be weighed: the gauge's stated noise"
-            f" ({machine.gauge.noise_mm:.2g} mm) is out of all proportion to the readings.",
+            f" ({model.machine.gauge.noise_mm:.2g} mm) is out of all proportion to the readings.",
             "Check gauge and tolerances in the machine file.",
         ) from error
 
 
-def _diagnose(
-    measured: Measured,
-    machine: Machine,
-    effects: Sequence[Effect],
-    holdout: Measured | None,
-    applied: Floats | None,
-    sensitivity: bool,
-) -> Diagnosis:
-    frame = Frame.of(measured, machine, effects)
-    found = assess(frame)
-    verdict = found.answer.verdict
-    nothing, accepted = found.fit(()), found.accepted
-    later = None if holdout is None else Frame.of(holdout, machine, effects)
-    between = np.zeros(3) if applied is None else np.asarray(applied, dtype=np.float64)
+def _doubtful(found: Assessment, id: str) -> list[str]:
+    """Faults of the measurement that stand in the place of a cause in an explanation without it.
 
-    def outside(fit: Fitted) -> HeldOut:
-        if later is not None:
-            return predict_later(later, fit, between)
-        return leave_out_cells(frame, fit, accepted)
-
-    causes: tuple[NamedCause, ...] = ()
-    if verdict in (NAMED, AMBIGUOUS):
-        before, after = outside(nothing), outside(accepted)
-        causes = _named(found, before, after)
-    offsets, std = found.offsets()
-    values, nominal, explained = _pictures(frame, measured, nothing, accepted)
-    changes = (
-        {name: _brief(assess(frame, widen)) for name, widen in (("halved", 0.5), ("doubled", 2.0))}
-        if sensitivity
-        else {}
-    )
-    return Diagnosis(
-        source=measured.source,
-        kind=measured.kind,
-        count=len(measured),
-        machine=machine.name,
-        verdict=verdict,
-        lack_of_fit=_lack_of_fit(frame, measured, nothing),
-        causes=causes,
-        ambiguous_with=found.answer.ambiguous_with,
-        next_measurement=_next(found),
-        offsets_mm=offsets,
-        std_mm=std,
-        measured_mm=values,
-        nominal_mm=nominal,
-        explained_mm=explained,
-        noise_mm=accepted.sigma,
-        sensitivity=changes,
-        ranking=_ranking(found),
-        notes=_notes(found, measured),
-    )
+    The explanations that hold it may differ in what else was wrong with the measurement.
+    """
+    sets = (found.judgement.accepted, *found.posterior.rivals())
+    shared = set.intersection(*map(set, sets))
+    return [
+        other
+        for other in dict.fromkeys(other for ids in sets for other in ids)
+        if id not in shared and other not in shared and not CAUSES[other].in_machine
+    ]
 
 
 def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCause, ...]:
-    frame, accepted, nothing = found.frame, found.accepted, found.fit(())
-    probability = found.posterior.listed[found.answer.accepted]
+    """The accepted causes; the one without which the data are hardest to explain comes first."""
+    white, accepted = found.at.white, found.accepted
     falls = after.rms_mm < LOWER * before.rms_mm
-
-    def sure(id: str) -> bool:
-        """No explanation without it needs a fault of the measurement in its place."""
-        if found.answer.verdict == NAMED:
-            return True
-        without = [set(key) for key in found.posterior.rivals() if id not in key]
-        instead = set().union(*without) - set(found.answer.accepted)
-        return all(CAUSES[other].compensable for other in instead)
-
-    start, named = 3, []
-    for act in accepted.acting:
-        spread = accepted.covariance[start : start + act.theta.size, :]
-        spread = np.sqrt(np.diag(spread[:, start : start + act.theta.size]))
-        fixed = isinstance(act.cause, PatternCause) and bool(act.cause.counts)
-        start += 0 if fixed else act.theta.size
-        stds = np.zeros(act.theta.size) if fixed else spread
-        named.append(
-            NamedCause(
-                id=act.cause.id,
-                probability=probability,
-                where=act.cause.label(act.where, frame.plan, frame.machine),
-                parameters={
-                    name: Estimate(
-                        act.cause.admissible(float(value)) / act.cause.scale,
-                        float(std / act.cause.scale),
-                        act.cause.unit,
-                    )
-                    for name, value, std in zip(act.cause.names, act.theta, stds, strict=False)
-                },
-                rms_before_mm=frame.rms(nothing.residual),
-                rms_after_mm=frame.rms(accepted.residual),
-                heldout_before_mm=before.rms_mm,
-                heldout_after_mm=after.rms_mm,
-                heldout_ratio=after.ratio,
-                aliases=_aliases(found, act),
-                advice=act.cause.advice,
-                in_machine=act.cause.in_machine,
-                recommended=act.cause.compensable and falls and sure(act.cause.id),
-            )
+    named = [
+        NamedCause(
+            effect=effect,
+            where=effect.cause.label(effect.place, white.plan, white.machine),
+            probability=found.posterior.listed[found.judgement.accepted],
+            rms_before_mm=white.rms(found.fit(()).residual),
+            rms_after_mm=white.rms(accepted.residual),
+            heldout_before_mm=before.rms_mm,
+            heldout_after_mm=after.rms_mm,
+            heldout_ratio=after.ratio,
+            aliases=_aliases(found, effect),
+            recommended=effect.cause.compensable and falls and _sure(found, effect),
         )
-    # The cause without which the data would be hardest to explain comes first.
-    alone = found.scores
-    named.sort(key=lambda cause: -alone[(cause.id,)].log_evidence)
-    return tuple(named)
+        for effect in accepted.effects
+    ]
+    return tuple(sorted(named, key=lambda cause: -found.scores[(cause.id,)].log_evidence))
 
 
-def _aliases(found: Assessment, act: Acting) -> tuple[str, ...]:
+def _sure(found: Assessment, effect: Effect) -> bool:
+    """No explanation without this cause needs a fault of the measurement in its place."""
+    without = [set(ids) for ids in found.posterior.rivals() if effect.cause.id not in ids]
+    instead = set().union(*without) - set(found.judgement.accepted)
+    return all(CAUSES[other].compensable for other in instead)
+
+
+def _aliases(found: Assessment, effect: Effect) -> Ids:
     """Ids that stand in this cause's place in a rival explanation."""
-    mine = set(found.answer.accepted) - {act.cause.id}
-    aliases: list[str] = []
-    for rival in found.posterior.rivals():
-        if mine <= set(rival) and act.cause.id not in rival:
-            aliases += [c for c in rival if c not in mine and c not in aliases]
-    return tuple(aliases)
+    id = effect.cause.id
+    beside = set(found.judgement.accepted) - {id}
+    rivals = (ids for ids in found.posterior.rivals() if beside <= set(ids) and id not in ids)
+    return tuple(dict.fromkeys(other for ids in rivals for other in ids if other not in beside))
 
 
-def _lack_of_fit(frame: Frame, measured: Measured, nothing: Fitted) -> LackOfFit:
-    noise = frame.machine.gauge.noise_mm
+def _lack_of_fit(white: Whitened, measured: Measured, nothing: Fitted) -> LackOfFit:
+    noise, dof = white.machine.gauge.noise_mm, len(white) - 3
     total = float(nothing.residual @ nothing.residual)
-    dof = len(frame) - 3
-    repeats = (
-        scatter_of_repeats(measured.plan, measured.value)
-        if isinstance(measured, Readings)
-        else None
-    )
-    chance = None
+    repeats, chance = None, None
+    if white.raw:
+        repeats = scatter_of_repeats(white.plan, measured.value)
     if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:
         pure = repeats.dof * repeats.sigma_mm**2
         lack = max(total - pure, 0.0) / (dof - repeats.dof)
@@ -197,7 +213,7 @@ def _lack_of_fit(frame: Frame, measured: Measured, nothing: Fitted) -> LackOfFit
     return LackOfFit(
         statistic=total / noise**2,
         dof=dof,
-        p_value=misfit(total, dof, noise),
+        p_value=chance_of_residual(total, dof, noise),
         noise_mm=noise,
         residual_mm=float(np.sqrt(total / dof)) if dof else 0.0,
         repeats_mm=None if repeats is None else repeats.sigma_mm,
@@ -205,73 +221,58 @@ def _lack_of_fit(frame: Frame, measured: Measured, nothing: Fitted) -> LackOfFit
     )
 
 
-def _pictures(
-    frame: Frame, measured: Measured, nothing: Fitted, accepted: Fitted
-) -> tuple[Floats, Floats, Floats]:
-    """Measured values, the offsets-only prediction and the accepted one, shape (m,) [mm].
-
-    In the order of the file.
-    """
-    if isinstance(measured, Differences):
-        order = [frame.names.index(name) for name in measured.names]
-        data, left = measured.value, [(frame.root @ f.residual)[order] for f in (nothing, accepted)]
-    else:
-        data, left = measured.value, [frame.matrix.T @ f.residual for f in (nothing, accepted)]
-        for act in accepted.acting:
-            if isinstance(act.cause, RelabelCause) and act.cause.reversible(frame.plan, act.where):
-                index, sign = act.cause.relabel(frame.plan, act.where)
-                left[1] = sign * left[1][index]
-    return data, data - left[0], data - left[1]
+def _predicted(white: Whitened, measured: Measured, fit: Fitted) -> Floats:
+    """What a fit says of each measured value, in the order of the file, shape (n,) [mm]."""
+    residual = fit.residual
+    for effect in fit.effects:
+        cause, place = effect.cause, effect.place
+        if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
+            residual = white.relabelled(residual, cause, place)
+    return measured.value - white.plain(residual)[white.in_file]
 
 
 def _next(found: Assessment) -> NextMeasurement | None:
-    if found.answer.verdict != AMBIGUOUS:
+    if found.judgement.verdict is not Verdict.AMBIGUOUS:
         return None
-    rival = next(key for key in found.posterior.rivals() if set(key) - set(found.answer.accepted))
-    return best_next(found.frame, found.accepted, found.fit(rival))
+    rivals = found.posterior.rivals()
+    rival = next(ids for ids in rivals if set(ids) - set(found.judgement.accepted))
+    return best_next(found.at.white, found.accepted, found.fit(rival))
 
 
-def _brief(found: Assessment) -> tuple[str, str]:
-    return found.answer.verdict, "+".join(found.answer.accepted)
-
-
-def _ranking(found: Assessment) -> Mapping[str, float]:
-    listed = {"+".join(key): value for key, value in found.posterior.listed.items()}
-    both = {**listed, **found.posterior.unlisted}
-    return dict(sorted(both.items(), key=lambda item: -item[1]))
+def _ranking(found: Assessment) -> Mapping[Explanation, float]:
+    posterior = found.posterior
+    tried = {Explanation(ids): value for ids, value in posterior.listed.items()}
+    tried |= {Explanation(pattern=what): value for what, value in posterior.unlisted.items()}
+    return dict(sorted(tried.items(), key=lambda item: -item[1]))
 
 
 def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
-    notes = list(measured.remarks)
-    answer, causes = found.answer, found.accepted.acting
-    if answer.verdict == CONSISTENT and answer.ambiguous_with:
+    notes, raw = list(measured.remarks), found.at.white.raw
+    judgement, causes = found.judgement, [effect.cause for effect in found.accepted.effects]
+    listed, unlisted = found.posterior.listed, found.posterior.unlisted
+    if judgement.verdict is Verdict.CONSISTENT and judgement.ambiguous_with:
         notes.append(
             "Of plausible size yet too small to be seen in these readings:"
-            f" {', '.join(answer.ambiguous_with)}."
+            f" {', '.join(judgement.ambiguous_with)}."
         )
-    if answer.verdict == UNEXPLAINED:
-        unlisted = found.posterior.unlisted
-        pattern = max(unlisted, key=lambda name: unlisted[name])
+    if judgement.verdict is Verdict.UNEXPLAINED:
+        pattern = max(unlisted, key=unlisted.__getitem__)
         notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
         notes.append("Its size is part of the uncertainty of the offsets.")
-    listed = found.posterior.listed
-    for part in (key for key in listed if key and set(key) < set(answer.accepted)):
-        if listed[part] >= DISMISSED * listed[answer.accepted]:
-            rest = "+".join(cause for cause in answer.accepted if cause not in part)
+    for part in (ids for ids in listed if ids and set(ids) < set(judgement.accepted)):
+        if listed[part] >= DISMISSED * listed[judgement.accepted]:
+            rest = "+".join(id for id in judgement.accepted if id not in part)
             notes.append(
                 f"{part[0]} alone is possible, too (probability {listed[part]:.2g}): whether {rest}"
                 " acts beside it is not certain."
             )
-    if isinstance(measured, Differences) and causes:
-        unknowns = sum(len(act.cause.names) for act in causes)
-        spare = len(measured) - 3
+    if causes and not raw:
+        unknowns = sum(len(cause.names) for cause in causes)
         notes.append(
-            f"{len(measured)} differences leave {spare} numbers beyond the three offsets, and this"
-            f" answer has {unknowns} unknowns: the name rests on plausible sizes, not on the data"
-            " alone. Raw readings, with more postures, carry more."
+            f"{len(measured)} differences leave {len(measured) - 3} numbers beyond the three"
+            f" offsets, and this answer has {unknowns} unknowns: the name rests on plausible sizes,"
+            " not on the data alone. Raw readings, with more postures, carry more."
         )
-    if any(isinstance(act.cause, PatternCause) for act in causes) and isinstance(
-        measured, Readings
-    ):
+    if raw and any(isinstance(c, PatternCause) for c in causes):
         notes.append("A fault of the measurement is mended by measuring, not by the controller.")
     return tuple(notes)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
+from orthoglide_cal.model import Floats, freeze
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
 STATEMENT_SPREAD = 0.10
@@ -31,25 +31,32 @@ class NoiseGrid:
     sigma: Floats
     log_weight: Floats
 
+    def __post_init__(self) -> None:
+        freeze(self, "sigma", "log_weight")
+
     @classmethod
     def around(cls, stated_mm: float) -> NoiseGrid:
         """Log-normal around the stated noise."""
         weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
         return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
 
+    @property
+    def stated(self) -> float:
+        """The likeliest of them: what the gauge's maker states [mm]."""
+        return float(self.sigma[np.argmax(self.log_weight)])
 
-def log_sum(values: Floats) -> float:
-    """ln Σ exp of all entries."""
-    top = float(values.max())
-    return top + math.log(float(np.exp(values - top).sum()))
 
-
-def log_sums(values: Floats, axis: int) -> Floats:
-    """ln Σ exp along one axis."""
+def log_sum(values: Floats, axis: int | None = None) -> Floats:
+    """ln Σ exp along an axis, or of all entries."""
     top = values.max(axis=axis, keepdims=True)
     share = values - top
     np.exp(share, out=share)
     return np.asarray(np.log(share.sum(axis=axis)) + top.squeeze(axis))
+
+
+def log_mean(values: Floats) -> float:
+    """ln of the mean of exp of all entries."""
+    return float(log_sum(values)) - math.log(values.size)
 
 
 class Gaussian:
@@ -67,12 +74,17 @@ class Gaussian:
         size2 = size2[..., None, :]
         self._shrink = size2 / (self._sigma2 + size2)  # (..., g, r)
         own = columns.shape[-2] * np.log(self._sigma2[:, 0])
-        self.log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + own
+        log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + own
+        self._log_share = noise.log_weight - 0.5 * log_det
 
     def log_density(self, residuals: Floats) -> Floats:
-        """ln p of each column of (..., k, q), shape (..., g, q), without the constant."""
+        """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""
         quadratic = self._quadratic(residuals, self._inside(residuals))
-        return np.asarray(-0.5 * (quadratic + self.log_det[..., None]))
+        return np.asarray(self._log_share[..., None] - 0.5 * quadratic)
+
+    def by_noise(self, residual: Floats) -> Floats:
+        """The same of one residual (k,), shape (..., g)."""
+        return np.asarray(self.log_density(residual[:, None])[..., 0])
 
     def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
         """How columns c of (..., k, q) weigh and match one residual (k,).

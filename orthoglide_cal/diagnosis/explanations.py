@@ -1,81 +1,364 @@
-"""The explanations that compete for the data: none, one cause, two causes, or something unlisted.
+"""The data as a diagnosis sees them, and the explanations that compete for them.
 
-A base is a set of causes with many parameters acting everywhere (none, one of the machine or
-the bars, or both); an extra is one cause at one of many places, or one that relabels readings.
+The data are combinations of readings with equal, independent noise:
+
+    d = W y,   W whitens, so that the noise of d is σ² I
+
+For raw readings W are the zero-free contrasts, for differences the whitened differences. A
+cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W Wᵀ = I).
+
+Tried are "nothing is wrong", one cause, and two causes. A base is a set of causes with many
+parameters acting everywhere (none, one of the machine or the bars, or both); an extra is one cause
+at one of many places, or one that relabels readings.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
-from orthoglide_cal.causes import CAUSES, Cause, PatternCause, RelabelCause, Step
-from orthoglide_cal.machine import Machine
+import numpy as np
 
-# Prior weight of the kinds of explanation.
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.evidence import NoiseGrid
+from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose
+from orthoglide_cal.estimation.accuracy import require_rank, rms
+from orthoglide_cal.model import (
+    Cause,
+    DataKind,
+    Effect,
+    Floats,
+    Ints,
+    Machine,
+    Measured,
+    Model,
+    Place,
+    Plan,
+    Readings,
+    Stage,
+    carried_uncertainty,
+    differentiate,
+    freeze,
+    ideal_plan,
+    reduction,
+    zero_free,
+)
+
+Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is wrong"
+
+# Between a quick session and a slow one: factor on the pace where no times were written down.
+UNKNOWN_PACE = 3.0
+PER_HOUR = "mm/h"
+# Prior weight of the kinds of explanation; the rest is shared by the unlisted patterns.
 NOTHING = 0.48
 ONE_CAUSE = 0.36
 TWO_CAUSES = 0.12
 UNLISTED = 0.04
+# Offsets are not judged by their size: one standard deviation of their prior [mm].
+OFFSETS_MM = 10.0
 
-Names = tuple[str, ...]
 
-
-@dataclass(frozen=True)
-class Menu:
-    """The causes to be tried on one data set.
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """Data and model in whitened form.
 
     Attributes:
-        broad: causes with machine-wide parameters.
-        patterns: causes that add one pattern at one of many places.
-        relabels: causes that relabel readings.
-        bases: sets of broad causes, the empty one first.
-        log_prior: ln prior weight of each set of ids (sorted).
+        problem: the model, the plan of n readings, and W, shape (k, n).
+        data: d, shape (k,) [mm].
+        root: un-whitens, shape (k, k): the identity for raw readings.
+        raw: True for raw readings, whose order in time is known; False for differences.
+        in_file: where each entry of the file stands in the data as read, shape (m,).
     """
 
-    broad: tuple[Cause, ...]
-    patterns: tuple[PatternCause, ...]
-    relabels: tuple[RelabelCause, ...]
-    bases: tuple[tuple[Cause, ...], ...]
-    log_prior: Mapping[Names, float]
+    problem: Problem
+    data: Floats
+    root: Floats
+    raw: bool
+    in_file: Ints
+
+    def __post_init__(self) -> None:
+        freeze(self, "data", "root", "in_file")
+
+    @classmethod
+    def of(cls, measured: Measured, model: Model) -> Whitened:
+        """Whiten what was measured.
+
+        Raises:
+            RankDeficientError: the data do not determine the offsets.
+        """
+        if isinstance(measured, Readings):
+            if not measured.timed:
+                # Rates of change as plausible as before, on a clock that was only assumed.
+                rates = [id for id, cause in CAUSES.items() if cause.unit == PER_HOUR]
+                model = _scaled(model, UNKNOWN_PACE, rates)
+            # Zero-free contrasts are orthonormal.
+            matrix = zero_free(measured.plan)
+            problem = Problem(model, measured.plan, matrix)
+            require_rank(problem)
+            data = np.asarray(matrix @ measured.value)
+            return cls(problem, data, np.eye(len(data)), True, np.arange(len(measured)))
+        posed = pose(measured, model, Method(measured.kind))
+        require_rank(posed.problem)
+        plan, matrix = posed.problem.plan, posed.problem.matrix
+        if measured.kind is DataKind.SIX:
+            # The readings behind max − min, with the isotropic ones that the carriages pass.
+            plan = ideal_plan(DataKind.TWELVE, model.machine)
+            matrix = reduction(DataKind.SIX, posed.which, model.machine, plan)
+        root = np.linalg.cholesky(matrix @ matrix.T)
+        # Rows of R, and the data, in units of independent noise.
+        white = np.asarray(np.linalg.solve(root, np.column_stack((matrix, posed.data))))
+        problem = Problem(model, plan, white[:, :-1])
+        in_file = np.array([posed.which.index(difference) for difference in measured.which])
+        return cls(problem, white[:, -1], np.asarray(root), False, in_file)
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    @property
+    def machine(self) -> Machine:
+        """The nominal machine."""
+        return self.problem.model.machine
+
+    @property
+    def plan(self) -> Plan:
+        """What the n readings are of."""
+        return self.problem.plan
+
+    @property
+    def matrix(self) -> Floats:
+        """W, shape (k, n)."""
+        return self.problem.matrix
+
+    def scaled(self, factor: float) -> Whitened:
+        """The same with all tolerances multiplied, to see how an answer depends on them."""
+        model = _scaled(self.problem.model, factor, self.machine.tolerances)
+        return replace(self, problem=replace(self.problem, model=model))
+
+    def under(self, plan: Plan) -> Whitened:
+        """The same data as readings of another plan."""
+        return replace(self, problem=replace(self.problem, plan=plan))
+
+    def plain(self, residual: Floats) -> Floats:
+        """A whitened residual (k,) in each reading, or difference, shape (m,) [mm]."""
+        return np.asarray(self.matrix.T @ residual if self.raw else self.root @ residual)
+
+    def rms(self, residual: Floats) -> float:
+        """Root mean square of a whitened residual over readings, or differences [mm]."""
+        return rms(self.plain(residual))
+
+    def relabelled(self, values: Floats, cause: RelabelCause, place: Place) -> Floats:
+        """Whitened values (k,) with a fault of the record done, or undone, shape (k,)."""
+        index, sign = cause.relabel(self.plan, place)
+        return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index]))
+
+    def linearised(self, offsets: Floats, effects: Sequence[Effect]) -> tuple[Floats, Floats]:
+        """Prediction (k,), and its derivatives by the offsets and each effect's θ, (k, 3 + p)."""
+        readings, slopes = differentiate(self.problem.model, offsets, self.plan, effects)
+        return self.matrix @ readings, self.matrix @ slopes
 
 
-def names(*causes: Cause) -> Names:
+def _scaled(model: Model, factor: float, ids: Collection[str]) -> Model:
+    """The model with the tolerances of these causes multiplied."""
+    tolerances = {
+        id: size * factor if id in ids else size for id, size in model.machine.tolerances.items()
+    }
+    return replace(model, machine=replace(model.machine, tolerances=tolerances))
+
+
+def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
+    """The plan of what was really read, where an exchange cannot be expressed in the data."""
+    for effect in effects:
+        cause, place = effect.cause, effect.place
+        if isinstance(cause, RelabelCause) and not cause.reversible(plan, place):
+            plan = cause.really_read(plan, place)
+    return plan
+
+
+def ids_of(*causes: Cause) -> Ids:
     """Ids of a set of causes, sorted."""
     return tuple(sorted(cause.id for cause in causes))
 
 
-def menu_of(machine: Machine, timed: bool) -> Menu:
-    """Causes that the machine file gives a plausible size, and all sets of one or two of them.
+@dataclass(frozen=True)
+class Candidates:
+    """The causes to be tried on one data set.
 
-    Two act together only if at least one lies in the contact or the record; two of the machine
-    at once are left to "unlisted".
-
-    Args:
-        machine: tolerances and gauge; a gauge without a dial cannot slip.
-        timed: whether the time order of the readings is known.
+    Attributes:
+        broad: causes with machine-wide parameters.
+        pairs: of them, those that may act together.
+        extras: causes that add one pattern at one of many places, then those that relabel.
+        log_prior: ln prior weight of each set of ids.
     """
-    usable = [
-        cause
-        for cause in CAUSES.values()
-        if cause.possible(machine)
-        and (timed or not cause.timed)
-        and not any(found.id == cause.id for found in machine.identified)
-    ]
-    patterns = tuple(c for c in usable if isinstance(c, PatternCause))
-    relabels = tuple(c for c in usable if isinstance(c, RelabelCause))
-    broad = tuple(c for c in usable if not isinstance(c, PatternCause | RelabelCause))
-    contact = [cause for cause in broad if cause.step is Step.CONTACT]
-    both = [(a, b) for a in broad if a.in_machine for b in contact]
-    bases: list[tuple[Cause, ...]] = [(), *((cause,) for cause in broad), *both]
 
-    extras = (*patterns, *relabels)
-    pairs = [names(*base) for base in both]
-    pairs += [names(cause, extra) for cause in broad for extra in extras]
-    log_prior: dict[Names, float] = {(): math.log(NOTHING)}
-    for cause in usable:
-        log_prior[names(cause)] = math.log(ONE_CAUSE / len(usable))
-    for pair in pairs:
-        log_prior[pair] = math.log(TWO_CAUSES / len(pairs))
-    return Menu(broad, patterns, relabels, tuple(bases), log_prior)
+    broad: tuple[Cause, ...]
+    pairs: tuple[tuple[Cause, ...], ...]
+    extras: tuple[PatternCause | RelabelCause, ...]
+    log_prior: Mapping[Ids, float]
+
+    @classmethod
+    def of(cls, model: Model, ordered: bool) -> Candidates:
+        """Causes that the machine file gives a plausible size, and sets of one or two of them.
+
+        Two act together only if at least one lies in the contact or the record; two of the
+        machine at once are left to "unlisted".
+
+        Args:
+            model: tolerances, gauge, and the causes that are known already.
+            ordered: whether the time order of the readings is known.
+        """
+        known = {effect.cause.id for effect in model.accepted}
+        usable = [
+            cause
+            for cause in CAUSES.values()
+            if cause.possible(model.machine)
+            and (ordered or not cause.timed)
+            and cause.id not in known
+        ]
+        extras: tuple[PatternCause | RelabelCause, ...] = (
+            *(cause for cause in usable if isinstance(cause, PatternCause)),
+            *(cause for cause in usable if isinstance(cause, RelabelCause)),
+        )
+        broad = tuple(cause for cause in usable if cause not in extras)
+        contact = [cause for cause in broad if cause.stage is Stage.CONTACT]
+        pairs = tuple((a, b) for a in broad if a.in_machine for b in contact)
+        both = [*pairs, *((cause, extra) for cause in broad for extra in extras)]
+        log_prior: dict[Ids, float] = {(): math.log(NOTHING)}
+        log_prior |= {ids_of(cause): math.log(ONE_CAUSE / len(usable)) for cause in usable}
+        log_prior |= {ids_of(*two): math.log(TWO_CAUSES / len(both)) for two in both}
+        return cls(broad, pairs, extras, log_prior)
+
+    @property
+    def bases(self) -> tuple[tuple[Cause, ...], ...]:
+        """No cause of the broad ones, or one."""
+        return ((), *((cause,) for cause in self.broad))
+
+
+@dataclass(frozen=True)
+class Extra:
+    """One cause at one place, beside a base.
+
+    Attributes:
+        cause: a pattern cause or a relabelling one.
+        place: the place.
+        number: its column of `Linearised.patterns`, or the version of the data to be fitted.
+        count: its size where that is a whole number; None for a size of any value.
+    """
+
+    cause: PatternCause | RelabelCause
+    place: Place
+    number: int
+    count: int | None = None
+
+
+class Placed(NamedTuple):
+    """An extra cause on these data.
+
+    Attributes:
+        cause: the cause.
+        places: where it may act, all equally likely.
+        tried: those of them that have a number: of a relabelling only where the data can undo it.
+        own: their numbers, as in `Extra`.
+    """
+
+    cause: PatternCause | RelabelCause
+    places: tuple[Place, ...]
+    tried: tuple[Place, ...]
+    own: slice
+
+    @property
+    def log_share(self) -> float:
+        """ln of the prior share of one place."""
+        return -math.log(len(self.places))
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """What every candidate would do to these data, where the offsets-only model fits best.
+
+    A relabelling is undone in the data, which gives another version of them; version 0 is as
+    recorded.
+
+    Attributes:
+        white: the data.
+        candidates: what is tried.
+        noise: grid of σ.
+        extras: by id, where each may act.
+        versions: the data as recorded and with each relabelling undone, shape (v, k) [mm].
+        offsets: fitted to each version, shape (v, 3) [mm].
+        residuals: what is left then, shape (v, k) [mm].
+        patterns: W·pattern of one unit at each place of each pattern cause, one after the other,
+            shape (k, P) [mm per unit].
+        slope: derivative of the data by the offsets at the fit to version 0, shape (k, 3).
+        slopes: id of a broad cause → derivative by its parameters there, where it is absent,
+            shape (k, p).
+        carried: what one standard deviation of each accepted parameter adds, shape (k, a) [mm].
+    """
+
+    white: Whitened
+    candidates: Candidates
+    noise: NoiseGrid
+    extras: Mapping[str, Placed]
+    versions: Floats
+    offsets: Floats
+    residuals: Floats
+    patterns: Floats
+    slope: Floats
+    slopes: Mapping[str, Floats]
+    carried: Floats
+
+    @classmethod
+    def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
+        """Enumerate the places and fit the offsets to each version of the data.
+
+        Raises:
+            NotConvergedError: no offsets fit one of them.
+        """
+        plan, machine = white.plan, white.machine
+        extras: dict[str, Placed] = {}
+        patterns, versions = [np.zeros((len(plan), 0))], [white.data]
+        width = 0
+        for cause in candidates.extras:
+            tried = places = cause.places(plan, machine)
+            if isinstance(cause, PatternCause):
+                start, width = width, width + len(places)
+                patterns.append(cause.patterns(plan, places))
+            else:
+                tried = tuple(place for place in places if cause.reversible(plan, place))
+                start = len(versions)
+                versions += [white.relabelled(white.data, cause, place) for place in tried]
+            extras[cause.id] = Placed(cause, places, tried, slice(start, start + len(tried)))
+        fit = fit_offsets(white.problem, np.stack(versions))
+        if not np.all(fit.converged):
+            raise NotConvergedError(
+                "No offsets fit these data: the search does not settle.", "Run: orthocal validate"
+            )
+        offsets, broad = fit.offsets_mm[0], candidates.broad
+        absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
+        _, columns = white.linearised(offsets, absent)
+        ends = np.cumsum([3, *(cause.unknowns for cause in broad)])
+        slope, *slopes = np.split(columns, ends[:-1], axis=1)
+        return cls(
+            white=white,
+            candidates=candidates,
+            noise=NoiseGrid.around(machine.gauge.noise_mm),
+            extras=extras,
+            versions=np.stack(versions),
+            offsets=fit.offsets_mm,
+            residuals=fit.residuals_mm,
+            patterns=white.matrix @ np.hstack(patterns),
+            slope=slope,
+            slopes={cause.id: own for cause, own in zip(broad, slopes, strict=True)},
+            carried=white.matrix @ carried_uncertainty(white.problem.model, offsets, plan),
+        )
+
+    def columns(self, base: Sequence[Cause]) -> Floats:
+        """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
+        return np.hstack([self.slope, *(self.slopes[cause.id] for cause in base)])
+
+    def sizes(self, base: Sequence[Cause]) -> Floats:
+        """Plausible sizes of the same unknowns, shape (3 + p,), internal units."""
+        own = [cause.prior_std(self.white.machine) for cause in base]
+        return np.concatenate([np.full(3, OFFSETS_MM), *own])

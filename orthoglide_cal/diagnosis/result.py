@@ -3,13 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.machine import Estimate
-from orthoglide_cal.measured import Source
+import numpy as np
 
-CONSISTENT, NAMED, AMBIGUOUS, UNEXPLAINED = "consistent", "named", "ambiguous", "unexplained"
+from orthoglide_cal.diagnosis.explanations import Ids, Whitened
+from orthoglide_cal.diagnosis.fit import Fitted
+from orthoglide_cal.model import (
+    DataKind,
+    Effect,
+    Estimate,
+    Floats,
+    Measured,
+    Model,
+    Source,
+    freeze,
+)
+
+# The fit takes one or two Gauss–Newton steps, which leave up to a quarter of a standard deviation.
+OPTIMAL = 0.5
+
+
+class Verdict(StrEnum):
+    """What the data say of the offsets-only model."""
+
+    CONSISTENT = "consistent"  # nothing speaks against it
+    NAMED = "named"  # one explanation stands out
+    AMBIGUOUS = "ambiguous"  # several explain the data
+    UNEXPLAINED = "unexplained"  # something is wrong, and it is none of the causes
+
+
+class Explanation(NamedTuple):
+    """What may be behind the data.
+
+    Attributes:
+        causes: ids of listed causes; () for "nothing is wrong" or a pattern.
+        pattern: one that no listed cause makes, in words; None for listed causes.
+    """
+
+    causes: Ids = ()
+    pattern: str | None = None
 
 
 @dataclass(frozen=True)
@@ -41,33 +78,46 @@ class NamedCause:
     """A cause that the diagnosis accepts; several act together.
 
     Attributes:
-        id: cause id of the contract.
+        effect: the cause with its parameters and their covariance, as fitted to these data.
+        where: its place in words ("" for the whole machine), e.g. "leg x, direction y".
         probability: posterior probability among all explanations tried.
-        where: place in words ("" for the whole machine), e.g. "leg x, direction y".
-        parameters: name → value with standard deviation, in the contract's unit.
         rms_before_mm, rms_after_mm: residuals of the fit without and with the cause.
-        heldout_before_mm, heldout_after_mm: prediction errors on readings not fitted; None where
-            nothing can be held out.
+        heldout_before_mm, heldout_after_mm: prediction errors on readings not fitted.
         heldout_ratio: held-out errors divided by what the extended model states for them, r.m.s.
         aliases: ids that explain the data as well at plausible sizes.
-        advice: what a technician can do about it.
-        in_machine: True if the cause is in the machine (not in the measurement).
         recommended: True if accepting it as an extension of the machine is recommended.
     """
 
-    id: str
-    probability: float
+    effect: Effect
     where: str
-    parameters: Mapping[str, Estimate]
+    probability: float
     rms_before_mm: float
     rms_after_mm: float
-    heldout_before_mm: float | None
-    heldout_after_mm: float | None
-    heldout_ratio: float | None
-    aliases: tuple[str, ...]
-    advice: str
-    in_machine: bool
+    heldout_before_mm: float
+    heldout_after_mm: float
+    heldout_ratio: float
+    aliases: Ids
     recommended: bool
+
+    @property
+    def id(self) -> str:
+        """Cause id of the contract."""
+        return self.effect.cause.id
+
+    @property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """Name → value with standard deviation, in the contract's unit."""
+        return self.effect.estimates
+
+    @property
+    def advice(self) -> str:
+        """What a technician can do about it."""
+        return self.effect.cause.advice
+
+    @property
+    def in_machine(self) -> bool:
+        """True if the cause is in the machine (not in the measurement)."""
+        return self.effect.cause.in_machine
 
 
 @dataclass(frozen=True)
@@ -76,12 +126,12 @@ class NextMeasurement:
 
     Attributes:
         what: instruction to the technician.
-        separates: the two cause ids ("" stands for "no cause").
+        separates: of each explanation the causes that the other lacks.
         separation_sigma: expected distance between their predictions, in standard deviations.
     """
 
     what: str
-    separates: tuple[str, str]
+    separates: tuple[Ids, Ids]
     separation_sigma: float
 
 
@@ -90,39 +140,93 @@ class Diagnosis:
     """What the simulation gets wrong for one file.
 
     Attributes:
-        source, kind, count, machine: the data and the machine.
-        verdict: "consistent", "named", "ambiguous" or "unexplained".
+        measured: the data.
+        model: the machine and its accepted causes that they were judged by.
+        verdict: in one word.
         lack_of_fit: of the offsets-only model.
-        causes: accepted ones, best first; empty for "consistent".
+        causes: accepted ones, best first; empty if none is.
         ambiguous_with: ids that these data cannot separate from the answer.
         next_measurement: what would separate them; None if nothing is open.
-        offsets_mm: under the accepted model, shape (3,).
-        std_mm: standard deviations, shape (3,); carries the choice within an alias class.
-        measured_mm: the readings (or differences), shape (n,).
+        left_open: fits of the explanations that the data leave open, each after its share; the
+            accepted one comes first.
+        offsets_mm: their mean, shape (3,).
+        covariance_mm2: of the offsets, shape (3, 3); carries the choice within an alias class.
         nominal_mm: prediction of the offsets-only model with fitted zeros, shape (n,).
         explained_mm: prediction of the accepted model, shape (n,).
-        noise_mm: standard deviation of one reading under the accepted model.
-        sensitivity: verdict and first cause with the tolerances halved and doubled,
-            ("halved" | "doubled") → (verdict, id or "").
-        ranking: every cause tried → posterior probability, best first.
+        sensitivity: with all tolerances "halved" and "doubled" → verdict and accepted ids; empty
+            if it was not asked for.
+        ranking: every explanation tried → posterior probability, best first.
         notes: sentences for the user.
     """
 
-    source: Source
-    kind: str
-    count: int
-    machine: str
-    verdict: str
+    measured: Measured
+    model: Model
+    verdict: Verdict
     lack_of_fit: LackOfFit
     causes: tuple[NamedCause, ...]
-    ambiguous_with: tuple[str, ...]
+    ambiguous_with: Ids
     next_measurement: NextMeasurement | None
+    left_open: tuple[tuple[float, Fitted], ...]
     offsets_mm: Floats
-    std_mm: Floats
-    measured_mm: Floats
+    covariance_mm2: Floats
     nominal_mm: Floats
     explained_mm: Floats
-    noise_mm: float
-    sensitivity: Mapping[str, tuple[str, str]]
-    ranking: Mapping[str, float]
+    sensitivity: Mapping[str, tuple[Verdict, Ids]]
+    ranking: Mapping[Explanation, float]
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self, "offsets_mm", "covariance_mm2", "nominal_mm", "explained_mm")
+        for name in ("sensitivity", "ranking"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def source(self) -> Source:
+        """The data's path and digest."""
+        return self.measured.source
+
+    @property
+    def kind(self) -> DataKind:
+        """What was measured."""
+        return self.measured.kind
+
+    @property
+    def count(self) -> int:
+        """Number of readings (or differences)."""
+        return len(self.measured)
+
+    @property
+    def measured_mm(self) -> Floats:
+        """The readings (or differences), shape (n,)."""
+        return self.measured.value
+
+    @property
+    def machine(self) -> str:
+        """Name of the machine."""
+        return self.model.machine.name
+
+    @property
+    def std_mm(self) -> Floats:
+        """Standard deviations of the offsets, shape (3,)."""
+        return np.sqrt(np.diag(self.covariance_mm2))
+
+    @cached_property
+    def remaining(self) -> float:
+        """How far it is from its optimum, recomputed from the data [standard deviations].
+
+        The largest of what each open explanation lacks, with the parameters of the named causes,
+        and of how far the offsets are from the explanations' mean.
+        """
+        white = Whitened.of(self.measured, self.model)
+        (_, accepted), *others = self.left_open
+        named = {cause.id: cause.effect for cause in self.causes}
+        effects = tuple(named[effect.cause.id] for effect in accepted.effects)
+        fits = (replace(accepted, effects=effects), *(fit for _, fit in others))
+        mean = sum(share * fit.offsets for share, fit in self.left_open)
+        apart = np.abs(self.offsets_mm - mean) / self.std_mm
+        return float(np.max([*apart, *(fit.remaining(white) for fit in fits)]))
+
+    @property
+    def converged(self) -> bool:
+        """True if offsets and parameters are the optimum to a fraction of their uncertainty."""
+        return self.remaining <= OPTIMAL

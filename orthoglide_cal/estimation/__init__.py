@@ -1,21 +1,21 @@
-"""Estimation of the joint offsets: linear, nonlinear, all readings; accuracy; Monte Carlo."""
+"""Estimation of the joint offsets: one problem, one least squares, covariance, the promise."""
 
-from orthoglide_cal.estimation.batch import Batch, solve_many
-from orthoglide_cal.estimation.methods import METHODS, usable_methods
-from orthoglide_cal.estimation.nonlinear import Fit, fit_offsets
-from orthoglide_cal.estimation.problem import Problem
-from orthoglide_cal.estimation.solution import Solution, TableRow
+from orthoglide_cal.estimation.least_squares import Fit, Problem, fit_offsets
+from orthoglide_cal.estimation.methods import Method, Posed, pose, pose_differences, usable_methods
+from orthoglide_cal.estimation.solution import PromisedDifference, Solution, promise
 from orthoglide_cal.estimation.solve import solve
 
 __all__ = [
-    "METHODS",
-    "Batch",
     "Fit",
+    "Method",
+    "Posed",
     "Problem",
+    "PromisedDifference",
     "Solution",
-    "TableRow",
     "fit_offsets",
+    "pose",
+    "pose_differences",
+    "promise",
     "solve",
-    "solve_many",
     "usable_methods",
 ]

@@ -1,17 +1,43 @@
-"""How sure the offsets are: covariance (eqs. 26–33), σ from three sources, intervals."""
+"""How sure the offsets are, and whether the data determine them at all.
+
+Covariance (eqs. 26–33), σ of one reading from three sources, intervals, the digits worth writing;
+and, where the rank is missing, which offsets stay free and which reading to add.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtrc, stdtrit
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.estimation.problem import Problem
-from orthoglide_cal.plan import Plan
+from orthoglide_cal.errors import RankDeficientError
+from orthoglide_cal.estimation.least_squares import Problem
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    DataKind,
+    Difference,
+    Floats,
+    Machine,
+    Model,
+    Plan,
+    Posture,
+    ideal_plan,
+    reduction,
+)
 
 CONFIDENCE = 0.95
+# Singular values below this fraction of the sensitivity of a good plan count as zero.
+NEGLIGIBLE = 1e-6
+# Of a written uncertainty; its value ends at the same digit.
+SIGNIFICANT_FIGURES = 2
+# No gauge here tells more than tenths of a micrometre, and no controller takes more.
+MOST_DECIMALS = 4
+# A controller takes micrometres: rounding what is entered to the digits of a large uncertainty
+# would throw information away.
+ENTERED_DECIMALS = 3
 
 
 def unit_covariance(problem: Problem, slope: Floats, estimator: Floats | None = None) -> Floats:
@@ -24,6 +50,11 @@ def unit_covariance(problem: Problem, slope: Floats, estimator: Floats | None = 
     """
     matrix = np.linalg.pinv(slope) if estimator is None else estimator
     return np.asarray(matrix @ problem.covariance() @ matrix.swapaxes(-1, -2))
+
+
+def rms(values: Floats) -> float:
+    """Root mean square, in the unit of the values."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def sigma_rho(covariance: Floats) -> float:
@@ -80,5 +111,104 @@ def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
 
 
 def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> float:
-    """Probability that noise of σ alone leaves a larger residual sum of squares (χ² test)."""
-    return float(chdtrc(dof, sum_of_squares / sigma_mm**2))
+    """Chance that noise of σ alone leaves a larger sum of squares (χ² test); 1 without dof."""
+    return float(chdtrc(dof, sum_of_squares / sigma_mm**2)) if dof > 0 else 1.0
+
+
+def decimals_for(uncertainty: float) -> int:
+    """Decimals at which a value with this uncertainty ends, 0 … `MOST_DECIMALS`.
+
+    >>> decimals_for(0.0214), decimals_for(0.21), decimals_for(0.0996), decimals_for(3.2)
+    (3, 2, 2, 1)
+    """
+    if not 0.0 < uncertainty < math.inf:
+        return MOST_DECIMALS
+    # Rounding first: 0.0996 becomes 0.10, which needs one decimal less than 0.099.
+    exponent = int(f"{uncertainty:.{SIGNIFICANT_FIGURES - 1}e}".partition("e")[2])
+    return min(max(SIGNIFICANT_FIGURES - 1 - exponent, 0), MOST_DECIMALS)
+
+
+def entered_decimals(expanded: Iterable[float], active: Iterable[float]) -> int:
+    """Decimals of joint offsets that are to be entered.
+
+    Args:
+        expanded: their expanded uncertainties; the smallest decides.
+        active: offsets in the controller so far, whose digits (at most six) are kept.
+
+    >>> entered_decimals((0.21, 0.44), (0.0, 0.0)), entered_decimals((0.21,), (0.12345,))
+    (3, 5)
+    """
+    written = (len(f"{value:.6f}".rstrip("0").partition(".")[2]) for value in active)
+    return max(decimals_for(min(expanded)), ENTERED_DECIMALS, *written)
+
+
+def _free_directions(matrix: Floats, scale: float) -> Floats:
+    """Offset directions that the rows of the matrix (k, 3) do not see, shape (m, 3)."""
+    if not len(matrix):
+        return np.eye(matrix.shape[1])
+    _, values, vectors = np.linalg.svd(matrix)
+    size = np.zeros(matrix.shape[1])
+    size[: len(values)] = values
+    return np.asarray(vectors[size <= NEGLIGIBLE * scale])
+
+
+def require_rank(problem: Problem) -> None:
+    """Do the data determine all three offsets?
+
+    Raises:
+        RankDeficientError: no; it names the offsets and the readings that mend it.
+    """
+    matrix = problem.at_zero[1]
+    scale = float(np.abs(matrix).max(initial=0.0)) or 1.0
+    free = _free_directions(matrix, scale)
+    if not len(free):
+        return
+    axes = [
+        axis
+        for i, axis in enumerate(problem.model.calibrated)
+        if np.abs(free[:, i]).max() > NEGLIGIBLE
+    ]
+    listed = " and ".join(f"Δρ_{axis}" for axis in axes)
+    raise RankDeficientError(
+        f"These readings do not determine {listed}.",
+        f"Add readings of {_mend(problem, matrix)}.",
+        axes,
+    )
+
+
+def _mend(problem: Problem, matrix: Floats) -> str:
+    """The fewest differences that complete the rank, in words."""
+    kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
+    rows = dict(zip(DIFFERENCES[kind], _rows(kind, problem.model.machine), strict=True))
+    scale = max(float(np.abs(row).max()) for row in rows.values())
+    chosen: list[Difference] = []
+    while len(_free_directions(matrix, scale)):
+        smallest = {
+            key: np.sort(np.linalg.svd(np.vstack((matrix, row)), compute_uv=False))[::-1]
+            for key, row in rows.items()
+        }
+        missing = len(_free_directions(matrix, scale))
+        best = max(smallest, key=lambda key: _gain(smallest[key], matrix.shape[1] - missing))
+        chosen.append(best)
+        matrix = np.vstack((matrix, rows.pop(best)))
+    return "; ".join(_instruction(difference) for difference in chosen)
+
+
+def _gain(values: Floats, rank: int) -> float:
+    """The singular value that an added row lifts above a matrix of this rank."""
+    return float(values[rank]) if rank < len(values) else 0.0
+
+
+def _rows(kind: DataKind, machine: Machine) -> Floats:
+    """Sensitivity of the differences of this kind to the offsets, shape (k, 3)."""
+    plan = ideal_plan(kind, machine)
+    matrix = reduction(kind, DIFFERENCES[kind], machine, plan)
+    return Problem(Model(machine), plan, matrix).at_zero[1]
+
+
+def _instruction(difference: Difference) -> str:
+    """What to read, in words."""
+    series, posture = difference
+    if posture is None:
+        return f"{series.words}, at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
+    return f"{series.words}, at {posture}, joint end and tool end"

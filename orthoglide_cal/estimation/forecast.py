@@ -14,16 +14,19 @@ likelihood that the readings give it. Everything is batched over leading axes of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats, Ints
-from orthoglide_cal.effects import Effect
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.plan import Plan
-from orthoglide_cal.simulation import simulate, simulate_with_jacobian
+from orthoglide_cal.model import (
+    Floats,
+    Ints,
+    Machine,
+    Model,
+    Plan,
+    simulate,
+    simulate_with_jacobian,
+)
 
 # Standard deviations of what nobody knows before the first reading [mm].
 OFFSET_MM = 3.0
@@ -41,6 +44,9 @@ _DEFAULTS = {
     "thermal_drift": 0.05,
     "gauge_drift": 0.05,
 }
+# The parts of a plan that say what is read, not when and with which zero.
+PLACE = ("leg", "direction", "displacement", "contact", "gauge_at")
+_ERFC = np.vectorize(math.erfc, otypes=[np.float64])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,39 +82,43 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """A linear Gaussian model of n readings.
+    """A Gaussian model of m readings, taken or to come.
 
     Attributes:
-        design: shape (n, p), columns scaled to unknowns of unit variance [mm].
-        cells: shape (n, c), 1 where a reading belongs to a cell with its own misfit.
+        base: expected readings before any measurement, shape (m,) [mm].
+        common: their covariance but for the misfit, shape (m, m) [mm²].
+        cells: 1 where two readings share a cell with its own misfit, shape (m, m).
         misfits: the T sizes of the misfit, shape (T,) [mm].
-        base: expected readings before any measurement, shape (n,) [mm].
         sigma_mm: standard deviation of one reading about all of this.
     """
 
-    design: Floats
+    base: Floats
+    common: Floats
     cells: Floats
     misfits: Floats
-    base: Floats
     sigma_mm: float
 
     def predict(self, values: Floats, past: Ints, new: int) -> Prediction:
-        """What readings of known rows say about one more.
+        """What some readings say about one more.
 
         Args:
             values: readings, shape (..., k) [mm].
-            past: their rows, shape (k,).
-            new: row of the reading to predict.
+            past: which ones they are, shape (k,).
+            new: the reading to predict.
         """
-        known, shared = self._covariance(past, past), self._covariance(past, np.array([new]))
-        white = np.linalg.solve(np.linalg.cholesky(known), shared)[..., 0]
-        weights = np.linalg.solve(known, shared)[..., 0]
+        shared = self._covariance(past, np.array([new]))
+        white, fits = self._whitened(values, past, shared)
         variance = self._covariance(np.array([new]), np.array([new]))[:, 0, 0]
-        stds = np.sqrt(np.maximum(variance - (white**2).sum(axis=-1), self.sigma_mm**2))
-        means = self.base[new] + (values - self.base[past]) @ weights.T
-        fits = self.log_likelihoods(values, past)
+        # With K = R Rᵀ the conditional mean is cᵀ K⁻¹ y = (R⁻¹c)·(R⁻¹y).
+        known, off = white[..., 0], white[..., 1:]
+        stds = np.sqrt(np.maximum(variance - (known**2).sum(axis=-1), self.sigma_mm**2))
+        means = self.base[new] + (known[..., None] * off).sum(axis=-2)
         chances = np.exp(fits - fits.max(axis=-1, keepdims=True))
-        return Prediction(means, stds, chances / chances.sum(axis=-1, keepdims=True))
+        return Prediction(
+            np.moveaxis(means, 0, -1).reshape(fits.shape),
+            stds,
+            chances / chances.sum(axis=-1, keepdims=True),
+        )
 
     def log_likelihood(self, values: Floats, rows: Ints) -> Floats:
         """Log-density of readings (..., k) at these rows, over all sizes of the misfit, (...)."""
@@ -118,62 +128,113 @@ class Forecast:
 
     def log_likelihoods(self, values: Floats, rows: Ints) -> Floats:
         """Log-density of readings (..., k) at these rows for each size of the misfit, (..., T)."""
+        return self._whitened(values, rows, np.empty((len(self.misfits), len(rows), 0)))[1]
+
+    def _whitened(self, values: Floats, rows: Ints, more: Floats) -> tuple[Floats, Floats]:
+        """Columns made independent, and the readings' log-densities.
+
+        Args:
+            values: readings, shape (..., k) [mm].
+            rows: which ones they are, shape (k,).
+            more: columns beside them, shape (T, k, c).
+
+        Returns:
+            R⁻¹ of those columns and of the readings, where R Rᵀ is the readings' covariance,
+            shape (T, k, c + batch); log-densities, shape (..., T).
+        """
         root = np.linalg.cholesky(self._covariance(rows, rows))
         off = np.moveaxis(values - self.base[rows], -1, 0).reshape(len(rows), -1)
-        white = np.linalg.solve(root, np.broadcast_to(off, (len(root), *off.shape)))
+        off = np.broadcast_to(off, (len(root), *off.shape))
+        white = np.linalg.solve(root, np.concatenate((more, off), axis=-1))
         scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
-        fits = -0.5 * (white**2).sum(axis=-2) - scale[:, None]
-        batch = np.shape(values)[:-1]
-        return np.asarray(np.moveaxis(fits, 0, -1).reshape(*batch, len(root)))
+        fits = -0.5 * (white[..., more.shape[-1] :] ** 2).sum(axis=-2) - scale[:, None]
+        return white, np.moveaxis(fits, 0, -1).reshape(*np.shape(values)[:-1], len(root))
 
     def _covariance(self, rows: Ints, columns: Ints) -> Floats:
         """Covariance of two sets of readings for each size of the misfit, (T, k, l) [mm²]."""
-        common = self.design[rows] @ self.design[columns].T
-        common = common + self.sigma_mm**2 * (rows[:, None] == columns)
-        own = self.cells[rows] @ self.cells[columns].T
-        return np.asarray(common + self.misfits[:, None, None] ** 2 * own)
-
-
-def forecast(
-    machine: Machine,
-    plan: Plan,
-    effects: Sequence[Effect] = (),
-    fresh: Ints | None = None,
-    sigma_mm: float | None = None,
-) -> Forecast:
-    """The model of a plan's readings.
-
-    Args:
-        machine: nominal machine; its gauge and tolerances give the standard deviations.
-        plan: n readings; `setup` says which of them share a zero, `hours` when they are taken.
-        effects: known departures from the nominal machine.
-        fresh: shape (n,); where not 0, nothing is known of a reading but its repeats with the
-            same number.
-        sigma_mm: standard deviation of one reading; the gauge's stated one if None.
-    """
-    nominal = np.zeros(3)
-    base, slope = simulate_with_jacobian(machine, nominal, plan)
-    if effects:
-        base = simulate(machine, nominal, plan, effects)
-    fresh = np.zeros(len(plan), dtype=np.intp) if fresh is None else fresh
-    known = (fresh == 0)[:, None]
-    tolerance = {**_DEFAULTS, **machine.tolerances}
-    series = np.stack((plan.leg, plan.direction), axis=1)
-    cells = _members(np.column_stack((series, plan.contact, _exact(plan.displacement), fresh)))
-    drifts = _members(series) * plan.hours[:, None]
-    first_visit = _members(series) * _first_visits(plan)[:, None]
-    rate = math.hypot(tolerance["thermal_drift"], tolerance["gauge_drift"])
-    design = np.hstack(
-        (
-            slope * known * OFFSET_MM,
-            plan.zeros * ZERO_MM,
-            cells * ~known * UNKNOWN_MM,
-            drifts * rate,
-            first_visit * tolerance["backlash"],
+        chosen = np.ix_(rows, columns)
+        return np.asarray(
+            self.common[chosen] + self.misfits[:, None, None] ** 2 * self.cells[chosen]
         )
-    )
-    stated = machine.gauge.noise_mm if sigma_mm is None else sigma_mm
-    return Forecast(design, cells * known, _SIZES * misfit_mm(machine), base, stated)
+
+
+class Outlook:
+    """What is known of a plan's readings before the first is taken: computed once.
+
+    Any of them, in the order in which they are taken, are then forecast by selection.
+    """
+
+    def __init__(self, model: Model, plan: Plan) -> None:
+        """
+        Args:
+            model: its machine's gauge and tolerances give the standard deviations.
+            plan: n readings; their set-ups and times are those that a forecast names.
+        """
+        self._model, self._plan, machine = model, plan, model.machine
+        self._zero = np.zeros(len(model.calibrated))
+        self._base, slope = simulate_with_jacobian(Model(machine), self._zero, plan)
+        if model.accepted:
+            self._base = simulate(model, self._zero, plan)
+        self._offsets = OFFSET_MM**2 * slope @ slope.T
+        self._series = _alike(plan.leg, plan.direction)
+        self._cells = _alike(plan.leg, plan.direction, plan.displacement, plan.contact)
+        tolerance = {**_DEFAULTS, **machine.tolerances}
+        self._drift = math.hypot(tolerance["thermal_drift"], tolerance["gauge_drift"])
+        self._settling = tolerance["backlash"]
+        self._noise_mm = machine.gauge.noise_mm
+        self._misfits = _SIZES * misfit_mm(machine)
+        # Where time plays a part in a known effect, what is expected depends on when it is read.
+        self._timeless = model.repeats
+
+    def forecast(
+        self,
+        rows: Ints,
+        setup: Ints,
+        order: Ints,
+        hours: Floats,
+        fresh: Ints | None = None,
+        scatter_mm: float = 0.0,
+    ) -> Forecast:
+        """The model of some of the plan's readings; all arrays have shape (m,).
+
+        Args:
+            rows: which readings of the plan.
+            setup: 0 … k−1; readings of one set-up share a zero.
+            order: rank in time.
+            hours: when they are taken [h].
+            fresh: where not 0, nothing is known of a reading but its repeats with the same
+                number; 0 everywhere if None.
+            scatter_mm: standard deviation of one reading, if that exceeds the stated one.
+        """
+        sigma_mm = max(self._noise_mm, scatter_mm)
+        fresh = np.zeros(len(rows), dtype=np.intp) if fresh is None else fresh
+        known = fresh == 0
+        pairs = np.ix_(rows, rows)
+        cells = self._cells[pairs] & _same(fresh)
+        first = self._first_visits(rows, order)
+        common = (
+            self._offsets[pairs] * np.outer(known, known)
+            + ZERO_MM**2 * _same(setup)
+            + UNKNOWN_MM**2 * (cells & ~known)
+            + self._series[pairs]
+            * (self._drift**2 * np.outer(hours, hours) + self._settling**2 * np.outer(first, first))
+            + sigma_mm**2 * np.eye(len(rows))
+        )
+        base = self._base[rows]
+        if not self._timeless:
+            parts = {name: getattr(self._plan, name)[rows] for name in PLACE}
+            plan = Plan(**parts, setup=setup, order=order, hours=hours)
+            base = simulate(self._model, self._zero, plan)
+        return Forecast(base, common, (cells & known).astype(np.float64), self._misfits, sigma_mm)
+
+    def _first_visits(self, rows: Ints, order: Ints) -> np.ndarray:
+        """Where the leg's carriage has not yet moved away from where it began, shape (m,)."""
+        leg, moved = self._plan.leg[rows], self._plan.displacement[rows]
+        first = np.zeros(len(rows), dtype=bool)
+        for mine in (np.flatnonzero(leg == k) for k in np.unique(leg)):
+            away = moved[mine] != moved[mine[np.argmin(order[mine])]]
+            first[mine] = order[mine] < order[mine][away].min(initial=np.iinfo(np.intp).max)
+        return first
 
 
 def misfit_mm(machine: Machine) -> float:
@@ -195,27 +256,14 @@ def misfit_mm(machine: Machine) -> float:
 
 def _two_sided(far: Floats) -> Floats:
     """Chance that a normal variable is more than `far` standard deviations off."""
-    return np.asarray(np.vectorize(math.erfc, otypes=[np.float64])(far / math.sqrt(2.0)))
+    return np.asarray(_ERFC(far / math.sqrt(2.0)))
 
 
-def _exact(displacement: Floats) -> Ints:
-    """Displacements as whole nanometres, to compare them."""
-    return np.rint(displacement * 1e6).astype(np.intp)
+def _same(keys: Ints | Floats) -> np.ndarray:
+    """Where two entries are equal, shape (n, n)."""
+    return np.asarray(keys[:, None] == keys)
 
 
-def _members(keys: Ints) -> Floats:
-    """Indicator columns, shape (n, number of distinct rows of `keys`)."""
-    group = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
-    return np.asarray(group[:, None] == np.arange(group.max(initial=-1) + 1), dtype=np.float64)
-
-
-def _first_visits(plan: Plan) -> Floats:
-    """1 for readings before the leg's carriage first moves away from where it began, else 0."""
-    first = np.zeros(len(plan))
-    for leg in range(3):
-        mine = [i for i in plan.in_time if plan.leg[i] == leg]
-        for i in mine:
-            if plan.displacement[i] != plan.displacement[mine[0]]:
-                break
-            first[i] = 1.0
-    return first
+def _alike(*keys: Ints | Floats) -> np.ndarray:
+    """Where two readings agree in all keys, each of shape (n,); shape (n, n)."""
+    return np.asarray(np.logical_and.reduce([_same(key) for key in keys]))

@@ -1,4 +1,4 @@
-"""The estimators by name: each is a reduction of the readings and a way to solve.
+"""The estimators: each is a reduction of the readings and a way to solve.
 
 single            eq. 10, pseudoinverse              single-posture differences
 single-sequential eq. 11, one offset after the other
@@ -12,40 +12,70 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.effects import Effect
-from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation.problem import Problem
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Differences, Measured, Readings
-from orthoglide_cal.plan import Contact
-from orthoglide_cal.protocols import NAMES, cell_contrasts, ideal_plan, reduction, zero_free
+from orthoglide_cal.errors import RankDeficientError, UsageError
+from orthoglide_cal.estimation.least_squares import Problem
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    DataKind,
+    Difference,
+    Differences,
+    Floats,
+    Measured,
+    Model,
+    Posture,
+    Readings,
+    cell_contrasts,
+    freeze,
+    ideal_plan,
+    reduction,
+    zero_free,
+)
 
-
-@dataclass(frozen=True)
-class Method:
-    """An estimator: the kind of differences that it uses (None: all readings), and how."""
-
-    name: str
-    differences: str | None
-    linear: bool
-
-
-METHODS = {
-    method.name: method
-    for method in (
-        Method("single", "single", True),
-        Method("single-sequential", "single", True),
-        Method("six-linear", "six", True),
-        Method("twelve-linear", "twelve", True),
-        Method("six", "six", False),
-        Method("twelve", "twelve", False),
-        Method("readings", None, False),
-    )
+DESCRIPTIONS = {
+    DataKind.READINGS: "raw readings",
+    DataKind.SIX: "six differences (max − min)",
+    DataKind.TWELVE: "twelve differences (relative to iso)",
+    DataKind.SINGLE: "single-posture differences",
 }
+
+
+class Method(StrEnum):
+    """An estimator, by the name that users know."""
+
+    SINGLE = "single"
+    SINGLE_SEQUENTIAL = "single-sequential"
+    SIX_LINEAR = "six-linear"
+    TWELVE_LINEAR = "twelve-linear"
+    SIX = "six"
+    TWELVE = "twelve"
+    READINGS = "readings"
+
+    @property
+    def uses(self) -> DataKind:
+        """What it compares with the model: all readings, or differences of them."""
+        return DataKind(self.partition("-")[0])
+
+    @property
+    def linear(self) -> bool:
+        """True if it solves with the Jacobian at zero offsets instead of iterating."""
+        return self not in (Method.SIX, Method.TWELVE, Method.READINGS)
+
+    def estimator(self, posed: Posed) -> Floats:
+        """M of a linear method, Δρ = M d with the Jacobian J at zero offsets, shape (3, k).
+
+        (JᵀJ)⁻¹Jᵀ (eqs. 10, 16, 17), or one offset after the other (eq. 11).
+
+        Raises:
+            RankDeficientError: eq. (11) lacks one of its six differences.
+        """
+        slope = posed.problem.at_zero[1]
+        if self is Method.SINGLE_SEQUENTIAL:
+            return _sequential(slope, posed.which)
+        return np.asarray(np.linalg.pinv(slope), dtype=np.float64)
 
 
 def choose_method(measured: Measured, name: str | None) -> Method:
@@ -55,102 +85,106 @@ def choose_method(measured: Measured, name: str | None) -> Method:
         UsageError: unknown name, or a method that these data cannot feed.
     """
     if name is None:
-        return METHODS[measured.kind]
-    if name not in METHODS:
-        raise UsageError(f"There is no method {name!r}.", f"Choose one of {', '.join(METHODS)}.")
-    method = METHODS[name]
+        return Method(measured.kind)
+    if name not in list(Method):
+        raise UsageError(f"There is no method {name!r}.", f"Choose one of {', '.join(Method)}.")
     usable = usable_methods(measured)
     if name not in usable:
         raise UsageError(
-            f"Method {name} cannot use {describe(measured)}.",
+            f"Method {name} cannot use {DESCRIPTIONS[measured.kind]}.",
             f"Choose one of {', '.join(usable)}.",
         )
-    return method
+    return Method(name)
 
 
-def usable_methods(measured: Measured) -> tuple[str, ...]:
-    """Names of the methods that these data can feed."""
-    if isinstance(measured, Differences):
-        kinds = {"six": ("six",), "twelve": ("twelve", "six"), "single": ("single",)}
-        allowed: tuple[str | None, ...] = kinds[measured.kind]
-    elif np.all(measured.plan.contact == Contact.FIXED):
-        allowed = (None, "six", "twelve")
-    else:
-        allowed = (None, "single")
-    return tuple(name for name, method in METHODS.items() if method.differences in allowed)
+def usable_methods(measured: Measured) -> tuple[Method, ...]:
+    """The methods that these data can feed."""
+    return tuple(method for method in Method if method.uses in measured.kinds)
 
 
-def describe(measured: Measured) -> str:
-    """The kind of data in words."""
-    if isinstance(measured, Readings):
-        return "raw readings"
-    return {
-        "six": "six differences (max − min)",
-        "twelve": "twelve differences (relative to iso)",
-        "single": "single-posture differences",
-    }[measured.kind]
+def table_kind(measured: Measured) -> DataKind:
+    """The differences in which results are shown: those of Table 4, or single-posture ones."""
+    return DataKind.SIX if DataKind.SIX in measured.kinds else DataKind.SINGLE
 
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """A problem with its data: d, shape (k,) [mm], and the names of the differences."""
+    """A problem with its data: d, shape (k,) [mm], and which differences they are, if any."""
 
     problem: Problem
     data: Floats
-    names: tuple[str, ...]
+    which: tuple[Difference, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, "data")
 
 
-def pose(
-    measured: Measured,
-    machine: Machine,
-    method: Method,
-    effects: Sequence[Effect] = (),
-    *,
-    folded: bool = False,
-) -> Posed:
+def pose(measured: Measured, model: Model, method: Method, *, folded: bool = False) -> Posed:
     """Reduce the data to what the method compares with the model.
 
     Args:
         measured: readings or differences.
-        machine: nominal machine.
+        model: the machine and its accepted causes.
         method: the estimator; one that can use these data.
-        effects: known departures from the nominal machine.
-        folded: of raw readings that repeat each other keep the mean only, where no effect can
-            tell them apart; their scatter is not in the data then.
+        folded: of raw readings that repeat each other keep the mean only, where no accepted cause
+            can tell them apart; their scatter is not in the data then.
     """
-    if method.differences is None:
-        assert isinstance(measured, Readings)
-        alike = folded and all(effect.repeats for effect in effects)
-        contrasts = cell_contrasts if alike else zero_free
-        matrix = contrasts(measured.plan)
-        return Posed(Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, ())
-    return pose_differences(measured, machine, method.differences, effects)
+    if isinstance(measured, Differences) or method.uses is not DataKind.READINGS:
+        return pose_differences(measured, model, method.uses)
+    contrasts = cell_contrasts if folded and model.repeats else zero_free
+    matrix = contrasts(measured.plan)
+    return Posed(Problem(model, measured.plan, matrix), matrix @ measured.value, ())
 
 
-def pose_differences(
-    measured: Measured, machine: Machine, kind: str, effects: Sequence[Effect] = ()
-) -> Posed:
+def pose_differences(measured: Measured, model: Model, kind: DataKind) -> Posed:
     """Differences of this kind from the data; those that the data lack are left out."""
-    names = NAMES[kind]
+    wanted = DIFFERENCES[kind]
     if isinstance(measured, Readings):
-        matrix = reduction(kind, names, machine, measured.plan)
+        matrix = reduction(kind, wanted, model.machine, measured.plan)
         present = np.abs(matrix).sum(axis=1) > 0.0
-        kept = tuple(name for name, ok in zip(names, present, strict=True) if ok)
-        matrix = matrix[present]
-        return Posed(
-            Problem(machine, measured.plan, matrix, effects), matrix @ measured.value, kept
-        )
-    values = dict(zip(measured.names, measured.value.tolist(), strict=True))
-    if measured.kind == "twelve" and kind == "six":
+        kept = tuple(each for each, ok in zip(wanted, present, strict=True) if ok)
+        problem = Problem(model, measured.plan, matrix[present])
+        return Posed(problem, problem.matrix @ measured.value, kept)
+    values = dict(zip(measured.which, measured.value.tolist(), strict=True))
+    if measured.kind is DataKind.TWELVE and kind is DataKind.SIX:
+        ends = [(Difference(s, Posture.MAX), Difference(s, Posture.MIN)) for s, _ in wanted]
         values = {
-            name: values[f"{name}+"] - values[f"{name}-"]
-            for name in names
-            if f"{name}+" in values and f"{name}-" in values
+            six: values[high] - values[low]
+            for six, (high, low) in zip(wanted, ends, strict=True)
+            if high in values and low in values
         }
-    kept = tuple(name for name in names if name in values)
+    kept = tuple(each for each in wanted if each in values)
     # The readings behind the printed differences: one of each cell, so that a difference of
     # the twelve shares its isotropic reading with its partner (errata, eq. 30).
-    plan = ideal_plan(measured.kind, machine)
-    matrix = reduction(kind, kept, machine, plan)
-    data = np.array([values[name] for name in kept])
-    return Posed(Problem(machine, plan, matrix, effects), data, kept)
+    plan = ideal_plan(measured.kind, model.machine)
+    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan))
+    return Posed(problem, np.array([values[each] for each in kept]), kept)
+
+
+def _sequential(slope: Floats, which: Sequence[Difference]) -> Floats:
+    """M of eq. (11): Δρ_z from the isotropic posture, then Δρ_x and Δρ_y, shape (3, 6).
+
+        Δρ_z = (Δz_x0 + Δz_y0)/2,  Δρ_i = Σ_k a_k (Δz_i^k − Δρ_z)/Σ_k a_k²,  k = max, min
+
+    These are three weighted sums W d = W J Δρ of the differences, solved for the offsets. Written
+    so, it also holds where accepted causes couple the isotropic differences with Δρ_x and Δρ_y.
+
+    Args:
+        slope: Jacobian at zero offsets, shape (6, 3).
+        which: the differences of its rows.
+    """
+    needed = DIFFERENCES[DataKind.SINGLE]
+    missing = [f"d{each.name}" for each in needed if each not in which]
+    if missing:
+        raise RankDeficientError(
+            f"Eq. (11) needs all six differences; {', '.join(missing)} missing.",
+            "Measure them, or use --method single.",
+            ("x", "y", "z"),
+        )
+    at_iso, moved = needed[:2], (needed[2:4], needed[4:])
+    weights = np.zeros((3, len(which)))
+    weights[2, [which.index(each) for each in at_iso]] = 1.0
+    for axis, pair in enumerate(moved):
+        rows = [which.index(each) for each in pair]
+        weights[axis, rows] = slope[rows, axis]
+    return np.asarray(np.linalg.solve(weights @ slope, weights), dtype=np.float64)

@@ -1,36 +1,76 @@
-"""The result of an estimation: joint offsets, how sure they are, and whether the model fits."""
+"""The result of an estimation: joint offsets, how sure they are, whether the model fits, and the
+promise: what the gauges will read after offsets are entered. It is computed here and only here."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.measured import Source
+from orthoglide_cal.estimation.accuracy import (
+    Scatter,
+    chance_of_residual,
+    rms,
+    scatter_of_repeats,
+    sigma_rho,
+)
+from orthoglide_cal.estimation.least_squares import OPTIMAL_MM
+from orthoglide_cal.estimation.methods import Method, Posed, pose_differences, table_kind
+from orthoglide_cal.model import (
+    DataKind,
+    Difference,
+    Differences,
+    Floats,
+    Measured,
+    Model,
+    Source,
+    freeze,
+    simulate,
+)
+from orthoglide_cal.model.readings import read_only
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = 0.001
 
 
 @dataclass(frozen=True)
-class TableRow:
+class PromisedDifference:
     """One difference of the expected-improvement table (the paper's Table 4).
 
     Attributes:
-        difference: name, direction first, leg second, e.g. "x_y".
+        difference: which.
         measured_mm: from the data.
-        modelled_mm: what the fitted model gives.
+        modelled_mm: what the model with its offsets gives for it.
+        expected_mm: what should be measured once the offsets are entered.
     """
 
-    difference: str
+    difference: Difference
     measured_mm: float
     modelled_mm: float
+    expected_mm: float
 
-    @property
-    def expected_mm(self) -> float:
-        """Measured minus modelled: what should remain after the correction [mm]."""
-        return self.measured_mm - self.modelled_mm
+
+def promise(
+    measured: Measured, model: Model, offsets: Floats, entered: Floats
+) -> tuple[PromisedDifference, ...]:
+    """Measured, modelled and expected differences, in the order of Table 4.
+
+    expected = measured + R·h(Δρ − entered) − R·h(Δρ): entering offsets takes away what they do on
+    this machine with all its accepted causes, and nothing else. On the nominal machine that is
+    the paper's measured − modelled.
+
+    Args:
+        measured: readings or differences.
+        model: the machine and its accepted causes.
+        offsets: Δρ found, shape (3,) [mm].
+        entered: added to the controller's offsets, shape (3,) [mm].
+    """
+    posed = pose_differences(measured, model, table_kind(measured))
+    modelled = posed.problem.predict(offsets)
+    expected = posed.data + posed.problem.change(offsets, entered)
+    rows = zip(posed.which, posed.data.tolist(), modelled.tolist(), expected.tolist(), strict=True)
+    return tuple(PromisedDifference(*row) for row in rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,60 +78,177 @@ class Solution:
     """Joint offsets identified from one file.
 
     Attributes:
-        source: the data's path and digest.
-        kind: "readings", "six", "twelve" or "single".
-        count: number of readings or differences used.
-        machine: name of the machine.
-        method: name of the estimator.
+        measured: the data.
+        method: the estimator.
+        posed: the problem that was solved, with its model and what it compares with it.
         offsets_mm: Δρ, shape (3,); true joint position = indicated + Δρ.
+        residuals_mm: what the solver left of the data it compared, shape (k,).
         covariance_mm2: of the offsets, shape (3, 3) (eqs. 26–32).
         interval_mm: 95 % Student-t interval of each offset, shape (3, 2).
         sigma_mm: standard deviation of one reading used for the covariance.
-        sigma_residuals_mm: from the residuals; None without degrees of freedom.
-        sigma_repeats_mm: from repeated readings; None without repeats.
-        sigma_floor_mm: q/√12 of the gauge's resolution q.
-        sigma_stated_mm: what the machine file states for the gauge (repeatability, rounding).
-        dof: degrees of freedom of sigma_residuals_mm.
-        rms_before_mm: root mean square of the data about the nominal model (zero offsets).
-        rms_after_mm: root mean square of the residuals.
-        converged: True if the optimality recomputed from the data holds.
-        optimality: that check: |gradient| relative to its natural scale.
+        scatter: of one reading, from the residuals; None without degrees of freedom.
         iterations: of the nonlinear solver; 0 for linear methods.
-        table: the six differences (or those of the single-posture protocol).
-        readings_mm: predicted readings including the fitted zeros, shape (n,); None for
-            differences.
-        lack_of_fit_p: probability of a residual this large from this gauge's noise alone.
-        warnings: sentences for the user.
     """
 
-    source: Source
-    kind: str
-    count: int
-    machine: str
-    method: str
+    measured: Measured
+    method: Method
+    posed: Posed
     offsets_mm: Floats
+    residuals_mm: Floats
     covariance_mm2: Floats
     interval_mm: Floats
     sigma_mm: float
-    sigma_residuals_mm: float | None
-    sigma_repeats_mm: float | None
-    sigma_floor_mm: float
-    sigma_stated_mm: float
-    dof: int
-    rms_before_mm: float
-    rms_after_mm: float
-    converged: bool
-    optimality: float
+    scatter: Scatter | None
     iterations: int
-    table: tuple[TableRow, ...]
-    readings_mm: Floats | None
-    lack_of_fit_p: float | None
-    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self, "offsets_mm", "residuals_mm", "covariance_mm2", "interval_mm")
+
+    @property
+    def source(self) -> Source:
+        """The data's path and digest."""
+        return self.measured.source
+
+    @property
+    def kind(self) -> DataKind:
+        """Of the data."""
+        return self.measured.kind
+
+    @property
+    def count(self) -> int:
+        """Number of readings or differences."""
+        return len(self.measured)
+
+    @property
+    def model(self) -> Model:
+        """The machine and its accepted causes."""
+        return self.posed.problem.model
+
+    @property
+    def machine(self) -> str:
+        """Name of the machine."""
+        return self.model.machine.name
+
+    @property
+    def sigma_floor_mm(self) -> float:
+        """q/√12 of the gauge's resolution q [mm]."""
+        return self.model.machine.gauge.rounding_mm
+
+    @property
+    def sigma_stated_mm(self) -> float:
+        """What the machine file states for the gauge (repeatability, rounding) [mm]."""
+        return self.model.machine.gauge.noise_mm
+
+    @property
+    def sigma_residuals_mm(self) -> float | None:
+        """Standard deviation of one reading from the residuals; None without degrees of freedom."""
+        return None if self.scatter is None else self.scatter.sigma_mm
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of it (effective ones, rounded)."""
+        return 0 if self.scatter is None else round(self.scatter.dof)
+
+    @property
+    def sigma_repeats_mm(self) -> float | None:
+        """Standard deviation of one reading from repeated readings; None without repeats."""
+        if isinstance(self.measured, Differences):
+            return None
+        scatter = scatter_of_repeats(self.measured.plan, self.measured.value)
+        return None if scatter is None else scatter.sigma_mm
+
+    @property
+    def lack_of_fit_p(self) -> float | None:
+        """Probability of a residual this large from this gauge's noise alone."""
+        if self.scatter is None:
+            return None
+        sum_of_squares = self.scatter.dof * self.scatter.sigma_mm**2
+        return chance_of_residual(sum_of_squares, self.scatter.dof, self.sigma_stated_mm)
+
+    @cached_property
+    def table(self) -> tuple[PromisedDifference, ...]:
+        """The six differences (or those of the single-posture protocol)."""
+        return promise(self.measured, self.model, self.offsets_mm, self.offsets_mm)
+
+    @cached_property
+    def _fit(self) -> tuple[float, float, Floats]:
+        """r.m.s. before and after, and what is predicted for each entry of the file.
+
+        Of readings about the model with fitted gauge zeros; else of the differences that the
+        method uses, as in Table 4.
+        """
+        measured, model = self.measured, self.model
+        if isinstance(measured, Differences):
+            every = pose_differences(measured, model, measured.kind)
+            order = [every.which.index(each) for each in measured.which]
+            predicted = every.problem.predict(self.offsets_mm)[order]
+            return rms(self.posed.data), rms(self.residuals_mm), read_only(predicted)
+        zeros, both = measured.plan.zeros, np.stack((0.0 * self.offsets_mm, self.offsets_mm))
+        simulated = simulate(model, both, measured.plan)
+        fitted = np.linalg.lstsq(zeros, (measured.value - simulated).T, rcond=None)[0]
+        before, after = simulated + (zeros @ fitted).T
+        return rms(measured.value - before), rms(measured.value - after), read_only(after)
+
+    @property
+    def predicted_mm(self) -> Floats:
+        """For each entry of the file, with fitted gauge zeros, shape (count,) [mm]."""
+        return self._fit[2]
+
+    @property
+    def rms_before_mm(self) -> float:
+        """Root mean square of the data with zero offsets."""
+        return self._fit[0]
+
+    @property
+    def rms_after_mm(self) -> float:
+        """Root mean square of the residuals."""
+        return self._fit[1]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences for the user."""
+        found, floor = self.sigma_residuals_mm, self.sigma_floor_mm
+        if found is None or found >= floor:
+            return self.measured.remarks
+        limit = (
+            f"The residuals are smaller than the gauge's resolution allows ({floor:.2g} mm);"
+            " the intervals use the resolution."
+        )
+        return (*self.measured.remarks, limit)
+
+    @cached_property
+    def remaining_mm(self) -> float:
+        """How far the offsets are from their optimum, recomputed from the problem [mm].
+
+        A nonlinear method: the step that it would still take. A linear one: what its own
+        estimator finds in its residual.
+        """
+        problem, data = self.posed.problem, self.posed.data
+        if not self.method.linear:
+            return float(problem.remaining_step(data, self.offsets_mm))
+        predicted, slope = problem.at_zero
+        left = data - predicted - slope @ self.offsets_mm
+        return float(np.abs(self.method.estimator(self.posed) @ left).max())
+
+    @property
+    def converged(self) -> bool:
+        """True if that check holds."""
+        return self.remaining_mm <= OPTIMAL_MM
 
     @property
     def std_mm(self) -> Floats:
-        """Standard deviations of the offsets, shape (3,) [mm]."""
+        """Standard uncertainties u of the offsets, shape (3,) [mm]."""
         return np.sqrt(np.diag(self.covariance_mm2))
+
+    @property
+    def expanded_mm(self) -> Floats:
+        """Expanded uncertainties U: half the 95 % intervals, shape (3,) [mm]."""
+        return np.asarray((self.interval_mm[:, 1] - self.interval_mm[:, 0]) / 2.0)
+
+    @property
+    def k(self) -> float:
+        """Coverage factor of the first offset, U/u."""
+        return float(self.expanded_mm[0] / self.std_mm[0])
 
     @property
     def correlation(self) -> Floats:
@@ -104,7 +261,7 @@ class Solution:
     @property
     def sigma_rho_mm(self) -> float:
         """σ_ρ = √(trace V / 3) (eq. 33) [mm]."""
-        return float(np.sqrt(np.trace(self.covariance_mm2) / 3.0))
+        return sigma_rho(self.covariance_mm2)
 
     @property
     def suspicious(self) -> bool:

@@ -1,1 +1,1 @@
-"""report"""
+"""A result as one document, for four renderers; and what goes to the controller."""

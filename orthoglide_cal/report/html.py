@@ -1,4 +1,4 @@
-"""A document as one HTML page that needs nothing else: style and pictures are inside.
+"""A page as one HTML file that needs nothing else: style and pictures are inside.
 
 No scripts; the Content-Security-Policy allows this page's own style and nothing more, so that
 even markup that slipped through could neither run nor fetch anything.
@@ -10,31 +10,15 @@ import base64
 import hashlib
 from importlib.resources import files
 
-from orthoglide_cal.report.blocks import (
-    Block,
-    Code,
-    Document,
-    Facts,
-    Figure,
-    Given,
-    Inline,
-    Line,
-    Notice,
-    Paragraph,
-    Section,
-    Steps,
-    Strong,
-    Table,
-)
-from orthoglide_cal.report.markup import Html, join, tag, text
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.escape import Html, in_html, join, tag
 
-SIGNS = {"good": "✔", "warn": "!", "bad": "✘", "info": "i"}
 _COLUMNS = {1: "one", 2: "two", 3: "three"}
 
 
-def page(document: Document) -> str:
-    """The page's text."""
-    style = _style(document)
+def html(page: doc.Page) -> str:
+    """The file's text."""
+    style = _style(page)
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     policy = (
         f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:;"
@@ -48,51 +32,43 @@ def page(document: Document) -> str:
         tag("meta", name="color-scheme", content="light dark"),
         tag("meta", name="referrer", content="no-referrer"),
         tag("link", rel="icon", href="data:,"),
-        tag("title", f"{document.kind} {document.number}: {document.title}"),
+        tag("title", ": ".join(filter(None, (page.name, page.title)))),
         Html(f"<style>{style}</style>"),
     )
-    body = tag("body", _header(document), _main(document), _footer(document))
+    body = tag("body", _header(page), _main(page), tag("footer", page.name))
     return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n"
 
 
-def _style(document: Document) -> str:
+def _style(page: doc.Page) -> str:
     """The style sheet; every printed page carries the report's number and its own."""
     sheet = files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8")
-    # Letters, digits and "-" only, whatever the number is made of.
-    number = "".join(c for c in document.number if c.isalnum() or c == "-")
+    # Letters, digits, blanks and "-" only, whatever the name is made of.
+    name = "".join(c for c in page.name if c.isalnum() or c in "- ")
     corner = "font: 8pt sans-serif; color: #444444; vertical-align: top; padding-top: 3mm;"
     return sheet + (
-        f'@page {{ @bottom-left {{ content: "{document.kind} {number}"; {corner} }}'
+        f'@page {{ @bottom-left {{ content: "{name}"; {corner} }}'
         ' @bottom-right { content: "Page " counter(page) " of " counter(pages);'
         f" {corner} }} }}\n"
     )
 
 
-def _header(document: Document) -> Html:
-    return tag(
-        "header",
-        tag("p", document.kind, class_="kind"),
-        tag("h1", tag("bdi", document.title)),
-        _block(document.facts),
-        _notice(document.notice),
-    )
+def _header(page: doc.Page) -> Html:
+    title = tag("h1", tag("bdi", page.title)) if page.title is not None else None
+    top = (block for block in (page.facts, page.notice) if block is not None)
+    return tag("header", tag("p", page.kind, class_="kind"), title, *map(_block, top))
 
 
-def _main(document: Document) -> Html:
-    signatures = [tag("div", f"{role}, date") for role in document.signatures]
+def _main(page: doc.Page) -> Html:
+    signatures = [tag("div", f"{role}, date") for role in page.signatures]
     return tag(
         "main",
-        *_sections(document.sheet),
+        *_sections(page.sheet),
         tag("div", *signatures, class_="sign") if signatures else None,
-        tag("div", *_sections(document.sections), class_="evidence"),
+        tag("div", *_sections(page.sections), class_="evidence"),
     )
 
 
-def _footer(document: Document) -> Html:
-    return tag("footer", f"{document.kind} {document.number}")
-
-
-def _sections(sections: tuple[Section, ...]) -> list[Html]:
+def _sections(sections: tuple[doc.Section, ...]) -> list[Html]:
     parts: list[Html] = []
     waiting: list[Html] = []
     for section in sections:
@@ -103,37 +79,37 @@ def _sections(sections: tuple[Section, ...]) -> list[Html]:
     return parts + waiting
 
 
-def _section(section: Section) -> Html:
-    return tag("section", tag("h2", section.title), *(_block(b) for b in section.blocks))
+def _section(section: doc.Section) -> Html:
+    title = tag("h2", section.title) if section.title is not None else None
+    return tag("section", title, *(_block(block) for block in section.blocks))
 
 
-def _block(block: Block) -> Html:
+def _block(block: doc.Block) -> Html:
     match block:
-        case Paragraph():
+        case doc.Paragraph():
             return tag("p", _line(block.content), class_="small" if block.small else None)
-        case Notice():
+        case doc.Notice():
             return _notice(block)
-        case Facts():
+        case doc.Facts():
             rows = (join((tag("dt", name), tag("dd", _cell(value)))) for name, value in block.rows)
             return tag("dl", *rows)
-        case Table():
+        case doc.Grid():
             return _table(block)
-        case Figure():
+        case doc.Figure():
             return _figure(block)
-        case Steps():
-            items = (
-                tag(
-                    "li",
-                    _line(step.content),
-                    tag("code", step.code, class_="command") if step.code else None,
-                )
-                for step in block.items
-            )
+        case doc.Listing():
+            return tag("pre", join(block.lines, "\n"))
+        case doc.Instructions():
+            items = (tag("li", _line(item.content), _command(item.command)) for item in block.items)
             return tag("ol", *items, class_="steps")
 
 
-def _notice(notice: Notice) -> Html:
-    sign = tag("span", f"{SIGNS[notice.tone]} ", aria_hidden="true")
+def _command(command: str | None) -> Html | None:
+    return tag("code", command, class_="command") if command else None
+
+
+def _notice(notice: doc.Notice) -> Html:
+    sign = tag("span", f"{notice.tone.sign} ", aria_hidden="true")
     return tag(
         "div",
         tag("h2", sign, notice.title),
@@ -142,36 +118,36 @@ def _notice(notice: Notice) -> Html:
     )
 
 
-def _table(table: Table) -> Html:
+def _table(grid: doc.Grid) -> Html:
     def kind(column: int) -> str | None:
-        return "words" if column in table.words else None
+        return "words" if column in grid.words else None
 
-    head = tag("tr", *(tag("th", t, scope="col", class_=kind(k)) for k, t in enumerate(table.head)))
-    last = len(table.rows) - 1 if table.last_is_total else -1
+    head = tag("tr", *(tag("th", t, scope="col", class_=kind(k)) for k, t in enumerate(grid.head)))
+    last = len(grid.rows) - 1 if grid.last_is_total else -1
     rows = (
         tag(
             "tr",
             *(tag("td", _cell(cell), class_=kind(k)) for k, cell in enumerate(row)),
             class_="total" if n == last else None,
         )
-        for n, row in enumerate(table.rows)
+        for n, row in enumerate(grid.rows)
     )
     return tag(
         "div",
         tag(
             "table",
-            tag("caption", table.caption) if table.caption else None,
+            tag("caption", grid.caption) if grid.caption else None,
             tag("thead", head),
             tag("tbody", *rows),
         ),
-        class_="scroll whole" if len(table.rows) < 25 else "scroll",
+        class_="scroll whole" if len(grid.rows) < 25 else "scroll",
         tabindex="0",
         role="region",
-        aria_label=table.caption or " ".join(table.head).strip() or "table",
+        aria_label=grid.caption or " ".join(grid.head).strip() or "table",
     )
 
 
-def _figure(figure: Figure) -> Html:
+def _figure(figure: doc.Figure) -> Html:
     layout = "pairs" if figure.pairs else _COLUMNS[figure.columns]
     return tag(
         "figure",
@@ -182,24 +158,23 @@ def _figure(figure: Figure) -> Html:
     )
 
 
-def _cell(content: Line | None) -> Html:
+def _cell(content: doc.Blank) -> Html:
     if content is None:
         return tag("span", class_="blank", role="img", aria_label="not given")
     return _line(content)
 
 
-def _line(content: Line) -> Html:
-    parts = content if isinstance(content, tuple) else (content,)
-    return join(_inline(part) for part in parts)
+def _line(content: doc.Line) -> Html:
+    return join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: Inline) -> Html:
+def _inline(part: doc.Inline) -> Html:
     match part:
-        case Code():
+        case doc.Code() | doc.Command():
             return tag("code", part.text)
-        case Strong():
+        case doc.Strong():
             return tag("strong", part.text)
-        case Given():
+        case doc.Given():
             return tag("bdi", part.text)
         case _:
-            return text(part)
+            return in_html(part)

@@ -1,88 +1,74 @@
-"""A document as Markdown (tables as GitHub writes them); pictures become their findings."""
+"""A page as Markdown (tables as GitHub writes them); of pictures, what characters can show."""
 
 from __future__ import annotations
 
-from orthoglide_cal.report.blocks import (
-    Block,
-    Code,
-    Document,
-    Facts,
-    Figure,
-    Inline,
-    Line,
-    Notice,
-    Paragraph,
-    Steps,
-    Strong,
-    Table,
-)
-from orthoglide_cal.report.shown import in_markdown, visible
+import re
+from collections.abc import Iterable
 
-_BLANK = "\\_\\_\\_\\_\\_\\_\\_\\_"
+from orthoglide_cal.errors import visible
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.escape import in_markdown
+
+_BLANK = "\\_\\_\\_\\_\\_\\_\\_\\_\\_"
 
 
-def markdown(document: Document) -> str:
-    """The document's text."""
-    parts = [
-        f"# {in_markdown(document.kind)}: {in_markdown(document.title)}",
-        _block(document.facts),
-        _block(document.notice),
-    ]
-    for section in (*document.sheet, *document.sections):
-        parts.append(f"## {in_markdown(section.title)}")
-        parts += [_block(block) for block in section.blocks]
-    parts += [f"{in_markdown(role)}, date: {_BLANK}" for role in document.signatures]
+def markdown(page: doc.Page) -> str:
+    """The page's text."""
+    title = f": {in_markdown(page.title)}" if page.title is not None else ""
+    parts = [f"# {in_markdown(page.kind)}{title}"]
+    parts += [_block(block) for block in (page.facts, page.notice) if block is not None]
+    for section in (*page.sheet, *page.sections):
+        if section.title is not None:
+            parts.append(f"## {in_markdown(section.title)}")
+        parts += [_block(block) for block in section.in_characters]
+    parts += [f"{in_markdown(role)}, date: {_BLANK}" for role in page.signatures]
     return "\n\n".join(parts) + "\n"
 
 
-def _block(block: Block) -> str:
+def _block(block: doc.Block) -> str:
     match block:
-        case Paragraph():
+        case doc.Paragraph():
             return _line(block.content)
-        case Notice():
+        case doc.Notice():
             lines = [f"**{in_markdown(block.title)}**", *(_line(line) for line in block.lines)]
             return "\n>\n".join(f"> {line}" for line in lines)
-        case Facts():
+        case doc.Facts():
             return "\n".join(f"- {in_markdown(name)}: {_cell(value)}" for name, value in block.rows)
-        case Table():
+        case doc.Grid():
             return _table(block)
-        case Figure():
-            key = f" {in_markdown(block.key)}" if block.key and not block.sketch else ""
+        case doc.Figure():
             name = f"*{in_markdown(block.title)}.* " if block.title else ""
-            title = f"{name}{in_markdown(block.finding)}{key}"
-            sketch = "\n".join(visible(row) for row in block.sketch)
-            return f"{title}\n\n```text\n{sketch}\n```" if sketch else title
-        case Steps():
+            return f"{name}{in_markdown(block.finding)}\n\n{_fenced(block.sketch)}"
+        case doc.Listing():
+            return _fenced(block.lines)
+        case doc.Instructions():
             return "\n".join(
-                f"{n}. {_line(step.content)}" + (f" {_code(step.code)}" if step.code else "")
-                for n, step in enumerate(block.items, start=1)
+                f"{n}. {_line(item.content)}" + (f" {_code(item.command)}" if item.command else "")
+                for n, item in enumerate(block.items, start=1)
             )
 
 
-def _table(table: Table) -> str:
-    head = "| " + " | ".join(in_markdown(title) or " " for title in table.head) + " |"
-    rule = (
-        "|" + "|".join("---" if k in table.words else "---:" for k in range(len(table.head))) + "|"
-    )
-    rows = ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in table.rows]
-    caption = [f"\n{in_markdown(table.caption)}"] if table.caption else []
+def _table(grid: doc.Grid) -> str:
+    head = "| " + " | ".join(in_markdown(title) or " " for title in grid.head) + " |"
+    rule = "|" + "|".join("---" if k in grid.words else "---:" for k in range(len(grid.head))) + "|"
+    rows = ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in grid.rows]
+    caption = [f"\n{in_markdown(grid.caption)}"] if grid.caption else []
     return "\n".join([head, rule, *rows, *caption])
 
 
-def _cell(content: Line | None) -> str:
+def _cell(content: doc.Blank) -> str:
     return _BLANK if content is None else _line(content)
 
 
-def _line(content: Line) -> str:
-    parts = content if isinstance(content, tuple) else (content,)
-    return "".join(_inline(part) for part in parts)
+def _line(content: doc.Line) -> str:
+    return "".join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: Inline) -> str:
+def _inline(part: doc.Inline) -> str:
     match part:
-        case Code():
+        case doc.Code() | doc.Command():
             return _code(part.text)
-        case Strong():
+        case doc.Strong():
             return f"**{in_markdown(part.text)}**"
         case str():
             return in_markdown(part)
@@ -93,8 +79,19 @@ def _inline(part: Inline) -> str:
 def _code(content: str) -> str:
     """A code span that a backtick, or a table's bar, inside the text cannot end."""
     shown = visible(content).replace("|", "\\|")
-    fence = "`"
-    while fence in shown:
-        fence += "`"
+    fence = _fence((shown,), 1)
     pad = " " if "`" in shown else ""
     return f"{fence}{pad}{shown}{pad}{fence}"
+
+
+def _fenced(lines: Iterable[str]) -> str:
+    """Lines as they stand, which no backticks in them can end."""
+    shown = [visible(line) for line in lines]
+    fence = _fence(shown, 3)
+    return "\n".join([f"{fence}text", *shown, fence])
+
+
+def _fence(lines: Iterable[str], least: int) -> str:
+    """Backticks, more than the texts have in a row."""
+    runs = (len(run) for line in lines for run in re.findall("`+", line))
+    return "`" * max([least - 1, *runs], default=0) + "`"

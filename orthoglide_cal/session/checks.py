@@ -9,15 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orthoglide_cal.axes import AXES, Floats, Ints
 from orthoglide_cal.estimation.forecast import Prediction
-from orthoglide_cal.machine import Gauge
-from orthoglide_cal.session.doubts import Doubt, Question
-from orthoglide_cal.session.history import History
+from orthoglide_cal.files import MM_PER_INCH
+from orthoglide_cal.model import AXES, Floats, Gauge, Ints
+from orthoglide_cal.session.events import Doubt, Questioned, Taken
+from orthoglide_cal.session.gauges.formats import Token, Unit
+from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
+from orthoglide_cal.session.steps import SessionStep
+from orthoglide_cal.session.wording import with_uncertainty
 
 # Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.
 LIMIT = 4.5
@@ -29,52 +34,36 @@ _ORDINARY = math.erfc(3.0 / math.sqrt(2.0))
 # 1/c (Ville's inequality); a session watches nine of them.
 RATIO = 3e4
 _TURNS = 3
+# A reading may miss the gauge's scale by this fraction of a division through rounding alone.
+_OFF_SCALE = 0.02
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 
 
-@dataclass(frozen=True)
-class _Explanation:
-    doubt: Doubt
-    words: str
-    chance: float  # of a reading at least this far off, if it is so
-    std: float  # of the prediction, if it is so [mm]
-    about: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class Reversal:
-    """A blunder of a whole leg, as the readings that it would have given.
-
-    Attributes:
-        doubt, words: as in the question.
-        first: number of the step from which on.
-        signs: of the readings, shape (k,).
-        rows: of the model, shape (k,).
-    """
+class Question(NamedTuple):
+    """A doubt in one sentence; `about` as in `events.Questioned`."""
 
     doubt: Doubt
-    words: str
-    first: int
+    text: str
+    about: int | None = None
+
+
+class Blunder(NamedTuple):
+    """A blunder as what it makes of k readings: their signs, and their rows of the forecast."""
+
+    question: Question
     signs: Floats
     rows: Ints
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What speaks against a reading; batched over leading axes of the readings.
+    """What speaks against a reading; batched over leading axes of the readings."""
 
-    Attributes:
-        prediction: from the readings before.
-        tail: chance of a reading at least this far off, shape (...).
-        whole: reversals of whole legs that are worth a question.
-        gains: how much better they explain all readings: log likelihood ratios, (..., len(whole)).
-    """
-
-    prediction: Prediction
-    tail: Floats
-    whole: tuple[Reversal, ...]
-    gains: Floats
+    prediction: Prediction  # from the readings before
+    tail: Floats  # chance of a reading at least this far off, shape (...)
+    whole: tuple[Blunder, ...]  # blunders of whole legs that are worth a question
+    gains: Floats  # log likelihood ratios in favour of those, shape (..., len(whole))
 
     @property
     def questioned(self) -> NDArray[np.bool_]:
@@ -83,147 +72,199 @@ class Evidence:
         return np.asarray((self.tail < RARE) | together)
 
 
-def gather(history: History, known: Floats, value: Floats | float) -> Evidence:
-    """Weigh a reading.
+def judge(
+    so_far: ReadingsSoFar,
+    step: SessionStep,
+    token: Token,
+    at: str,
+    source: str,
+    unit: Unit,
+    doubt: Question | None = None,
+) -> tuple[Taken | Questioned, bool] | None:
+    """Check a reading against itself, the readings before it and the model.
 
     Args:
-        history: what was measured; its readings themselves are not used.
-        known: readings at `history.past`, shape (..., k) [mm].
-        value: the new one, shape (...) [mm].
+        so_far: the session before it.
+        step, token: what the reading is of, and what arrived.
+        at, source: as in the record.
+        unit: of a reading that says none.
+        doubt: what is doubtful already.
+
+    Returns:
+        The record to be written, and whether it was questioned before and has come again; None
+        if the token is no reading.
     """
-    past, new = history.past, len(history.value)
-    prediction = history.forecast.predict(known, past, new)
-    rows = np.append(past, new)
-    values = np.concatenate((known, np.asarray(value)[..., None]), axis=-1)
-    # All that the model says of a leg as a whole is said in its first cycle.
-    whole = () if history.repeats() else tuple(_unsettled(history, rows))
-    gains = np.zeros((*np.shape(value), len(whole)))
-    base = history.forecast.log_likelihood(values, rows) if whole else 0.0
-    for index, reversal in enumerate(whole):
-        fit = history.forecast.log_likelihood(values * reversal.signs, reversal.rows)
-        gains[..., index] = fit - base
-    return Evidence(prediction, prediction.tail(value), whole, gains)
+    value = token.mm(unit)
+    if value is None:
+        return None
+    state, gauge = so_far.state, so_far.setting.machine.gauge
+    gone = datetime.fromisoformat(at) - datetime.fromisoformat(state.opened.at)
+    # A clock that was set back must not turn the order of the readings around.
+    earlier = [item.take.minutes for item in state.accepted.values()]
+    minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
+    coming = NextReading(so_far, step, minutes)
+    inches = (token.unit or unit) is Unit.INCH
+    question = (
+        check_reading(coming, value, gauge)
+        or check_number(coming, value, gauge, inches=inches)
+        or doubt
+    )
+    taken = (at, step.number, minutes, value, token.raw[:80], source)
+    if question is None:
+        return Taken(*taken), False
+    first = "" if doubt is None or doubt is question else f"{doubt.text} "
+    asked = Questioned(*taken, question.doubt, first + question.text, question.about)
+    near = 3.0 * coming.forecast.sigma_mm
+    before = [*(old.take for old in state.replaced), state.pending]
+    again = any(
+        isinstance(old, Questioned) and old.step == asked.step and abs(value - old.value_mm) <= near
+        for old in before
+    )
+    return asked, again
 
 
-def check_reading(history: History, value: float, gauge: Gauge) -> Question | None:
-    """The question that a reading raises, compared with those before it; None if it fits.
+def check_number(coming: NextReading, value: float, gauge: Gauge, inches: bool) -> Question | None:
+    """The question that a number [mm] itself raises; None if the gauge can show it.
 
-    Args:
-        history: the readings so far and the step that this one is for.
-        value: the reading [mm].
-        gauge: the indicator.
+    What was kept once is not questioned again; `inches`: the reading was given in inches.
     """
-    if not history.series():
+    earlier = coming.so_far.value[coming.series]
+    # Further from zero, or later from the gauge's other readings, than its plunger travels.
+    if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.range_mm:
+        where = f"further from {earlier[-1]:+g} mm than" if earlier.size else "beyond"
+        travel = f"the gauge's travel of {gauge.range_mm:g} mm"
+        return Question(Doubt.RANGE, f"{value:+g} mm is {where} {travel}: mistyped?")
+    believed = (Doubt.GRID, None) in coming.so_far.settled
+    if _off_scale(value, gauge.resolution_mm, inches) and not believed:
+        divisions = f"the gauge's divisions of {gauge.resolution_mm:g} mm"
+        return Question(Doubt.GRID, f"{value:g} mm lies between {divisions}: mistyped?")
+    return None
+
+
+def _off_scale(value: float, division: float, inches: bool) -> bool:
+    if inches:
+        # An inch gauge's divisions need not be those of the mm scale in the machine file.
+        in_tenths = division / MM_PER_INCH * 1e5
+        if abs(in_tenths - round(in_tenths)) > 1e-6:
+            return False
+    return abs(value / division - round(value / division)) > _OFF_SCALE
+
+
+def check_reading(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
+    """The question that a reading `value` [mm] raises beside those before it; None if it fits."""
+    if not coming.series:
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
-    evidence = gather(history, history.value[history.past], value)
+    evidence = gather(coming, coming.so_far.value[coming.past], value)
     if not evidence.questioned:
         return None
     if evidence.tail >= RARE:
-        best = evidence.whole[int(np.argmax(evidence.gains))]
-        words = f"{best.words} since step {best.first}?"
-        text = f"the readings together would fit far better: {words}"
-        return Question(best.doubt, text, best.first)
+        best = evidence.whole[int(np.argmax(evidence.gains))].question
+        return best._replace(text=f"the readings together would fit far better: {best.text}")
     expected, std = float(evidence.prediction.mean), float(evidence.prediction.std)
-    compared = _compared(history, value, expected, std)
-    found = [
-        explanation
-        for explanation in _explanations(history, value, gauge, evidence.prediction)
-        if explanation.chance >= _ORDINARY and LIMIT * explanation.std <= abs(value - expected)
-    ]
-    last = history.steps[history.series()[-1]].number
-    if found:
-        best_one = max(found, key=lambda explanation: explanation.chance)
-        words = _words(found, best_one)
-        if history.repeats() and best_one.doubt != Doubt.REVOLUTION:
-            words += f" or has the stand moved since step {last}?"
-        return Question(best_one.doubt, f"{compared}: {words}", best_one.about)
-    if history.repeats():
-        moved = f"the stand seems to have moved since step {last}"
-        return Question(Doubt.STAND, f"{compared}: {moved}")
-    return Question(Doubt.UNEXPECTED, f"{compared}: read and typed correctly?")
+    far = _how_far(coming, value, expected, std)
+    found = sorted(
+        (
+            (chance, question)
+            for question, chance, std in _explanations(coming, value, gauge, evidence)
+            if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
+        ),
+        key=lambda pair: -pair[0],
+    )
+    moved = f"since step {coming.steps[coming.series[-1]].number}"
+    if not found and coming.repeats:
+        return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
+    if not found:
+        return Question(Doubt.UNEXPECTED, f"{far}: read and typed correctly?")
+    # The best explanation, and others that are nearly as good.
+    likely, words = found[0][1], dict[Doubt, str]()
+    for chance, question in found:
+        if chance >= 0.3 * found[0][0]:
+            words.setdefault(question.doubt, question.text)
+    text = f"{far}: {' or '.join(words.values())}"
+    if coming.repeats and likely.doubt is not Doubt.REVOLUTION:
+        text += f" or has the stand moved {moved}?"
+    return likely._replace(text=text)
 
 
-def reversals(history: History, rows: Ints) -> Iterator[Reversal]:
-    """Blunders that may have lasted since the first reading of a gauge or leg.
+def gather(coming: NextReading, known: Floats, value: Floats | float) -> Evidence:
+    """Weigh a new reading (...) beside those `known` at `coming.past`, shape (..., k) [mm]."""
+    past, new, forecast = coming.past, len(coming.steps) - 1, coming.forecast
+    prediction = forecast.predict(known, past, new)
+    tail = prediction.tail(value)
+    # All that the model says of a leg as a whole is said in its first cycle.
+    settled = coming.so_far.settled
+    whole = tuple(
+        reversal
+        for reversal in (() if coming.repeats else _reversals(coming))
+        if (reversal.question.doubt, reversal.question.about) not in settled
+    )
+    gains = np.zeros((*np.shape(value), len(whole)))
+    if whole:
+        values = np.concatenate((known, np.asarray(value)[..., None]), axis=-1)
+        base = forecast.log_likelihood(values, np.append(past, new))
+        for index, reversal in enumerate(whole):
+            fit = forecast.log_likelihood(values * reversal.signs, reversal.rows)
+            gains[..., index] = fit - base
+    return Evidence(prediction, tail, whole, gains)
 
-    Args:
-        history: the readings.
-        rows: indices of the readings to compare, shape (k,).
-    """
-    steps = [history.steps[i] for i in rows]
-    plain = np.ones(len(rows))
-    whole = np.asarray(history.fresh[rows] == 0)
-    for series in dict.fromkeys(step.series for step in steps):
-        mine = np.array([step.series == series for step in steps])
+
+def _reversals(coming: NextReading) -> Iterator[Blunder]:
+    """Blunders that may have lasted since the first reading of a gauge or leg."""
+    rows = np.append(coming.past, len(coming.steps) - 1)
+    steps = [coming.steps[i] for i in rows]
+    whole, paired = coming.fresh[rows] == 0, coming.partner[rows] >= 0
+
+    def since(doubt: Doubt, words: str, mine: NDArray[np.bool_]) -> Question:
         first = steps[int(np.argmax(mine))].number
+        return Question(doubt, f"{words} since step {first}?", first)
+
+    for leg, direction in dict.fromkeys(step.series for step in steps):
+        mine = np.array([step.series == (leg, direction) for step in steps])
         if mine.sum() > 1 and np.all(whole[mine]):
-            signs = np.where(mine, -1.0, 1.0)
-            gauge = AXES[series[1]].upper()
-            words = f"gauge {gauge} with the opposite sign"
-            yield Reversal(Doubt.SIGN, words, first, signs, rows)
+            words = f"gauge {AXES[direction].upper()} with the opposite sign"
+            yield Blunder(since(Doubt.SIGN, words, mine), np.where(mine, -1.0, 1.0), rows)
     for setup in dict.fromkeys(step.setup for step in steps):
-        leg = np.array([step.setup == setup for step in steps])
-        first = steps[int(np.argmax(leg))].number
-        if leg.sum() > 2 and np.all(whole[leg]) and np.all(history.partner[rows][leg] >= 0):
-            swapped = np.where(leg, rows + len(history.steps), rows)
-            words = "are the two gauges exchanged"
-            yield Reversal(Doubt.EXCHANGED, words, first, plain, swapped)
-
-
-def _unsettled(history: History, rows: Ints) -> Iterator[Reversal]:
-    """Reversals that were not answered already."""
-    for reversal in reversals(history, rows):
-        if (reversal.doubt, reversal.first) not in history.settled:
-            yield reversal
+        mine = np.array([step.setup == setup for step in steps])
+        if mine.sum() > 2 and np.all(whole[mine] & paired[mine]):
+            question = since(Doubt.EXCHANGED, "are the two gauges exchanged", mine)
+            swapped = np.where(mine, coming.exchanged(rows), rows)
+            yield Blunder(question, np.ones(len(rows)), swapped)
 
 
 def _explanations(
-    history: History, value: float, gauge: Gauge, prediction: Prediction
-) -> Iterator[_Explanation]:
-    """Blunders that may have made this reading what it is."""
-    past, new = history.past, len(history.value)
-    known = history.value[past]
-    std = float(prediction.std)
+    coming: NextReading, value: float, gauge: Gauge, evidence: Evidence
+) -> Iterator[tuple[Question, float, float]]:
+    """Blunders that may have made this reading what it is.
 
-    def corrected(doubt: Doubt, words: str, candidate: float) -> _Explanation:
-        return _Explanation(doubt, words, float(prediction.tail(candidate)), std)
-
+    With the chance of a reading at least this far off if so, and the prediction's std then [mm].
+    """
+    past, new, forecast = coming.past, len(coming.steps) - 1, coming.forecast
+    values, rows = np.append(coming.so_far.value[past], value), np.append(past, new)
+    mean, std = float(evidence.prediction.mean), float(evidence.prediction.std)
+    corrected: list[tuple[Doubt, str, float]] = []
     for turns in range(1, _TURNS + 1) if gauge.revolution_mm else ():
         words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
-        size = math.copysign(turns * (gauge.revolution_mm or 0.0), value - float(prediction.mean))
-        yield corrected(Doubt.REVOLUTION, words, value - size)
-    yield corrected(Doubt.SIGN, "opposite sign?", -value)
-    for factor in (10.0, 0.1):
-        yield corrected(Doubt.POINT, "decimal point misplaced?", value * factor)
-    if history.partner[new] >= 0:
-        other = history.forecast.predict(known, past, new + len(history.steps))
-        chance, spread = float(other.tail(value)), float(other.std)
-        yield _Explanation(Doubt.EXCHANGED, "are the two gauges exchanged?", chance, spread)
-    if history.repeats():
-        return
-    rows = np.append(past, new)
-    for reversal in _unsettled(history, rows):
-        reversed_ = np.append(known, value) * reversal.signs
-        other = history.forecast.predict(reversed_[:-1], reversal.rows[:-1], reversal.rows[-1])
-        chance, spread = float(other.tail(reversed_[-1])), float(other.std)
-        words = f"{reversal.words} since step {reversal.first}?"
-        yield _Explanation(reversal.doubt, words, chance, spread, reversal.first)
+        size = math.copysign(turns * (gauge.revolution_mm or 0.0), value - mean)
+        corrected.append((Doubt.REVOLUTION, words, value - size))
+    corrected.append((Doubt.SIGN, "opposite sign?", -value))
+    corrected += [(Doubt.POINT, "decimal point misplaced?", value * f) for f in (10.0, 0.1)]
+    for doubt, words, candidate in corrected:
+        yield Question(doubt, words), float(evidence.prediction.tail(candidate)), std
+    others = list(evidence.whole)
+    if coming.partner[new] >= 0:
+        question = Question(Doubt.EXCHANGED, "are the two gauges exchanged?")
+        swapped = np.append(past, coming.exchanged(rows[-1:]))
+        others.insert(0, Blunder(question, np.ones(len(rows)), swapped))
+    for other in others:
+        signed = values * other.signs
+        prediction = forecast.predict(signed[:-1], other.rows[:-1], int(other.rows[-1]))
+        yield other.question, float(prediction.tail(signed[-1])), float(prediction.std)
 
 
-def _words(found: list[_Explanation], best: _Explanation) -> str:
-    """The best explanation, and others that are nearly as good."""
-    words = {best.doubt: best.words}
-    for explanation in sorted(found, key=lambda item: -item.chance):
-        if explanation.chance >= 0.3 * best.chance:
-            words.setdefault(explanation.doubt, explanation.words)
-    return " or ".join(words.values())
-
-
-def _compared(history: History, value: float, expected: float, std: float) -> str:
+def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:
     """How far the reading is from what, in words."""
-    repeats = history.repeats()
-    if not repeats:
-        return f"expected {expected:+.2f} +/- {2 * std:.2f} mm here, not {value:+.3f}"
-    difference = abs(value - float(np.mean(history.value[repeats])))
-    count = _NUMBERS[min(len(repeats), 5)]
+    if not coming.repeats:
+        return f"expected {with_uncertainty(expected, 2 * std)} mm here, not {value:+.3f}"
+    difference = abs(value - float(np.mean(coming.so_far.value[coming.repeats])))
+    count = _NUMBERS[min(len(coming.repeats), 5)]
     return f"{difference:.3f} mm from the last {'cycle' if count == 'one' else count + ' cycles'}"

@@ -1,149 +1,143 @@
 """What can happen in a session: one small record each. The journal is a list of these.
 
 A session's state is nothing but these records, one after the other (`state.replay`), so that a
-session that was interrupted anywhere continues as if it had not been.
+session that was interrupted anywhere continues as if it had not been. On the disk a record is of
+the kind that its class is called, in lower case, and has the class's fields in their order.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import StrEnum
+from functools import cache
+from types import MappingProxyType, NoneType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from orthoglide_cal.session.steps import MeasuringProtocol, Order
 
 VERSION = 1
+# How a record writes None where it is not null.
+_AS_TEXT = MappingProxyType({"none": ""})
+
+
+class Doubt(StrEnum):
+    """What may be wrong with a reading."""
+
+    RANGE = "range"  # beyond the gauge's travel
+    GRID = "resolution"  # finer than the gauge can show
+    LAYOUT = "keyboard"  # typed through a wrong keyboard layout
+    DOUBLE = "double"  # the same key stroke twice
+    REVOLUTION = "revolution"  # whole turns of the dial
+    SIGN = "sign"  # read with the opposite sign
+    EXCHANGED = "exchanged"  # the two gauges of a leg taken for each other
+    POINT = "point"  # decimal point in the wrong place
+    STAND = "stand"  # the stand was knocked
+    UNEXPECTED = "unexpected"  # none of these explains it
+
+    @property
+    def compares(self) -> bool:
+        """Whether it comes from comparing a reading with others, not from the reading alone."""
+        return self not in (Doubt.RANGE, Doubt.GRID, Doubt.LAYOUT, Doubt.DOUBLE)
+
+
+@dataclass(frozen=True)
+class GaugeLabel:
+    """A gauge as the operator named it."""
+
+    id: str
+    certificate: str | None = field(default=None, metadata=_AS_TEXT)
 
 
 @dataclass(frozen=True)
 class Event:
-    """Base of all records.
-
-    Attributes:
-        at: time of day, ISO 8601 with the offset from UTC.
-    """
-
-    kind: ClassVar[str] = ""
+    """Base of all records; `at` is the time of day, ISO 8601 with the offset from UTC."""
 
     at: str
 
 
 @dataclass(frozen=True)
 class Opened(Event):
-    """The session's first record: everything that must not change while it lasts.
+    """The session's first record: everything that must not change while it lasts."""
 
-    Attributes:
-        version: of this record format.
-        machine: text of the machine file that the session is measured with.
-        protocol: "double-posture" or "single-posture".
-        cycles: repeats of each posture.
-        order: "paper" or "fewest-moves".
-        stands: number of gauges that are read side by side, 1 or 2.
-        source: where readings come from, as given to --gauge ("typed", "simulated", …).
-        seed: of the simulated gauge; None for a real one.
-        operator, temperature_c, gauges: as given; empty or None where not given. One
-            {"id", "certificate"} per gauge.
-    """
-
-    kind: ClassVar[str] = "opened"
-
-    version: int
-    machine: str
-    protocol: str
+    version: int  # of this record format
+    machine: str  # text of the machine file that the session is measured with
+    protocol: MeasuringProtocol
     cycles: int
-    order: str
-    stands: int
-    source: list[str]
-    seed: int | None
-    operator: str
+    order: Order
+    stands: int  # number of gauges that are read side by side, 1 or 2
+    source: tuple[str, ...]  # where readings come from, as given to --gauge
+    seed: int | None  # of the simulated gauge; None for a real one
+    operator: str | None = field(metadata=_AS_TEXT)
     temperature_c: float | None
-    gauges: list[dict[str, str]]
+    gauges: tuple[GaugeLabel, ...]
+
+    def gauge_id(self, stand: int) -> str | None:
+        """What the gauge on this stand is called; None if nobody said."""
+        return self.gauges[stand].id if stand < len(self.gauges) else None
 
 
 @dataclass(frozen=True)
 class Reopened(Event):
     """The session was resumed; readings come from `source` from now on."""
 
-    kind: ClassVar[str] = "reopened"
-
-    source: list[str]
+    source: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Taken(Event):
-    """A reading was accepted.
+    """A reading was accepted."""
 
-    Attributes:
-        step: number of the step, from 1.
-        minutes: since the session began.
-        value_mm: the reading [mm].
-        raw: the characters that arrived.
-        source: the gauge, or "typed".
-        remark: what the user should find beside the reading later; often empty.
-    """
-
-    kind: ClassVar[str] = "taken"
-
-    step: int
-    minutes: float
+    step: int  # its number, from 1
+    minutes: float  # since the session began
     value_mm: float
-    raw: str
-    source: str
-    remark: str = ""
+    raw: str  # the characters that arrived
+    source: str  # the gauge, or "typed"
+    remark: str = field(default="", kw_only=True)  # always empty; the format has it
+
+    @property
+    def file_minutes(self) -> float:
+        """The time as it stands in the session file, to 6 ms."""
+        return round(self.minutes, 4)
 
 
 @dataclass(frozen=True)
 class Questioned(Taken):
-    """A reading arrived that looks wrong; it is on disk, but not accepted yet.
+    """A reading arrived that looks wrong; it is on disk, but not accepted yet."""
 
-    Attributes:
-        doubt: kind of doubt (`doubts.Doubt`).
-        question: the sentence shown.
-        about: step from which on something may be wrong, if that is not this one; 0 if it is.
-    """
-
-    kind: ClassVar[str] = "questioned"
-
-    doubt: str = ""
-    question: str = ""
-    about: int = 0
+    doubt: Doubt
+    question: str  # the sentence shown
+    # Step from which on something may be wrong; None if it is this reading alone.
+    about: int | None = field(default=None, metadata={"none": 0})
 
 
 @dataclass(frozen=True)
 class Answered(Event):
-    """The open question was answered.
+    """The open question was answered: the reading is kept, or will be read again.
 
-    Attributes:
-        keep: the reading is kept; otherwise it will be read again.
-        moved: it is kept because the stand did move: from here on the gauge has a new zero.
+    It is kept as `moved` because the stand did move: from here on the gauge has a new zero.
     """
-
-    kind: ClassVar[str] = "answered"
 
     keep: bool
     moved: bool = False
 
 
-@dataclass(frozen=True)
 class Undone(Event):
     """The last accepted reading, skip or retake was taken back."""
-
-    kind: ClassVar[str] = "undone"
 
 
 @dataclass(frozen=True)
 class Retake(Event):
     """These steps are to be measured again; their readings count as replaced."""
 
-    kind: ClassVar[str] = "retake"
-
-    steps: list[int]
+    steps: tuple[int, ...]
     reason: str
 
 
 @dataclass(frozen=True)
 class Skipped(Event):
     """A step is left out."""
-
-    kind: ClassVar[str] = "skipped"
 
     step: int
     reason: str
@@ -153,33 +147,23 @@ class Skipped(Event):
 class Noted(Event):
     """A remark of the operator at a step."""
 
-    kind: ClassVar[str] = "noted"
-
     step: int
     text: str
 
 
-@dataclass(frozen=True)
 class Paused(Event):
     """The operator paused."""
 
-    kind: ClassVar[str] = "paused"
 
-
-@dataclass(frozen=True)
 class Continued(Event):
     """The operator went on after a pause."""
-
-    kind: ClassVar[str] = "continued"
 
 
 @dataclass(frozen=True)
 class Shortened(Event):
     """The offsets are known well enough: these steps need not be measured any more."""
 
-    kind: ClassVar[str] = "shortened"
-
-    drop: list[int]
+    drop: tuple[int, ...]
     reason: str
 
 
@@ -187,34 +171,19 @@ class Shortened(Event):
 class Ended(Event):
     """The session is complete; nothing follows."""
 
-    kind: ClassVar[str] = "ended"
-
     reason: str
 
 
-_KINDS: dict[str, type[Event]] = {
-    event.kind: event
-    for event in (
-        Opened,
-        Reopened,
-        Taken,
-        Questioned,
-        Answered,
-        Undone,
-        Retake,
-        Skipped,
-        Noted,
-        Paused,
-        Continued,
-        Shortened,
-        Ended,
-    )
-}
+_ALL = (
+    Opened, Reopened, Taken, Questioned, Answered, Undone, Retake, Skipped, Noted, Paused,
+    Continued, Shortened, Ended,
+)  # fmt: skip
+_KINDS: Mapping[str, type[Event]] = {event.__name__.lower(): event for event in _ALL}
 
 
 def to_dict(event: Event) -> dict[str, Any]:
     """The record as plain values, its kind first."""
-    return {"kind": event.kind, **asdict(event)}
+    return {"kind": type(event).__name__.lower(), **_plain(event)}
 
 
 def from_dict(record: Any) -> Event:
@@ -223,33 +192,54 @@ def from_dict(record: Any) -> Event:
     Raises:
         ValueError: not a record of a known kind with exactly its fields.
     """
-    if not isinstance(record, dict):
-        raise ValueError("not a record")
-    values = dict(record)
-    event = _KINDS.get(str(values.pop("kind", "")))
-    if event is None:
-        raise ValueError(f"unknown kind of record {record.get('kind')!r}")
-    types = {item.name: str(item.type) for item in fields(event)}
-    if set(values) != set(types):
-        raise ValueError(f"a {event.kind!r} record has the fields {sorted(types)}")
-    for name, value in values.items():
-        if not _is(value, types[name]):
-            raise ValueError(f"{name} of a {event.kind!r} record is no {types[name]}")
-    return event(**values)
+    kind = _KINDS.get(str(record.get("kind"))) if isinstance(record, dict) else None
+    if kind is None:
+        raise ValueError("not a record of a known kind")
+    event: Event = _made(kind, {name: record[name] for name in record if name != "kind"})
+    return event
 
 
-def _is(value: Any, wanted: str) -> bool:
-    """Whether a value from JSON has the type of an event's field."""
-    plain = {
-        "str": isinstance(value, str),
-        "bool": isinstance(value, bool),
-        "int": isinstance(value, int) and not isinstance(value, bool),
-        "float": isinstance(value, int | float) and math.isfinite(value),
-        "None": value is None,
-    }
-    if wanted.startswith("list["):
-        inner = wanted.removeprefix("list[").removesuffix("]")
-        return isinstance(value, list) and all(_is(item, inner) for item in value)
-    if wanted.startswith("dict["):
-        return isinstance(value, dict) and all(isinstance(v, str) for v in value.values())
-    return any(plain[name] for name in wanted.split(" | "))
+def _plain(value: Any, none: Any = None) -> Any:
+    if value is None:
+        return none
+    if is_dataclass(value):
+        return {
+            item.name: _plain(getattr(value, item.name), item.metadata.get("none"))
+            for item in fields(value)
+        }
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+_types = cache(get_type_hints)
+
+
+def _made(kind: Any, values: Any) -> Any:
+    """A record or a part of one from plain values. Raises ValueError."""
+    types = _types(kind)
+    if not isinstance(values, dict) or set(values) != set(types):
+        raise ValueError(f"{kind.__name__} has the fields {sorted(types)}")
+    return kind(
+        **{
+            item.name: _value(values[item.name], types[item.name], item.metadata.get("none"))
+            for item in fields(kind)
+        }
+    )
+
+
+def _value(value: Any, wanted: Any, none: Any = None) -> Any:
+    """A value from JSON as the type of an event's field. Raises ValueError."""
+    choice, *others = get_args(wanted) or (wanted,)
+    if get_origin(wanted) is tuple:
+        if isinstance(value, list):
+            return tuple(_value(item, choice) for item in value)
+    elif NoneType in others and value == none and type(value) is type(none):
+        return None
+    elif is_dataclass(choice):
+        return _made(choice, value)
+    elif issubclass(choice, StrEnum) and isinstance(value, str):
+        return choice(value)
+    elif choice is float and type(value) in (int, float) and math.isfinite(value):
+        return float(value)
+    elif choice is not float and type(value) is choice:
+        return value
+    raise ValueError(f"{value!r} is no {wanted}")

@@ -10,15 +10,28 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import zlib
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from types import TracebackType
 
-from orthoglide_cal.data.atomic import write_text
 from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.files import write_text
 from orthoglide_cal.session.events import Event, Opened, from_dict, to_dict
-from orthoglide_cal.session.lock import lock
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _try_lock(descriptor: int) -> None:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+
+else:
+    import fcntl
+
+    def _try_lock(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
 
 START = 0
 _BEGIN = b'{"crc32":"'
@@ -26,21 +39,13 @@ _BEGIN = b'{"crc32":"'
 
 @dataclass(frozen=True)
 class Recovered:
-    """What a journal's bytes hold.
-
-    Attributes:
-        events: all complete records, the first one `Opened`.
-        size: length of their bytes.
-        lost: number of bytes after them that are no complete record.
-        open_line: True if only the line end of the last record is missing.
-        checksum: running checksum after the last record.
-    """
+    """What a journal's bytes hold: complete records, the first one `Opened`."""
 
     events: tuple[Event, ...]
-    size: int
-    lost: int
-    open_line: bool
-    checksum: int
+    size: int  # length of their bytes
+    lost: int  # number of bytes after them that are no complete record
+    open_line: bool  # True if only the line end of the last record is missing
+    checksum: int  # running checksum after the last record
 
 
 def encode(event: Event, checksum: int) -> tuple[bytes, int]:
@@ -58,10 +63,7 @@ def decode(data: bytes, path: str) -> Recovered:
     """
     events: list[Event] = []
     checksum, size = START, 0
-    lines = [line + b"\n" for line in data.split(b"\n")]
-    lines[-1] = lines[-1][:-1]  # what follows the last line end
-    for number, line in enumerate([line for line in lines if line], start=1):
-        whole = line.endswith(b"\n")
+    for number, line in enumerate(BytesIO(data), start=1):
         try:
             event, after = _decode_line(line.rstrip(b"\n"), checksum)
         except ValueError as error:
@@ -85,7 +87,7 @@ def decode(data: bytes, path: str) -> Recovered:
         events.append(event)
         checksum = after
         size += len(line)
-        if not whole:
+        if not line.endswith(b"\n"):
             return Recovered(tuple(events), size, 0, True, checksum)
     if not events or not isinstance(events[0], Opened):
         raise InputError("The journal is empty.", "Begin a new session.", file=path)
@@ -116,12 +118,7 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, opened: Opened) -> Journal:
-        """A new journal whose first record is `opened`; never replaces a file.
-
-        Raises:
-            UsageError: the file exists.
-            InputError: it cannot be written.
-        """
+        """A new journal whose first record is `opened`. Raises UsageError if the file exists."""
         line, _ = encode(opened, START)
         write_text(path, line.decode())
         return cls.resume(path)
@@ -147,7 +144,7 @@ class Journal:
                 file=str(path),
             ) from error
         try:
-            lock(descriptor, path)
+            _lock(descriptor, path)
             with os.fdopen(os.dup(descriptor), "rb") as file:
                 data = file.read()
             return cls(path, descriptor, decode(data, str(path)))
@@ -211,13 +208,13 @@ class Journal:
         """Let go of the file and its lock."""
         os.close(self._descriptor)
 
-    def __enter__(self) -> Journal:
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+def _lock(descriptor: int, path: Path) -> None:
+    """Take an exclusive lock; the system releases it when the process ends, however."""
+    try:
+        _try_lock(descriptor)
+    except OSError as error:
+        raise UsageError(
+            f"{path} is in use by another session that is still running.",
+            "Go on there, or end it there with q.",
+        ) from error

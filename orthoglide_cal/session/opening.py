@@ -2,89 +2,128 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import secrets
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TypeVar
 
-from orthoglide_cal.data import MachineModel, machine_text
-from orthoglide_cal.data.document import document_from_bytes
-from orthoglide_cal.data.machine_file import machine_from_tree
-from orthoglide_cal.data.yaml_tree import load_tree
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.session.events import VERSION, Opened
-from orthoglide_cal.session.steps import ORDERS, PROTOCOLS
+from orthoglide_cal.files import default_machine, machine_from_text, machine_text, machine_values
+from orthoglide_cal.model import Model
+from orthoglide_cal.session.asking import Asker, Keyboard, LiveGauge, Show
+from orthoglide_cal.session.dialogue import Dialogue
+from orthoglide_cal.session.events import VERSION, GaugeLabel, Opened, Reopened
+from orthoglide_cal.session.gauges.formats import Unit
+from orthoglide_cal.session.gauges.serial_line import GaugePair, SerialGauge
+from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.readings import Setting
+from orthoglide_cal.session.record import journal_path, new_session, resumed_session
+from orthoglide_cal.session.state import State, replay
+from orthoglide_cal.session.steps import MeasuringProtocol, Order, sequence
 
+Choice = TypeVar("Choice", bound=StrEnum)
 TYPED, SIMULATED = "typed", "simulated"
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What the command line asks for; None where it says nothing."""
+class Request:
+    """What the operator asks for on the command line; None where it says nothing.
 
-    machine: Machine | None = None
-    protocol: str | None = None
+    What stands in `events.Opened` too must not change while a session lasts.
+    """
+
+    path: Path | None = None  # of the session file
+    resume: bool = False  # go on with an unfinished session
+    model: Model | None = None
+    protocol: MeasuringProtocol | None = None
     cycles: int | None = None
-    order: str | None = None
+    order: Order | None = None
     stands: int | None = None
     source: tuple[str, ...] = ()
     seed: int | None = None
+    unit: Unit = Unit.MM  # of readings without one
+    until_mm: float | None = None  # end once every offset is known this well
+    operator: str | None = None
+    temperature_c: float | None = None
+    gauges: tuple[GaugeLabel, ...] = ()
 
 
-def protocol_name(text: str | None) -> str | None:
-    """The protocol meant by "double", "double-posture", "single" or "single-posture"."""
-    if text is None or text in PROTOCOLS:
-        return text
-    named = [name for name in PROTOCOLS if name == f"{text}-posture"]
-    if not named:
-        raise UsageError(
-            f"There is no protocol {text!r}.", f"Choose one of {', '.join(PROTOCOLS)}."
-        )
-    return named[0]
+def clock() -> str:
+    """The time of day, ISO 8601 with the offset from UTC, to the millisecond."""
+    return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
-def open_record(
-    wanted: Wanted,
-    at: str,
-    machine: Machine,
-    seed: int,
-    operator: str,
-    temperature_c: float | None,
-    gauges: list[dict[str, str]],
-) -> Opened:
-    """The first record of a new session.
+def named(kind: type[Choice], what: str, text: str | None) -> Choice | None:
+    """The choice that a word means, also without its "-posture". Raises UsageError if none."""
+    if text is None:
+        return None
+    for choice in kind:
+        if text in (choice.value, choice.removesuffix("-posture")):
+            return choice
+    raise UsageError(f"There is no {what} {text!r}.", f"Choose one of {', '.join(kind)}.")
 
-    Args:
-        wanted: what the command line asks for; the rest is standard.
-        at: time of day.
-        machine: in force.
-        seed: for the simulated gauge, if none was asked for.
-        operator, temperature_c, gauges: as given.
+
+def open_session(
+    request: Request, folder: Path, keyboard: Keyboard, show: Show, now: Callable[[], str] = clock
+) -> Dialogue:
+    """Begin a session, or go on with one; files without a name go into `folder`.
+
+    Raises:
+        UsageError: the options do not go together or with the session; the file exists; another
+            session has it.
+        InputError: a file cannot be used.
+        GaugeLost: the gauge cannot be reached.
     """
-    protocol = wanted.protocol or PROTOCOLS[0]
-    source = wanted.source or (TYPED,)
+    lines = _serial_lines(request.source)
+    if request.resume:
+        path = resumed_session(request.path, folder)
+        journal = Journal.resume(journal_path(path))
+    else:
+        path = new_session(request.path, folder)
+        opened = _opened(request, now())
+        # A gauge that is not there leaves no file behind.
+        for line in lines:
+            line.open()
+        journal = Journal.create(journal_path(path), opened)
+    try:
+        state = replay(journal.recovered.events)
+        setting = _setting(request, journal, state.opened)
+        gauge = _gauge(request, setting, state, lines)
+        asker = Asker(keyboard, show, gauge)
+        dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
+        if request.source and request.source != state.source and state.ended is None:
+            dialogue.write(Reopened(now(), request.source))
+        return dialogue
+    except BaseException:
+        journal.close()
+        raise
+
+
+def _opened(request: Request, at: str) -> Opened:
+    """The first record of a new session; what the command line leaves open is standard."""
+    source = request.source or (TYPED,)
     simulated = source == (SIMULATED,)
-    if wanted.seed is not None and not simulated:
+    if request.seed is not None and not simulated:
         raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
-    chosen = seed if wanted.seed is None else wanted.seed
+    protocol = request.protocol or MeasuringProtocol.DOUBLE
+    seed = secrets.randbelow(1_000_000) if request.seed is None else request.seed
     return Opened(
-        at=at,
-        version=VERSION,
-        machine=machine_text(machine),
-        protocol=protocol,
-        cycles=wanted.cycles or 3,
-        order=wanted.order or ORDERS[0],
-        stands=1 if protocol == PROTOCOLS[1] else wanted.stands or 2,
-        source=list(source),
-        seed=chosen if simulated else None,
-        operator=operator,
-        temperature_c=temperature_c,
-        gauges=gauges,
-    )
+        at=at, version=VERSION, protocol=protocol,
+        machine=machine_text(request.model or default_machine()),
+        cycles=request.cycles or 3, order=request.order or Order.PAPER,
+        stands=1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2,
+        source=source, seed=seed if simulated else None, operator=request.operator,
+        temperature_c=request.temperature_c, gauges=request.gauges,
+    )  # fmt: skip
 
 
-def machine_of(opened: Opened, path: str) -> Machine:
-    """The machine that a session is measured with. Raises InputError."""
+def _setting(request: Request, journal: Journal, opened: Opened) -> Setting:
+    """What the session is measured with. Raises InputError, UsageError."""
+    path = str(journal.path)
     if opened.version != VERSION:
         raise InputError(
             "This version of the journal is not known.",
@@ -92,24 +131,64 @@ def machine_of(opened: Opened, path: str) -> Machine:
             file=path,
             value=str(opened.version),
         )
-    return machine_from_tree(load_tree(document_from_bytes(opened.machine.encode(), path)))
+    model = machine_from_text(opened.machine, path)
+    if request.resume:
+        _refuse_changes(opened, model, request)
+    steps = sequence(model.machine, opened.protocol, opened.cycles, opened.order, opened.stands)
+    if any(not 1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events):
+        raise InputError(
+            "The journal speaks of a step that this session does not have.",
+            "Restore the file from a copy.",
+            file=path,
+        )
+    return Setting(model, steps)
 
 
-def refuse_changes(opened: Opened, machine: Machine, wanted: Wanted) -> None:
+def _gauge(
+    request: Request, setting: Setting, state: State, lines: Sequence[SerialGauge]
+) -> LiveGauge | None:
+    """The gauge besides the keyboard; `lines` are those that the request names."""
+    source = request.source or state.source
+    if source == (TYPED,):
+        return None
+    if source == (SIMULATED,):
+        return SimulatedGauge(setting, state.opened.seed or 0)
+    lines = lines or _serial_lines(source)
+    for line in lines:
+        line.open()
+    return lines[0] if len(lines) == 1 else GaugePair(lines)
+
+
+def _serial_lines(source: Sequence[str]) -> list[SerialGauge]:
+    """The serial gauges that --gauge names, not opened yet. Raises UsageError."""
+    if tuple(source) in ((), (TYPED,), (SIMULATED,)):
+        return []
+    if TYPED in source or SIMULATED in source or len(source) > 2:
+        raise UsageError(
+            f"These gauges do not go together: {', '.join(source)}.",
+            "Give typed, simulated, or one or two of FORMAT:PORT.",
+        )
+    return [SerialGauge(text) for text in source]
+
+
+def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
     """Raises UsageError, naming every difference, if the session asked for is another one."""
     differences = []
     for name in ("protocol", "cycles", "order", "stands", "seed"):
-        before, now = getattr(opened, name), getattr(wanted, name)
+        before, now = getattr(opened, name), getattr(request, name)
         if now is not None and now != before:
-            label = {"stands": "gauges side by side"}.get(name, name)
+            label = "gauges side by side" if name == "stands" else name
             differences.append(f"{label}: {before} in the session, {now} asked for")
-    if wanted.source and (SIMULATED in wanted.source) != (SIMULATED in opened.source):
-        before, now = ", ".join(opened.source), ", ".join(wanted.source)
+    if request.source and (SIMULATED in request.source) != (SIMULATED in opened.source):
+        before, now = ", ".join(opened.source), ", ".join(request.source)
         differences.append(f"gauge: {before} in the session, {now} asked for")
-    if wanted.machine is not None:
-        differences += [
-            f"machine, {text}" for text in _machine_differences(machine, wanted.machine)
-        ]
+    one, other = (_flat(machine_values(m)) for m in (model, request.model or model))
+    differences += [
+        f"machine, {name}: {one.get(name, 'none')} in the session,"
+        f" {other.get(name, 'none')} in the file"
+        for name in {**one, **other}
+        if one.get(name) != other.get(name)
+    ]
     if differences:
         raise UsageError(
             "This is not the session that was begun. " + "; ".join(differences) + ".",
@@ -117,23 +196,11 @@ def refuse_changes(opened: Opened, machine: Machine, wanted: Wanted) -> None:
         )
 
 
-def _machine_differences(before: Machine, now: Machine) -> list[str]:
-    one, other = (_flat(MachineModel.from_machine(m).model_dump()) for m in (before, now))
-    names = [name for name in {**one, **other} if one.get(name) != other.get(name)]
-    return [
-        f"{name}: {one.get(name, 'none')} in the session, {other.get(name, 'none')} in the file"
-        for name in names
-    ]
-
-
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
     """Nested groups as dotted names."""
-    if isinstance(value, Mapping):
-        return {
-            name: leaf
-            for key, inner in value.items()
-            for name, leaf in _flat(inner, f"{prefix}{key}.").items()
-        }
     if isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
-        return _flat({str(index): inner for index, inner in enumerate(value)}, prefix)
-    return {prefix[:-1]: value}
+        value = dict(enumerate(value))
+    if not isinstance(value, Mapping):
+        return {prefix[:-1]: value}
+    parts = (_flat(inner, f"{prefix}{key}.") for key, inner in value.items())
+    return {name: leaf for part in parts for name, leaf in part.items()}

@@ -1,111 +1,156 @@
-"""A session's state as the session file that every command reads."""
+"""A session's files: `session.yaml` in the end, `session.journal` meanwhile."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
-from orthoglide_cal.axes import AXES
-from orthoglide_cal.data import SessionRecord, session_readings
-from orthoglide_cal.data.machine_schema import MachineModel
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Readings, Source
+from orthoglide_cal.errors import UsageError, command
+from orthoglide_cal.files import machine_values
+from orthoglide_cal.model import AXES
 from orthoglide_cal.session.events import Questioned, Taken
-from orthoglide_cal.session.state import Accepted, State
-from orthoglide_cal.session.steps import Step
+from orthoglide_cal.session.readings import ReadingsSoFar
+from orthoglide_cal.session.state import State
+from orthoglide_cal.session.steps import SessionStep
+
+JOURNAL = ".journal"
 
 
-def readings(state: State, steps: Sequence[Step], machine: Machine, path: str) -> Readings:
-    """The readings so far, as they will be read from the session file at the end."""
-    return session_readings(session_record(state, steps, machine), Source(path, ""))
+def journal_path(session: Path) -> Path:
+    """The journal beside a session file."""
+    return session.with_suffix(JOURNAL)
 
 
-def session_record(state: State, steps: Sequence[Step], machine: Machine) -> SessionRecord:
-    """The session file's content; the same records always give the same content."""
-    opened = state.opened
-    numbered = {step.number: step for step in steps}
-    taken = [
-        {**_reading(state, steps, numbered[number], item), "seq": seq}
-        for seq, (number, item) in enumerate(state.in_time(), start=1)
-    ]
-    retaken = [
-        {**_values(state, numbered[old.take.step], old.take), "reason": old.reason}
-        for old in state.replaced
-    ]
-    return SessionRecord.model_validate(
-        {
-            "schema_version": 1,
-            "machine": MachineModel.from_machine(machine).model_dump(),
-            "protocol": opened.protocol,
-            "operator": opened.operator or None,
-            "gauges": [
-                {
-                    "id": gauge["id"],
-                    "certificate": gauge["certificate"] or None,
-                    "resolution": machine.gauge.resolution_mm,
-                }
-                for gauge in opened.gauges
-            ],
-            "started": opened.at,
-            "finished": state.ended.at if state.ended else None,
-            "environment": _environment(state),
-            "readings": taken,
-            "retaken": retaken,
-            "skipped": [
-                {**_place(numbered[number]), "reason": reason}
-                for number, reason in sorted(state.skipped.items())
-            ],
-        }
-    )
+def session_path(given: Path) -> Path:
+    """The session file that is meant by a name, be it that of its journal or without a suffix."""
+    if given.suffix == JOURNAL:
+        return given.with_suffix(".yaml")
+    if given.suffix in (".yaml", ".yml"):
+        return given
+    return given.with_name(f"{given.name}.yaml")
 
 
-def segment(state: State, steps: Sequence[Step], step: Step, rank: int) -> int | None:
-    """The step at which this gauge's stand last stood elsewhere before `rank`; None if never."""
-    if not state.moved:
-        return None
-    numbered = {item.number: item for item in steps}
-    moved = [
-        number
-        for number, at in state.moved
-        if at <= rank and numbered[number].series == step.series
-    ]
-    return moved[-1] if moved else None
+def new_session(given: Path | None, folder: Path) -> Path:
+    """The file for a new session: as given, or in the folder `session.yaml`, `session-2.yaml` …
+
+    Raises:
+        UsageError: the file exists, or an unfinished session is there.
+    """
+    if given is None:
+        waiting = _unfinished(folder)
+        if waiting:
+            raise UsageError(
+                f"There is an unfinished session here: {_names(waiting)}.",
+                "Go on with --resume, or name a file for a new one: orthocal measure NAME.yaml",
+            )
+        path, number = folder / "session.yaml", 1
+        while path.exists():
+            number += 1
+            path = folder / f"session-{number}.yaml"
+        return path
+    path = session_path(given)
+    if path.exists():
+        raise UsageError(
+            f"{path} exists; a session is never overwritten.",
+            "Name another file, or go on with an unfinished session with --resume.",
+        )
+    if journal_path(path).exists():
+        raise UsageError(
+            f"{journal_path(path)} holds a session that is not finished.",
+            f"Go on with it: {command('measure', str(path), options='--resume')}",
+        )
+    return path
 
 
-def _place(step: Step) -> dict[str, object]:
+def resumed_session(given: Path | None, folder: Path) -> Path:
+    """The file of the session to go on with; without a name the only unfinished one here."""
+    if given is not None:
+        return session_path(given)
+    waiting = _unfinished(folder)
+    if not waiting:
+        raise UsageError(
+            "There is no unfinished session in this folder.",
+            "Name its file: orthocal measure NAME.yaml --resume",
+        )
+    if len(waiting) > 1:
+        raise UsageError(
+            f"There are {len(waiting)} unfinished sessions here: {_names(waiting)}.",
+            "Name one: orthocal measure NAME.yaml --resume",
+        )
+    return waiting[0].with_suffix(".yaml")
+
+
+def _unfinished(folder: Path) -> list[Path]:
+    """Journals without a session file, in alphabetical order."""
+    journals = folder.glob(f"*{JOURNAL}")
+    return sorted(path for path in journals if not path.with_suffix(".yaml").exists())
+
+
+def _names(paths: list[Path]) -> str:
+    return ", ".join(path.name for path in paths)
+
+
+def session_values(so_far: ReadingsSoFar) -> dict[str, Any]:
+    """The session file's content as plain values; the same records always give the same."""
+    state, setting = so_far.state, so_far.setting
+    opened, resolution = state.opened, setting.machine.gauge.resolution_mm
+    return {
+        "schema_version": 1,
+        "machine": machine_values(setting.model),
+        "protocol": opened.protocol.value,
+        "operator": opened.operator,
+        "gauges": [
+            {"id": gauge.id, "certificate": gauge.certificate, "resolution": resolution}
+            for gauge in opened.gauges
+        ],
+        "started": opened.at,
+        "finished": state.ended.at if state.ended else None,
+        "environment": _environment(state),
+        "readings": [
+            {**_row(so_far, item.take), "seq": seq, "gauge": label, "note": _note(state, item.take)}
+            for seq, (item, label) in enumerate(
+                zip(state.accepted.values(), so_far.labels, strict=True), start=1
+            )
+        ],
+        "retaken": [{**_row(so_far, old.take), "reason": old.reason} for old in state.replaced],
+        "skipped": [
+            {**_place(setting.steps[number - 1]), "reason": reason}
+            for number, reason in sorted(state.skipped.items())
+        ],
+    }
+
+
+def _place(step: SessionStep) -> dict[str, Any]:
     return {
         "leg": AXES[step.leg],
-        "posture": step.posture,
+        "posture": step.posture.value,
         "direction": AXES[step.direction],
-        "end": step.end or None,
+        "end": step.end,
         "cycle": step.cycle,
     }
 
 
-def _values(state: State, step: Step, take: Taken) -> dict[str, object]:
-    gauges = state.opened.gauges
+def _row(so_far: ReadingsSoFar, take: Taken) -> dict[str, Any]:
+    """One reading; the blank ones of its values are not written."""
+    step, opened = so_far.setting.steps[take.step - 1], so_far.state.opened
     return {
         **_place(step),
         "reading_mm": take.value_mm,
-        "minutes": round(take.minutes, 4),
-        "temperature_c": state.opened.temperature_c,
-        "gauge": gauges[step.stand]["id"] if step.stand < len(gauges) else "",
+        "seq": None,
+        "minutes": take.file_minutes,
+        "temperature_c": opened.temperature_c,
+        "gauge": opened.gauge_id(step.stand),
+        "note": None,
         "timestamp": take.at,
-        "note": take.remark,
     }
 
 
-def _reading(state: State, steps: Sequence[Step], step: Step, item: Accepted) -> dict[str, object]:
-    values = _values(state, step, item.take)
-    remarks = [item.take.remark]
-    if isinstance(item.take, Questioned):
-        remarks.append(f"kept although questioned: {item.take.question}")
-    remarks += [text for number, text in state.notes if number == step.number]
-    values["note"] = "; ".join(remark for remark in remarks if remark)
-    moved = segment(state, steps, step, item.rank)
-    if moved is not None:
-        # Another label is another set-up: the moved gauge has a zero of its own.
-        values["gauge"] = f"{values['gauge']} (moved at step {moved})".strip()
-    return values
+def _note(state: State, take: Taken) -> str | None:
+    """Remarks on a reading that counts."""
+    remarks = [text for number, text in state.notes if number == take.step]
+    if isinstance(take, Questioned):
+        remarks.insert(0, f"kept although questioned: {take.question}")
+    return "; ".join(remarks) or None
 
 
 def _environment(state: State) -> dict[str, str]:

@@ -9,39 +9,21 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from types import MappingProxyType
+from typing import NamedTuple
 
-from orthoglide_cal.session.events import (
-    Answered,
-    Ended,
-    Event,
-    Noted,
-    Opened,
-    Questioned,
-    Reopened,
-    Retake,
-    Shortened,
-    Skipped,
-    Taken,
-    Undone,
-)
+from orthoglide_cal.session import events
+from orthoglide_cal.session.events import Event, Opened, Questioned, Taken
 
 
-@dataclass(frozen=True)
-class Replaced:
+class Replaced(NamedTuple):
     """A reading that does not count any more, and why."""
 
     take: Taken
     reason: str
 
 
-@dataclass(frozen=True)
-class Accepted:
-    """A reading that counts.
-
-    Attributes:
-        take: the record that brought it.
-        rank: number of the record that accepted it: order in time.
-    """
+class Accepted(NamedTuple):
+    """A reading that counts; `rank` is the number of the record that accepted it."""
 
     take: Taken
     rank: int
@@ -49,37 +31,22 @@ class Accepted:
 
 @dataclass(frozen=True)
 class State:
-    """Where a session stands.
-
-    Attributes:
-        opened: the session's first record.
-        accepted: step number → reading that counts.
-        skipped: step number → reason.
-        dropped: steps that are no longer needed.
-        replaced: readings that no longer count.
-        notes: (step number, text).
-        moved: (step number, rank) of readings from which on a stand stood elsewhere.
-        pending: a questioned reading that waits for an answer.
-        ended: the last record, once the session is complete.
-        source: where readings come from now.
-        last_at: time of the last record.
-        count: number of records.
-        before: the state to which an undo returns.
-    """
+    """Where a session stands."""
 
     opened: Opened
-    accepted: Mapping[int, Accepted] = field(default_factory=dict)
-    skipped: Mapping[int, str] = field(default_factory=dict)
-    dropped: frozenset[int] = frozenset()
-    replaced: tuple[Replaced, ...] = ()
-    notes: tuple[tuple[int, str], ...] = ()
+    accepted: Mapping[int, Accepted] = field(default_factory=dict)  # by step, from first to last
+    skipped: Mapping[int, str] = field(default_factory=dict)  # step number → reason
+    dropped: frozenset[int] = frozenset()  # steps that are no longer needed
+    replaced: tuple[Replaced, ...] = ()  # readings that no longer count
+    notes: tuple[tuple[int, str], ...] = ()  # (step number, text)
+    # (step number, rank) of readings from which on a stand stood elsewhere.
     moved: tuple[tuple[int, int], ...] = ()
-    pending: Questioned | None = None
-    ended: Ended | None = None
-    shortened: Shortened | None = None
-    source: tuple[str, ...] = ()
-    last_at: str = ""
-    count: int = 1
+    pending: Questioned | None = None  # a questioned reading that waits for an answer
+    shortened: events.Shortened | None = None  # the record that dropped steps
+    ended: events.Ended | None = None  # the last record, once the session is complete
+    source: tuple[str, ...] = ()  # where readings come from now
+    count: int = 1  # of records
+    # The state to which an undo returns.
     before: State | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -96,23 +63,6 @@ class State:
         waiting = self.pending is not None and self.pending.step == step
         return old + (step in self.accepted) + waiting
 
-    def in_time(self) -> tuple[tuple[int, Accepted], ...]:
-        """(step number, reading that counts), from first to last."""
-        return tuple(sorted(self.accepted.items(), key=lambda item: item[1].rank))
-
-    @property
-    def last_step(self) -> int | None:
-        """The step whose reading was accepted last."""
-        return self.in_time()[-1][0] if self.accepted else None
-
-    def refused(self, step: int) -> tuple[Questioned, ...]:
-        """Questioned readings of this step that were given up for a new one."""
-        return tuple(
-            item.take
-            for item in self.replaced
-            if item.take.step == step and isinstance(item.take, Questioned)
-        )
-
 
 def replay(events: Iterable[Event]) -> State:
     """The state after these records; the first must be `Opened`."""
@@ -120,47 +70,47 @@ def replay(events: Iterable[Event]) -> State:
     opened = next(rest)
     if not isinstance(opened, Opened):
         raise ValueError("a session begins with its opened record")
-    start = State(opened, source=tuple(opened.source), last_at=opened.at)
-    return reduce(advance, rest, start)
+    return reduce(advance, rest, State(opened, source=opened.source))
 
 
 def advance(state: State, event: Event) -> State:
     """The state after one more record."""
-    state = replace(state, last_at=event.at, count=state.count + 1)
+    state = replace(state, count=state.count + 1)
     match event:
         case Questioned():
             return replace(_give_up(state), pending=event)
         case Taken():
             return _accept(_give_up(state), event)
-        case Answered():
+        case events.Answered():
             return _answer(state, event)
-        case Undone():
+        case events.Undone():
             return _undo(state)
-        case Retake():
+        case events.Retake():
             return _retake(state, event)
-        case Skipped():
+        case events.Skipped():
             now = _give_up(state)
             return replace(now, skipped={**now.skipped, event.step: event.reason}, before=state)
-        case Noted():
+        case events.Noted():
             return replace(state, notes=(*state.notes, (event.step, event.text)))
-        case Shortened():
+        case events.Shortened():
             unmeasured = frozenset(event.drop) | state.dropped
             return replace(state, dropped=unmeasured, shortened=event)
-        case Ended():
+        case events.Ended():
             return replace(state, ended=event)
-        case Reopened():
-            return replace(state, source=tuple(event.source))
+        case events.Reopened():
+            return replace(state, source=event.source)
         case _:
             return state
 
 
 def _accept(state: State, take: Taken) -> State:
     skipped = {step: why for step, why in state.skipped.items() if step != take.step}
-    accepted = {**state.accepted, take.step: Accepted(take, state.count)}
+    accepted = {step: item for step, item in state.accepted.items() if step != take.step}
+    accepted[take.step] = Accepted(take, state.count)
     return replace(state, accepted=accepted, skipped=skipped, before=state)
 
 
-def _answer(state: State, event: Answered) -> State:
+def _answer(state: State, event: events.Answered) -> State:
     if state.pending is None:
         return state
     if not event.keep:
@@ -179,10 +129,12 @@ def _give_up(state: State) -> State:
     return replace(state, pending=None, replaced=(*state.replaced, old))
 
 
-def _retake(state: State, event: Retake) -> State:
+def _retake(state: State, event: events.Retake) -> State:
     now = _give_up(state)
     again = set(event.steps)
-    old = tuple(Replaced(item.take, event.reason) for step, item in now.in_time() if step in again)
+    old = (
+        Replaced(item.take, event.reason) for step, item in now.accepted.items() if step in again
+    )
     return replace(
         now,
         accepted={step: item for step, item in now.accepted.items() if step not in again},
@@ -199,13 +151,13 @@ def _undo(state: State) -> State:
     if now.before is None:
         return now
     then = now.before
-    taken_back = tuple(
+    taken_back = (
         Replaced(item.take, "taken back")
-        for step, item in now.in_time()
+        for step, item in now.accepted.items()
         if then.accepted.get(step) != item
     )
     restored = {id(item.take) for item in then.accepted.values()}
-    kept = tuple(item for item in now.replaced if id(item.take) not in restored)
+    kept = (item for item in now.replaced if id(item.take) not in restored)
     return replace(
         now,
         accepted=then.accepted,

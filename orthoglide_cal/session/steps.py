@@ -1,219 +1,150 @@
-"""The sequence of steps of a session: which reading comes when, and what has to be moved for it."""
+"""The steps of a session: which reading comes when, and what has to be moved for it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
 from itertools import pairwise
 
-from orthoglide_cal.axes import AXES
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.plan import Contact, Plan
-from orthoglide_cal.protocols import double_posture, postures, single_posture
-from orthoglide_cal.protocols.postures import MINUTES_PER_POSTURE, MINUTES_PER_SETUP
+from orthoglide_cal.model import (
+    AXES,
+    Contact,
+    Ints,
+    Machine,
+    Posture,
+    Series,
+    double_posture,
+    single_posture,
+)
+from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
 
-PROTOCOLS = ("double-posture", "single-posture")
-ORDERS = ("paper", "fewest-moves")
+
+class MeasuringProtocol(StrEnum):
+    """How the readings are taken (sec. 3.3 and 3.2)."""
+
+    DOUBLE = "double-posture"
+    SINGLE = "single-posture"
+
+
+class Order(StrEnum):
+    """Order of the steps."""
+
+    PAPER = "paper"  # sec. 4.1: all readings of a posture, then the next posture
+    FEWEST_MOVES = "fewest-moves"  # a gauge stays at its place on the leg for all postures
 
 
 @dataclass(frozen=True)
-class Step:
-    """One reading to take.
+class SessionStep:
+    """One reading to take; leg and direction are 0, 1, 2 for x, y, z."""
 
-    Attributes:
-        number: from 1, in the order of the session.
-        leg, direction: 0, 1, 2 for x, y, z.
-        posture: "iso", "max" or "min" of the leg.
-        displacement_mm: of the leg's carriage from the isotropic posture.
-        contact: what the gauge touches.
-        cycle: repeat of this posture, from 1.
-        stand: which of the gauges read side by side takes it, from 0.
-        setup: number of the gauge set-up, from 1; the stands are moved between set-ups.
-    """
-
-    number: int
+    number: int  # from 1, in the order of the session
     leg: int
     direction: int
-    posture: str
-    displacement_mm: float
+    posture: Posture
+    displacement_mm: float  # of the leg's carriage from the isotropic posture
     contact: Contact
-    cycle: int
-    stand: int
-    setup: int
+    cycle: int  # repeat of this posture, from 1
+    stand: int  # which of the gauges read side by side takes it, from 0
+    setup: int  # number of the gauge set-up, from 1; the stands are moved between set-ups
 
-    @property
-    def series(self) -> tuple[int, int]:
+    @cached_property
+    def series(self) -> Series:
         """Leg and direction: readings of one series share the gauge's zero."""
-        return self.leg, self.direction
+        return Series(self.leg, self.direction)
 
     @property
-    def cell(self) -> tuple[int, int, str, Contact]:
+    def planned(self) -> PlannedReading:
+        """The reading as part of a plan, at no time at all."""
+        return PlannedReading(*self.series, self.displacement_mm, self.contact)
+
+    @cached_property
+    def cell(self) -> tuple[int, int, Posture, Contact]:
         """Readings of one cell repeat each other."""
         return self.leg, self.direction, self.posture, self.contact
 
     @property
-    def visit(self) -> tuple[int, int, str, int]:
+    def visit(self) -> tuple[int, int, Posture, int]:
         """Readings of one visit are taken without moving the machine or a stand in between."""
         return self.setup, self.leg, self.posture, self.cycle
 
     @property
-    def end(self) -> str:
-        """The end touched: "joint" or "tool"; "" for a gauge fixed in space."""
-        return {Contact.FIXED: "", Contact.JOINT: "joint", Contact.TOOL: "tool"}[self.contact]
-
-    def joints_mm(self, machine: Machine) -> tuple[float, float, float]:
-        """Indicated joint positions to drive to (sec. 2.5) [mm]."""
-        length, moved = machine.leg_length_mm, self.displacement_mm
-        joints = [(length**2 - moved**2) ** 0.5] * 3
-        joints[self.leg] = length + moved
-        return joints[0], joints[1], joints[2]
-
-
-@dataclass(frozen=True)
-class _Visit:
-    """A reading of the protocol before it is numbered."""
-
-    leg: int
-    direction: int
-    posture: str
-    displacement_mm: float
-    contact: Contact
-    cycle: int
+    def end(self) -> str | None:
+        """The end of the leg that is touched; None for a gauge fixed in space."""
+        return self.contact.end
 
 
 def sequence(
-    machine: Machine, protocol: str, cycles: int, order: str = "paper", stands: int = 2
-) -> tuple[Step, ...]:
+    machine: Machine, protocol: MeasuringProtocol, cycles: int, order: Order, stands: int
+) -> tuple[SessionStep, ...]:
     """All steps of a session.
 
     Args:
         machine: its joint limits are the Max and Min postures.
-        protocol: one of `PROTOCOLS`.
+        protocol, order: which readings, and in which order.
         cycles: repeats of Iso, Max, Min on each leg; a closing Iso follows.
-        order: "paper" (sec. 4.1: both readings at every posture) or "fewest-moves" (a gauge
-            stays at its place on the leg for all postures).
         stands: gauges that are read side by side. The single-posture protocol uses one.
     """
-    single = protocol == "single-posture"
-    visits = _single_visits(machine, cycles) if single else _double_visits(machine, cycles)
-    if order == "fewest-moves" and single:
-        visits = _grouped(visits, lambda v: (v.leg, v.contact))
-    if stands == 1 and not single:
-        visits = _grouped(visits, lambda v: (v.leg, v.direction))
-    numbered = []
+    single = protocol is MeasuringProtocol.SINGLE
+    alone = single or stands == 1
+    plan = single_posture(machine, cycles) if single else double_posture(machine, cycles)
+    rows = plan.in_time.tolist()
+    if single:  # with a closing isotropic posture on each leg, as in sec. 4.1
+        legs = ([i for i in rows if plan.leg[i] == leg] for leg in (0, 1))
+        rows = [i for mine in legs for i in (*mine, *mine[:2])]
+    if single and order is Order.FEWEST_MOVES:
+        rows = _grouped(rows, plan.leg, plan.contact)
+    elif alone and not single:
+        rows = _grouped(rows, plan.leg, plan.direction)
+    postures = {machine.displacement_mm(posture): posture for posture in Posture}
+    steps: list[SessionStep] = []
+    seen: Counter[object] = Counter()
     setup, place = 0, None
-    for number, visit in enumerate(visits, start=1):
+    for number, i in enumerate(rows, start=1):
+        leg, direction = int(plan.leg[i]), int(plan.direction[i])
+        moved, contact = float(plan.displacement[i]), Contact(plan.contact[i])
+        posture = postures[moved]
+        seen[leg, direction, posture, contact] += 1
+        cycle = seen[leg, direction, posture, contact]
         # A single gauge is carried over to the next series; two stand there together.
-        here = (visit.leg, visit.direction if stands == 1 or single else None)
-        setup, place = (setup + 1, here) if here != place else (setup, place)
-        stand = 0
-        if not single and stands == 2:
-            stand = [axis for axis in range(3) if axis != visit.leg].index(visit.direction)
-        numbered.append(
-            Step(
-                number,
-                visit.leg,
-                visit.direction,
-                visit.posture,
-                visit.displacement_mm,
-                visit.contact,
-                visit.cycle,
-                stand,
-                setup,
-            )
-        )
-    return tuple(numbered)
+        here = (leg, direction if alone else None)
+        setup, place = (setup, place) if here == place else (setup + 1, here)
+        stand = 0 if alone else int(direction > min({0, 1, 2} - {leg}))
+        step = SessionStep(number, leg, direction, posture, moved, contact, cycle, stand, setup)
+        steps.append(step)
+    return tuple(steps)
 
 
-def _double_visits(machine: Machine, cycles: int) -> list[_Visit]:
-    plan = double_posture(machine, cycles=cycles)
-    names = {machine.displacement_mm(name): name for name in ("iso", "max", "min")}
-    return _counted(
-        [
-            _Visit(
-                int(plan.leg[i]),
-                int(plan.direction[i]),
-                names[float(plan.displacement[i])],
-                float(plan.displacement[i]),
-                Contact(int(plan.contact[i])),
-                0,
-            )
-            for i in plan.in_time
-        ]
-    )
+def _grouped(rows: Sequence[int], *keys: Ints) -> list[int]:
+    """Bring rows with equal keys together, in the order in which the keys first appear."""
+    first: dict[object, int] = {}
+    return sorted(rows, key=lambda i: first.setdefault(tuple(key[i] for key in keys), len(first)))
 
 
-def _single_visits(machine: Machine, cycles: int) -> list[_Visit]:
-    """The protocol's plan, and a closing isotropic posture on each leg as in sec. 4.1."""
-    plan = single_posture(machine, cycles=cycles)
-    names = {machine.displacement_mm(name): name for name in ("iso", "max", "min")}
-    visits: list[_Visit] = []
-    for leg in (0, 1):
-        chosen = [i for i in plan.in_time if plan.leg[i] == leg]
-        for i in chosen:
-            moved = float(plan.displacement[i])
-            end = Contact(int(plan.contact[i]))
-            visits.append(_Visit(leg, int(plan.direction[i]), names[moved], moved, end, 0))
-        first = visits[-len(chosen) :]
-        visits.extend(replace(visit) for visit in first[:2])
-    return _counted(visits)
-
-
-def _counted(visits: Sequence[_Visit]) -> list[_Visit]:
-    """Number the repeats of each cell, from 1."""
-    seen: dict[tuple[int, int, str, Contact], int] = {}
-    counted = []
-    for visit in visits:
-        cell = (visit.leg, visit.direction, visit.posture, visit.contact)
-        seen[cell] = seen.get(cell, 0) + 1
-        counted.append(replace(visit, cycle=seen[cell]))
-    return counted
-
-
-def _grouped(visits: Sequence[_Visit], key: Callable[[_Visit], object]) -> list[_Visit]:
-    """Bring visits with one key together, in the order in which the keys first appear."""
-    groups: dict[object, list[_Visit]] = {}
-    for visit in visits:
-        groups.setdefault(key(visit), []).append(visit)
-    return [visit for group in groups.values() for visit in group]
-
-
-def plan_of(steps: Sequence[Step], minutes: Sequence[float] | None = None) -> Plan:
-    """The readings of these steps in this order; `minutes` since the session began (default 0)."""
-    times = [0.0] * len(steps) if minutes is None else minutes
-    return postures.plan_of(
-        [
-            postures.Step(s.leg, s.direction, s.displacement_mm, s.contact, time)
-            for s, time in zip(steps, times, strict=True)
-        ]
-    )
-
-
-def gauge_moves(steps: Sequence[Step]) -> int:
+def gauge_moves(steps: Sequence[SessionStep]) -> int:
     """How often a stand has to be put to another place, the first time not counted."""
     places: dict[int, object] = {}
     moves = 0
     for step in steps:
-        here = (step.leg, step.direction, step.contact)
-        if step.stand in places and places[step.stand] != here:
-            moves += 1
+        here = (*step.series, step.contact)
+        moves += places.get(step.stand, here) != here
         places[step.stand] = here
     return moves
 
 
-def minutes_left(steps: Sequence[Step], pace_min: float | None = None) -> float:
+def minutes_left(steps: Sequence[SessionStep], pace_min: float | None = None) -> float:
     """Time that these steps will take [min]; `pace_min` is the time per visit seen so far."""
     if not steps:
         return 0.0
-    pairs = list(pairwise(steps))
-    visits = 1 + sum(a.visit != b.visit for a, b in pairs)
-    setups = sum(a.setup != b.setup for a, b in pairs)
-    return visits * (MINUTES_PER_POSTURE if pace_min is None else pace_min) + (
-        setups * MINUTES_PER_SETUP
-    )
+    visits = 1 + sum(a.visit != b.visit for a, b in pairwise(steps))
+    setups = sum(a.setup != b.setup for a, b in pairwise(steps))
+    pace = MINUTES_PER_POSTURE if pace_min is None else pace_min
+    return visits * pace + setups * MINUTES_PER_SETUP
 
 
-def step_name(step: Step) -> str:
+def step_name(step: SessionStep) -> str:
     """The step in a few words, e.g. "leg X, MAX, cycle 2, gauge Z"."""
     end = f", {step.end} end" if step.end else ""
     return (

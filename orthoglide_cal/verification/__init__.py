@@ -1,24 +1,15 @@
 """Did the correction do what was promised? Two sessions and what was entered between them."""
 
-from orthoglide_cal.verification.decision import RULE, decide
-from orthoglide_cal.verification.result import (
-    AxisResponse,
-    Change,
-    Coefficient,
-    Decision,
-    Deviation,
-    Verification,
-)
-from orthoglide_cal.verification.verify import verify
+from orthoglide_cal.verification.response import AxisResponse, Behaviour, Coefficient
+from orthoglide_cal.verification.verify import RULE, Outcome, Size, Verification, verify
 
 __all__ = [
     "RULE",
     "AxisResponse",
-    "Change",
+    "Behaviour",
     "Coefficient",
-    "Decision",
-    "Deviation",
+    "Outcome",
+    "Size",
     "Verification",
-    "decide",
     "verify",
 ]

@@ -8,19 +8,23 @@ moved stands then need no special case. Of differences, the named ones that both
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats, Ints
-from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation.methods import describe, pose_differences
-from orthoglide_cal.estimation.problem import Problem
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Differences, Measured, Readings
-from orthoglide_cal.plan import Contact, Plan
+from orthoglide_cal.estimation import Problem, pose_differences
+from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
+from orthoglide_cal.model import (
+    DataKind,
+    Floats,
+    Ints,
+    Measured,
+    Model,
+    Plan,
+    Readings,
+    freeze,
+)
 
 # Eigenvalues of the information matrix below this are zero; real ones are 1/2 and more.
 NO_INFORMATION = 1e-9
@@ -31,17 +35,23 @@ class Comparison:
     """k quantities measured in both sessions.
 
     Attributes:
-        kind: "readings", "six", "twelve" or "single".
+        kind: what they are: contrasts of readings, or differences.
         problem: predicts them for given offsets.
         before, after: measured, shape (k,) [mm].
         covariance: of after − before for unit variance of one reading, shape (k, k).
     """
 
-    kind: str
+    kind: DataKind
     problem: Problem
     before: Floats
     after: Floats
     covariance: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, "before", "after", "covariance")
+
+    def __len__(self) -> int:
+        return len(self.before)
 
     @property
     def change(self) -> Floats:
@@ -49,64 +59,57 @@ class Comparison:
         return self.after - self.before
 
 
-def compare(
-    before: Measured, after: Measured, machine: Machine, effects: Sequence[Effect] = ()
-) -> Comparison:
+def compare(before: Measured, after: Measured, model: Model) -> Comparison:
     """The quantities that both sessions determine.
 
     Raises:
         UsageError: they have nothing in common.
     """
-    if isinstance(before, Readings) and isinstance(after, Readings):
-        comparison = _compare_readings(before, after, machine, effects)
+    raw = [each for each in (before, after) if isinstance(each, Readings)]
+    if len(raw) == 2:
+        comparison = _compare_readings(raw[0], raw[1], model)
     else:
-        comparison = _compare_differences(before, after, machine, effects)
-    if len(comparison.before) < 4:
+        comparison = _compare_differences(before, after, model)
+    if len(comparison) < 4:
         raise UsageError(
-            f"The two files share {len(comparison.before)} quantities;"
+            f"The two files share {len(comparison)} quantities;"
             " three offsets cannot be verified with so few.",
             "Measure the same postures with the same gauge directions before and after.",
         )
     return comparison
 
 
-def _compare_differences(
-    before: Measured, after: Measured, machine: Machine, effects: Sequence[Effect]
-) -> Comparison:
-    kinds = {_difference_kind(before), _difference_kind(after)}
-    if kinds == {"six", "twelve"}:
-        kinds = {"six"}
+def _compare_differences(before: Measured, after: Measured, model: Model) -> Comparison:
+    kinds = {
+        table_kind(each) if each.kind is DataKind.READINGS else each.kind
+        for each in (before, after)
+    }
+    if kinds == {DataKind.SIX, DataKind.TWELVE}:
+        kinds = {DataKind.SIX}
     if len(kinds) > 1:
         raise UsageError(
-            f"The first file holds {describe(before)}, the second {describe(after)}:"
-            " they measure different things.",
+            f"The first file holds {DESCRIPTIONS[before.kind]}, the second"
+            f" {DESCRIPTIONS[after.kind]}: they measure different things.",
             "Measure both with the same protocol.",
         )
     kind = kinds.pop()
-    first, second = (pose_differences(m, machine, kind, effects) for m in (before, after))
-    names = [name for name in first.names if name in second.names]
-    rows = [[posed.names.index(name) for name in names] for posed in (first, second)]
-    problem = Problem(
-        machine, first.problem.plan, first.problem.matrix[rows[0]], first.problem.effects
-    )
+    first, second = (pose_differences(each, model, kind) for each in (before, after))
+    shared = [each for each in first.which if each in second.which]
+    rows = [[posed.which.index(each) for each in shared] for posed in (first, second)]
     spread = [
         posed.problem.covariance()[np.ix_(chosen, chosen)]
         for posed, chosen in zip((first, second), rows, strict=True)
     ]
     return Comparison(
-        kind, problem, first.data[rows[0]], second.data[rows[1]], spread[0] + spread[1]
+        kind=kind,
+        problem=Problem(model, first.problem.plan, first.problem.matrix[rows[0]]),
+        before=first.data[rows[0]],
+        after=second.data[rows[1]],
+        covariance=spread[0] + spread[1],
     )
 
 
-def _difference_kind(measured: Measured) -> str:
-    if isinstance(measured, Differences):
-        return measured.kind
-    return "six" if np.all(measured.plan.contact == Contact.FIXED) else "single"
-
-
-def _compare_readings(
-    before: Readings, after: Readings, machine: Machine, effects: Sequence[Effect]
-) -> Comparison:
+def _compare_readings(before: Readings, after: Readings, model: Model) -> Comparison:
     keys = np.concatenate([_keys(before.plan), _keys(after.plan)])
     cells, cell = np.unique(keys, axis=0, return_inverse=True)
     cell = cell.reshape(-1)
@@ -119,9 +122,13 @@ def _compare_readings(
         contrasts @ inverse @ right
         for inverse, (_, right) in zip(inverses, information, strict=True)
     ]
-    problem = Problem(machine, _cells_plan(cells), contrasts, effects)
-    covariance = contrasts @ (inverses[0] + inverses[1]) @ contrasts.T
-    return Comparison("readings", problem, estimates[0], estimates[1], covariance)
+    return Comparison(
+        kind=DataKind.READINGS,
+        problem=Problem(model, _cells_plan(cells), contrasts),
+        before=estimates[0],
+        after=estimates[1],
+        covariance=contrasts @ (inverses[0] + inverses[1]) @ contrasts.T,
+    )
 
 
 def _keys(plan: Plan) -> Floats:

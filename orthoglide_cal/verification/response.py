@@ -9,25 +9,15 @@ off the offset that remains (true = indicated + Δρ), so theory says β = 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import permutations, product
 
 import numpy as np
-from scipy.special import chdtrc
 
-from orthoglide_cal.axes import AXES, Floats
-from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
+from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.model import AXES, Floats, freeze
 from orthoglide_cal.verification.comparison import Comparison
-from orthoglide_cal.verification.result import (
-    AS_MODELLED,
-    EXCHANGED,
-    NO_RESPONSE,
-    OPPOSITE,
-    OTHER_GAIN,
-    UNDETERMINED,
-    AxisResponse,
-    Change,
-    Coefficient,
-)
 
 # Another sign or order of the axes is believed only at these odds against all others together.
 ODDS = 20.0
@@ -35,63 +25,144 @@ ODDS = 20.0
 CERTAIN = 0.999
 
 
+class Behaviour(StrEnum):
+    """How the machine responded."""
+
+    AS_MODELLED = "as modelled"
+    OPPOSITE = "opposite sign"
+    EXCHANGED = "axes exchanged"
+    NO_RESPONSE = "no response"
+    OTHER_GAIN = "other gain"
+    UNDETERMINED = "undetermined"
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A number with its 95 % Student-t interval; theory says 1."""
+
+    value: float
+    std: float
+    low: float
+    high: float
+
+    @property
+    def agrees(self) -> bool:
+        """True if the interval holds 1."""
+        return self.low <= 1.0 <= self.high
+
+
+@dataclass(frozen=True)
+class AxisResponse:
+    """What one joint did.
+
+    Attributes:
+        axis: "x", "y" or "z".
+        applied_mm: change entered in the controller.
+        found_mm: change that the readings show.
+        low_mm, high_mm: its 95 % interval.
+        coefficient: found / applied; None where nothing was applied.
+    """
+
+    axis: str
+    applied_mm: float
+    found_mm: float
+    low_mm: float
+    high_mm: float
+    coefficient: Coefficient | None
+
+    @property
+    def agrees(self) -> bool:
+        """True if the interval holds what was applied."""
+        return self.low_mm <= self.applied_mm <= self.high_mm
+
+
+@dataclass(frozen=True)
+class Change:
+    """Did anything change that no joint offset explains?
+
+    Attributes:
+        rms_mm: root mean square of the unexplained change of a difference, per degree of freedom.
+        noise_mm: what the gauge's noise alone gives for it.
+        dof: degrees of freedom.
+        p_value: probability of a larger one from noise alone.
+    """
+
+    rms_mm: float
+    noise_mm: float
+    dof: int
+    p_value: float
+
+    @property
+    def found(self) -> bool:
+        """True if noise alone would give such a change less than once in a thousand times."""
+        return self.p_value < SUSPICIOUS
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
-    """How the machine responded; fields as in `result.Verification`."""
+    """How the machine responded to the correction.
 
-    response: Coefficient
+    Attributes:
+        coefficient: of the change on the model's prediction, all axes together.
+        sigma_mm: standard deviation of one reading that its interval rests on.
+        dof: degrees of freedom of that interval.
+        axes: the same for each joint, fitted together.
+        behaviour: in a word.
+        acted_as_mm: signed permutation of the applied offsets that explains the change better,
+            shape (3,); None if what was applied explains it best.
+        change: what no offset explains.
+    """
+
+    coefficient: Coefficient
     sigma_mm: float
     dof: int
     axes: tuple[AxisResponse, ...]
-    answer: str
+    behaviour: Behaviour
     acted_as_mm: Floats | None
     change: Change
 
+    def __post_init__(self) -> None:
+        freeze(self, "acted_as_mm")
 
-def respond(
-    comparison: Comparison,
-    offsets: Floats,
-    applied: Floats,
-    noise_mm: float,
-    floor_mm: float,
-) -> Response:
+
+def respond(comparison: Comparison, offsets: Floats, applied: Floats) -> Response:
     """Fit the response.
 
     Args:
         comparison: k quantities of both sessions.
         offsets: Δρ before the correction, shape (3,) [mm].
         applied: δ, shape (3,) [mm], not all zero.
-        noise_mm: standard deviation of one reading that the gauge's maker states.
-        floor_mm: smallest standard deviation that its resolution allows.
     """
+    problem = comparison.problem
+    gauge = problem.model.machine.gauge
     whiten = np.linalg.inv(np.linalg.cholesky(comparison.covariance))
     change = whiten @ comparison.change
-    problem = comparison.problem
-    predicted = whiten @ (problem.model(offsets - applied) - problem.model(offsets))
+    predicted = whiten @ problem.change(offsets, applied)
     # Midway, where a linear model of the change is right to third order.
-    slope = -(whiten @ problem.model_with_jacobian(offsets - applied / 2.0)[1])
+    slope = -(whiten @ problem.predict_with_jacobian(offsets - applied / 2.0)[1])
 
-    axes, left = _axes(change, slope, applied, floor_mm)
-    count = len(change)
+    axes, left = _axes(change, slope, applied, gauge.rounding_mm)
+    dof = len(change) - 1
     beta = float(predicted @ change / (predicted @ predicted))
     residual = change - beta * predicted
-    sigma = max(float(np.sqrt(residual @ residual / (count - 1))), floor_mm)
-    response = _coefficient(beta, sigma / float(np.sqrt(predicted @ predicted)), count - 1)
-    acted_as = _better_order(change, slope, applied, noise_mm)
+    # No reading is known better than its gauge's resolution allows.
+    sigma = max(float(np.sqrt(residual @ residual / dof)), gauge.rounding_mm)
+    coefficient = _coefficient(beta, sigma / float(np.sqrt(predicted @ predicted)), dof)
+    acted_as = _better_order(change, slope, applied, gauge.noise_mm)
     typical = float(np.sqrt(np.mean(np.diag(comparison.covariance))))
-    dof = count - 3
+    spare = len(change) - 3
     return Response(
-        response=response,
+        coefficient=coefficient,
         sigma_mm=sigma,
-        dof=count - 1,
+        dof=dof,
         axes=axes,
-        answer=_answer(response, count - 1, acted_as, applied),
+        behaviour=_behaviour(coefficient, dof, acted_as, applied),
         acted_as_mm=acted_as,
         change=Change(
-            rms_mm=typical * float(np.sqrt(left / dof)),
-            noise_mm=typical * noise_mm,
-            dof=dof,
-            p_value=float(chdtrc(dof, left / noise_mm**2)),
+            rms_mm=typical * float(np.sqrt(left / spare)),
+            noise_mm=typical * gauge.noise_mm,
+            dof=spare,
+            p_value=chance_of_residual(left, spare, gauge.noise_mm),
         ),
     )
 
@@ -164,12 +235,15 @@ def _better_order(change: Floats, slope: Floats, applied: Floats, noise_mm: floa
     return np.asarray(orders[min(range(len(hypotheses)), key=rank)])
 
 
-def _answer(response: Coefficient, dof: int, acted_as: Floats | None, applied: Floats) -> str:
+def _behaviour(
+    response: Coefficient, dof: int, acted_as: Floats | None, applied: Floats
+) -> Behaviour:
     if acted_as is not None:
-        return OPPOSITE if np.allclose(acted_as, -applied) else EXCHANGED
+        opposite = np.allclose(acted_as, -applied)
+        return Behaviour.OPPOSITE if opposite else Behaviour.EXCHANGED
     # One healthy machine in twenty lies outside its 95 % interval; few enough outside this one.
     reach = half_width(dof, CERTAIN) * response.std
     moved, full = abs(response.value) > reach, abs(response.value - 1.0) <= reach
     if full:
-        return AS_MODELLED if moved else UNDETERMINED
-    return OTHER_GAIN if moved else NO_RESPONSE
+        return Behaviour.AS_MODELLED if moved else Behaviour.UNDETERMINED
+    return Behaviour.OTHER_GAIN if moved else Behaviour.NO_RESPONSE

@@ -1,47 +1,156 @@
-"""Compare two sessions with the correction that was entered between them."""
+"""Two sessions of one machine, before and after an adjustment: promised against measured."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.effects import Effect
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Solution, solve
-from orthoglide_cal.estimation.accuracy import half_width
-from orthoglide_cal.estimation.methods import pose_differences
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Measured
-from orthoglide_cal.verification.comparison import compare
-from orthoglide_cal.verification.decision import decide
-from orthoglide_cal.verification.response import respond
-from orthoglide_cal.verification.result import Deviation, Verification
+from orthoglide_cal.estimation import Solution, pose_differences, promise, solve
+from orthoglide_cal.estimation.accuracy import half_width, rms
+from orthoglide_cal.estimation.methods import table_kind
+from orthoglide_cal.files import Input, machine_values
+from orthoglide_cal.model import Difference, Floats, Model, freeze
+from orthoglide_cal.verification.comparison import Comparison, compare
+from orthoglide_cal.verification.response import Response, respond
+
+RULE = (
+    "Pass if |deviation| + U is within the limit for every difference; fail if |deviation| - U is"
+    " beyond it for any; otherwise undecided (guard band U on both sides, as in ISO 14253-1)."
+)
+# Entries of the machine file in which two sessions of one machine agree.
+_SAME = ("kind", "leg_length_mm", "joint_limits_mm", "identified")
+
+
+@dataclass(frozen=True)
+class Size:
+    """Size of a set of differences [mm].
+
+    Attributes:
+        rms_mm: root mean square.
+        largest_mm: largest, with its sign.
+        largest: which.
+    """
+
+    rms_mm: float
+    largest_mm: float
+    largest: Difference
+
+    @classmethod
+    def of(cls, values: Mapping[Difference, float]) -> Size:
+        """Of one difference or more [mm]."""
+        largest = max(values, key=lambda each: abs(values[each]))
+        return cls(rms(np.array(list(values.values()))), values[largest], largest)
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """One difference before and after the correction [mm].
+
+    Attributes:
+        difference: which.
+        before_mm: measured before.
+        promised_mm: what the model said would remain.
+        after_mm: measured after.
+        expanded_mm: expanded uncertainty U of the value measured after.
+    """
+
+    difference: Difference
+    before_mm: float
+    promised_mm: float
+    after_mm: float
+    expanded_mm: float
+
+
+class Outcome(StrEnum):
+    """Conformity with a limit, by `RULE`."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Conformity with a stated limit.
+
+    Attributes:
+        limit_mm: largest deviation allowed in any difference.
+        outcome: by the decision rule.
+        largest: the largest deviation measured after the correction.
+    """
+
+    limit_mm: float
+    outcome: Outcome
+    largest: Deviation
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """A correction compared with its promise.
+
+    Attributes:
+        before, after: solutions of the two sessions; the second holds the offsets that remain.
+        applied_mm: what was entered in the controller, shape (3,).
+        deviations: of each difference that both sessions hold, at least one.
+        k: coverage factor of their expanded uncertainty.
+        comparison: all quantities that both sessions determine, with the problem behind them.
+        response: how the machine responded.
+        decision: about the limit; None without one.
+    """
+
+    before: Solution
+    after: Solution
+    applied_mm: Floats
+    deviations: tuple[Deviation, ...]
+    k: float
+    comparison: Comparison
+    response: Response
+    decision: Decision | None
+
+    def __post_init__(self) -> None:
+        freeze(self, "applied_mm")
+
+    @property
+    def as_found(self) -> Size:
+        """The differences before the correction."""
+        return Size.of({d.difference: d.before_mm for d in self.deviations})
+
+    @property
+    def promised(self) -> Size:
+        """What the model said would remain of them."""
+        return Size.of({d.difference: d.promised_mm for d in self.deviations})
+
+    @property
+    def as_left(self) -> Size:
+        """The differences after the correction."""
+        return Size.of({d.difference: d.after_mm for d in self.deviations})
 
 
 def verify(
-    before: Measured,
-    after: Measured,
-    machine: Machine,
-    applied_mm: Sequence[float],
+    before: Input,
+    after: Input,
+    applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
-    effects: Sequence[Effect] = (),
 ) -> Verification:
     """What was promised, what came true, and whether the machine responded as the model says.
 
     Args:
-        before, after: readings or differences, measured with the same protocol.
-        machine: nominal machine and its gauge.
-        applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm].
+        before, after: of the same machine, measured with the same protocol.
+        applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
+            None takes the difference between the offsets that two sessions record as active.
         limit_mm: largest deviation allowed in any difference; None for no decision.
-        effects: departures from the nominal machine that are already known.
 
     Raises:
-        UsageError: nothing was applied, or the two files have nothing in common.
-        RankDeficientError, NotConvergedError: one of the files does not determine the offsets.
+        UsageError: different machines, nobody says what was applied or nothing was, or the two
+            inputs have nothing in common.
+        RankDeficientError, NotConvergedError: one of them does not determine the offsets.
     """
-    applied = np.array(applied_mm, dtype=np.float64)
+    _require_same_machine(before.model, after.model)
+    applied = _recorded(before, after) if applied_mm is None else np.array(applied_mm, dtype=float)
     if not np.any(applied):
         raise UsageError(
             "Nothing was applied, so there is no response to verify.",
@@ -49,74 +158,80 @@ def verify(
         )
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    first, second = (solve(m, machine, effects=effects) for m in (before, after))
-    comparison = compare(before, after, machine, effects)
-    response = respond(
-        comparison,
-        first.offsets_mm,
-        applied,
-        noise_mm=machine.gauge.noise_mm,
-        floor_mm=machine.gauge.rounding_mm,
-    )
+    model = before.model
+    first, second = (solve(each.measured, model) for each in (before, after))
+    comparison = compare(before.measured, after.measured, model)
+    response = respond(comparison, first.offsets_mm, applied)
     factor = half_width(np.inf)
-    deviations = _deviations(before, after, first, second, machine, effects, applied, factor)
+    deviations = _deviations(before, after, first.offsets_mm, applied, factor)
     return Verification(
-        before=before.source,
-        after=after.source,
-        machine=machine.name,
-        kind=comparison.kind,
-        count=len(comparison.before),
+        before=first,
+        after=second,
         applied_mm=applied,
         deviations=deviations,
-        rms_before_mm=_rms([d.before_mm for d in deviations]),
-        rms_promised_mm=_rms([d.promised_mm for d in deviations]),
-        rms_after_mm=_rms([d.after_mm for d in deviations]),
-        response=response.response,
-        sigma_mm=response.sigma_mm,
-        dof=response.dof,
-        axes=response.axes,
-        answer=response.answer,
-        acted_as_mm=response.acted_as_mm,
-        change=response.change,
-        remaining_mm=second.offsets_mm,
-        remaining_expanded_mm=(second.interval_mm[:, 1] - second.interval_mm[:, 0]) / 2.0,
-        decision=None if limit_mm is None else decide(deviations, limit_mm),
         k=factor,
+        comparison=comparison,
+        response=response,
+        decision=None if limit_mm is None else decide(deviations, limit_mm),
     )
+
+
+def decide(deviations: Sequence[Deviation], limit_mm: float) -> Decision:
+    """Compare every deviation measured after the correction with the limit (ISO 14253-1).
+
+    Args:
+        deviations: at least one.
+        limit_mm: largest size of a deviation that is allowed.
+    """
+    largest = max(deviations, key=lambda d: abs(d.after_mm))
+    if any(abs(d.after_mm) - d.expanded_mm > limit_mm for d in deviations):
+        outcome = Outcome.FAIL
+    elif all(abs(d.after_mm) + d.expanded_mm <= limit_mm for d in deviations):
+        outcome = Outcome.PASS
+    else:
+        outcome = Outcome.UNDECIDED
+    return Decision(limit_mm, outcome, largest)
 
 
 def _deviations(
-    before: Measured,
-    after: Measured,
-    first: Solution,
-    second: Solution,
-    machine: Machine,
-    effects: Sequence[Effect],
-    applied: Floats,
-    factor: float,
+    before: Input, after: Input, offsets: Floats, applied: Floats, factor: float
 ) -> tuple[Deviation, ...]:
-    """The differences of Table 4 before, promised (after the correction) and after."""
-    kind = "single" if first.table[0].difference[-1] in "0+-" else "six"
-    posed = pose_differences(before, machine, kind, effects)
-    offsets = first.offsets_mm
-    change = posed.problem.model(offsets - applied) - posed.problem.model(offsets)
-    predicted = dict(zip(posed.names, change.tolist(), strict=True))
-    later = pose_differences(after, machine, kind, effects)
-    reach = factor * machine.gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
-    expanded = dict(zip(later.names, reach.tolist(), strict=True))
-    measured = {row.difference: row.measured_mm for row in second.table}
-    return tuple(
-        Deviation(
-            name=row.difference,
-            before_mm=row.measured_mm,
-            promised_mm=row.measured_mm + predicted[row.difference],
-            after_mm=measured[row.difference],
-            expanded_mm=expanded[row.difference],
-        )
-        for row in first.table
-        if row.difference in measured
+    """The differences of Table 4 before, promised and after, where both sessions hold them."""
+    model = before.model
+    later = pose_differences(after.measured, model, table_kind(before.measured))
+    reach = factor * model.machine.gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    measured = zip(later.data.tolist(), reach.tolist(), strict=True)
+    came_true = dict(zip(later.which, measured, strict=True))
+    deviations = tuple(
+        Deviation(row.difference, row.measured_mm, row.expected_mm, *came_true[row.difference])
+        for row in promise(before.measured, model, offsets, applied)
+        if row.difference in came_true
     )
+    if not deviations:
+        raise UsageError(
+            "The two files share no difference between the ends of a leg's travel.",
+            "Measure the postures max and min before and after.",
+        )
+    return deviations
 
 
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+def _require_same_machine(before: Model, after: Model) -> None:
+    """Raises UsageError, which says in what the two machine files differ."""
+    first, second = machine_values(before), machine_values(after)
+    different = [name for name in _SAME if first.get(name) != second.get(name)]
+    if different:
+        raise UsageError(
+            f"The two sessions are of different machines: {', '.join(different)} differ.",
+            "Give the machine that both are to be judged by: --machine FILE",
+        )
+
+
+def _recorded(before: Input, after: Input) -> Floats:
+    """Difference of the active offsets of two sessions, rounded as offsets are entered [mm]."""
+    change = np.array(after.model.machine.offsets_mm) - np.array(before.model.machine.offsets_mm)
+    if not (before.is_session and after.is_session) or not np.any(change):
+        raise UsageError(
+            "The files do not say what was entered in the controller between them.",
+            "Say it: --applied DX DY DZ",
+        )
+    return np.asarray(change.round(9))

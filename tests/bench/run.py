@@ -2,7 +2,6 @@
 
 import os
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,7 +14,9 @@ from tests.truth import Gauge, Machine, Session, machine_yaml, write_readings
 
 from .answers import Answer, parse_answer
 
+ROOT = Path(__file__).parents[2]
 MACHINE_FILE = "machine.yaml"
+ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 class RunError(RuntimeError):
@@ -34,12 +35,8 @@ class Run:
 
 
 def program() -> list[str]:
-    """The command line of this environment's `orthocal`."""
-    script = Path(sys.executable).parent / "orthocal"
-    if script.exists():
-        return [str(script)]
-    found = shutil.which("orthocal")
-    return [found] if found else [sys.executable, "-m", "orthoglide_cal"]
+    """The command line of this checkout's `orthocal`, whatever else is installed."""
+    return [sys.executable, "-m", "orthoglide_cal"]
 
 
 @contextmanager
@@ -71,7 +68,7 @@ def diagnose(where: Path, files: Sequence[str], extra: Sequence[str] = ()) -> Ru
     done = subprocess.run(
         [*program(), "diagnose", "--machine", MACHINE_FILE, "--json", *extra, *files],
         cwd=where,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        env={**os.environ, "PYTHONPATH": str(ROOT), **ONE_CORE},
         capture_output=True,
         text=True,
         check=False,

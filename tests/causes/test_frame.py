@@ -3,28 +3,25 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.axes import Floats
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.kinematics import Geometry
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.plan import Plan
-from orthoglide_cal.protocols import double_posture, zero_free
-from orthoglide_cal.simulation import simulate
-from tests.machines import PROTOTYPE, both_machines
+from orthoglide_cal.model import Floats, Machine, Model, Plan, double_posture, simulate, zero_free
+from orthoglide_cal.model.machine import Geometry
+from tests.machines import NOMINAL, PROTOTYPE, both_machines
+from tests.model.geometries import bent_rails, nominal_rails, on_rails
 
 OFFSETS = np.array([0.8, -1.3, 0.5])
 PAIRS = ((0, 1), (1, 2), (2, 0))
 
 
-def seen(machine: Machine, offsets: Floats, plan: Plan, geometry: Geometry) -> Floats:
+def seen(machine: Machine, offsets: Floats, plan: Plan, rails: Geometry) -> Floats:
     """Predicted readings without their gauge zeros."""
-    return zero_free(plan) @ simulate(machine, offsets, plan, geometry=geometry)
+    return zero_free(plan) @ simulate(on_rails(machine, rails), offsets, plan)
 
 
 @both_machines
 def test_moving_the_whole_machine_changes_no_reading(machine: Machine) -> None:
     plan, moved = double_posture(machine), np.array([1.7, -2.9, 0.6])
-    nominal = Geometry.nominal(machine)
+    nominal = nominal_rails(machine)
     away = Geometry(nominal.points + moved, nominal.directions, nominal.lengths)
     before = seen(machine, OFFSETS, plan, nominal)
     assert seen(machine, OFFSETS, plan, away) == pytest.approx(before, abs=1e-10)
@@ -42,7 +39,7 @@ def test_gaps_and_offsets_say_all_that_rails_moved_across_can_do(machine: Machin
     and seen from the moved origin each offset is smaller by it.
     """
     plan, rng = double_posture(machine), np.random.default_rng(8)
-    nominal = Geometry.nominal(machine)
+    nominal = nominal_rails(machine)
     for _ in range(5):
         shift = rng.uniform(-1.0, 1.0, (3, 3)) * (1.0 - np.eye(3))
         moved = Geometry(shift, nominal.directions, nominal.lengths)
@@ -52,7 +49,7 @@ def test_gaps_and_offsets_say_all_that_rails_moved_across_can_do(machine: Machin
             gaps[k] = shift[first, along] - shift[second, along]
             origin[along] = 0.5 * (shift[first, along] + shift[second, along])
         cause = CAUSES["axis_gap"]
-        explained = simulate(machine, OFFSETS - origin, plan, [cause.at(gaps)])
+        explained = simulate(Model(machine, (cause.at(gaps),)), OFFSETS - origin, plan)
         assert zero_free(plan) @ explained == pytest.approx(
             seen(machine, OFFSETS, plan, moved), abs=1e-10
         )
@@ -75,7 +72,7 @@ def test_turning_the_machine_is_seen_to_second_order_only(machine: Machine) -> N
     ω²: halving both the turn and the offsets quarters it.
     """
     plan, angles = double_posture(machine), np.array([1.1e-3, -0.7e-3, 1.6e-3])
-    nominal = Geometry.nominal(machine)
+    nominal = nominal_rails(machine)
 
     def change(scale: float) -> Floats:
         leaning = Geometry(
@@ -97,22 +94,37 @@ def test_squareness_and_turns_say_all_that_leaning_rails_can_do(machine: Machine
     itself moves readings by ten times as much.
     """
     plan, rng = double_posture(machine), np.random.default_rng(9)
-    nominal, cause = Geometry.nominal(machine), CAUSES["axis_squareness"]
+    nominal, cause = nominal_rails(machine), CAUSES["axis_squareness"]
     for _ in range(5):
         lean = rng.uniform(-1e-3, 1e-3, (3, 3)) * (1.0 - np.eye(3))
         ways = np.eye(3) + lean
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
         leaning = Geometry(nominal.points, ways, nominal.lengths)
         angles = np.array([lean[i, j] + lean[j, i] for i, j in PAIRS])
-        explained = zero_free(plan) @ simulate(machine, OFFSETS, plan, [cause.at(angles)])
+        explained = zero_free(plan) @ simulate(Model(machine, (cause.at(angles),)), OFFSETS, plan)
         true = seen(machine, OFFSETS, plan, leaning)
         assert np.abs(true - explained).max() < 2e-3
         assert np.abs(true - seen(machine, OFFSETS, plan, nominal)).max() > 2e-2
 
 
+def test_gaps_and_angles_add_to_rails_that_are_bent_already() -> None:
+    """Each rail of a pair is shifted, or leans towards the other, by half."""
+    rails = bent_rails(PROTOTYPE)
+    xy, yz, zx = 0.5 * np.array([0.41, -0.27, 0.63])
+    apart = CAUSES["axis_gap"].geometry(rails, 2.0 * np.array([xy, yz, zx]))
+    shift = np.array([[0.0, -zx, xy], [yz, 0.0, -xy], [-yz, zx, 0.0]])
+    assert apart.points == pytest.approx(rails.points + shift, abs=1e-12)
+    assert np.array_equal(apart.directions, rails.directions)
+    leaning = CAUSES["axis_squareness"].geometry(rails, 2e-3 * np.array([xy, yz, zx]))
+    ways = rails.directions + 1e-3 * np.array([[0.0, xy, zx], [xy, 0.0, yz], [zx, yz, 0.0]])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    assert leaning.directions == pytest.approx(ways, abs=1e-12)
+    assert np.array_equal(leaning.points, rails.points)
+
+
 def test_an_angle_between_two_rails_is_what_the_parameter_says() -> None:
     angles = np.array([2.1e-3, -0.9e-3, 1.4e-3])
-    rails = CAUSES["axis_squareness"].geometry(Geometry.nominal(PROTOTYPE), angles)
+    rails = CAUSES["axis_squareness"].geometry(NOMINAL.geometry, angles)
     for angle, (i, j) in zip(angles, PAIRS, strict=True):
         between = np.arccos(rails.directions[i] @ rails.directions[j])
         assert between == pytest.approx(np.pi / 2 - angle, abs=1e-5)
@@ -121,7 +133,7 @@ def test_an_angle_between_two_rails_is_what_the_parameter_says() -> None:
 
 def test_a_gap_is_the_distance_between_two_rails() -> None:
     gaps = np.array([0.41, -0.27, 0.63])
-    rails = CAUSES["axis_gap"].geometry(Geometry.nominal(PROTOTYPE), gaps)
+    rails = CAUSES["axis_gap"].geometry(NOMINAL.geometry, gaps)
     for gap, (i, j) in zip(gaps, PAIRS, strict=True):
         normal = np.cross(rails.directions[i], rails.directions[j])
         apart = abs((rails.points[i] - rails.points[j]) @ normal)

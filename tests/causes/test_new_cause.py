@@ -5,22 +5,21 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import orthoglide_cal
-from orthoglide_cal.data import default_machine, machine_text, readings_csv
-from orthoglide_cal.effects import Commanded, Effect
-from orthoglide_cal.protocols import double_posture, synthetic_session
-from tests.machines import ROOT
+from orthoglide_cal.model import AXES, Readings, double_posture
+from orthoglide_cal.model.synthetic import synthetic_session
+from tests.machines import NOMINAL, PROTOTYPE, ROOT
 
 SAG = '''
 """A leg bends with the square of its displacement."""
 
-import numpy as np
-
-from orthoglide_cal.causes.base import Cause, Step
+from orthoglide_cal.model.cause import Cause, Stage
 
 
 class LegSag(Cause):
@@ -28,64 +27,90 @@ class LegSag(Cause):
 
     id = "leg_sag"
     title = "a leg sags"
-    step = Step.CONTACT
+    stage = Stage.CONTACT
     unit = "mm"
     names = ("x", "y", "z")
     lasting = True
     advice = "Stiffen the leg, or measure nearer to the isotropic posture."
 
-    def contact(self, heights, theta, where, fraction, commanded):
-        plan = commanded.plan
+    def contact(self, heights, theta, place, fraction, plan, machine):
         return heights + theta[..., plan.leg] * (plan.displacement / 100.0) ** 2
 
 
-CAUSE = LegSag()
+CAUSES = (LegSag(),)
 '''
+SIZES = np.array([0.12, -0.17, 0.09])
+OFFSETS = np.array([0.4, -0.7, 0.2])
+LIST = """
+from orthoglide_cal.causes import CAUSES
+print(*CAUSES)
+print(CAUSES["leg_sag"].title)
+"""
 
 
-class Sagging(Effect):
-    """The same in the forward model, written without the file."""
-
-    def contact(
-        self, heights: np.ndarray, fraction: np.ndarray, commanded: Commanded
-    ) -> np.ndarray:
-        sizes = np.array([0.12, -0.17, 0.09])
-        plan = commanded.plan
-        return heights + sizes[plan.leg] * (plan.displacement / 100.0) ** 2
-
-
-def test_one_more_file_is_one_more_answer(tmp_path: Path) -> None:
-    """In a copy of the package: weighed, named, with its parameters, units and advice."""
-    package = Path(orthoglide_cal.__file__).parent
-    shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A folder with a copy of the package that has one more cause."""
+    source = Path(orthoglide_cal.__file__).parent
+    shutil.copytree(source, tmp_path / source.name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
-    (tmp_path / package.name / "causes" / "leg_sag.py").write_text(SAG, encoding="utf-8")
-    machine = default_machine()
-    text = machine_text(machine).replace("tolerances: {", "tolerances: {leg_sag: 0.1, ")
-    assert "leg_sag" in text
-    (tmp_path / "machine.yaml").write_text(text, encoding="utf-8")
-    plan, rng = double_posture(machine), np.random.default_rng(5)
-    offsets = np.array([0.4, -0.7, 0.2])
-    made = synthetic_session(machine, plan, offsets, rng, [Sagging()])
-    (tmp_path / "readings.csv").write_text(readings_csv(made), encoding="utf-8")
-    command = [sys.executable, "-m", package.name, "diagnose", "--json"]
+    (tmp_path / source.name / "causes" / "leg_sag.py").write_text(SAG, encoding="utf-8")
+    return tmp_path
+
+
+def run(folder: Path, *arguments: str) -> str:
+    """Standard output of Python in a folder, with the package that lies there."""
     done = subprocess.run(
-        [*command, "--machine", "machine.yaml", "readings.csv"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path), "OMP_NUM_THREADS": "1"},
+        [sys.executable, *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    answer = json.loads(done.stdout)
+    return done.stdout
+
+
+def sagging() -> Readings:
+    """A session on a machine whose legs sag, made without the file."""
+    plan, rng = double_posture(PROTOTYPE), np.random.default_rng(5)
+    made = synthetic_session(NOMINAL, plan, OFFSETS, rng)
+    bend = SIZES[plan.leg] * (plan.displacement / 100.0) ** 2
+    return replace(made, value=np.round(made.value + bend, 2))
+
+
+def test_one_more_file_is_one_more_cause(package: Path) -> None:
+    causes, title = run(package, "-c", LIST).splitlines()
+    assert "leg_sag" in causes.split()
+    assert len(causes.split()) == 14
+    assert title == "a leg sags"
+
+
+def test_one_more_file_is_one_more_answer(package: Path) -> None:
+    """Weighed, named, with its parameters, units and advice."""
+    text = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
+    machine = text.replace("\ntolerances:\n", "\ntolerances:\n  leg_sag: 0.1\n")
+    assert "leg_sag" in machine
+    (package / "machine.yaml").write_text(machine, encoding="utf-8")
+    made = sagging()
+    rows = [
+        f"{AXES[leg]},{AXES[direction]},{posture},{60.0 * hours:.3f},{value:.2f}"
+        for (leg, direction), posture, hours, value in zip(
+            made.plan.series, made.posture, made.plan.hours, made.value, strict=True
+        )
+    ]
+    table = "\n".join(["leg,direction,posture,minutes,reading_mm", *rows])
+    (package / "readings.csv").write_text(table + "\n", encoding="utf-8")
+    command = ("-m", "orthoglide_cal", "diagnose", "--json", "--machine", "machine.yaml")
+    answer = json.loads(run(package, *command, "readings.csv"))
     assert answer["verdict"] == "named"
     (cause,) = answer["causes"]
     assert cause["id"] == "leg_sag"
     assert cause["advice"].startswith("Stiffen")
-    for name, true in (("x", 0.12), ("y", -0.17), ("z", 0.09)):
+    for name, true in zip("xyz", SIZES, strict=True):
         estimate = cause["parameters"][name]
         assert estimate["unit"] == "mm"
         assert abs(estimate["value"] - true) < 4.5 * estimate["std"]
-    for axis, true in zip("xyz", offsets, strict=True):
+    for axis, true in zip("xyz", OFFSETS, strict=True):
         assert abs(answer["offsets_mm"][axis] - true) < 4.5 * answer["std_mm"][axis]

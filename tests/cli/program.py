@@ -44,7 +44,7 @@ def process(
         capture_output=True,
         text=True,
         encoding="utf-8",
-        env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
+        env={**os.environ, **(environment or {})},
         cwd=cwd,
         timeout=120,
         check=False,
@@ -65,7 +65,6 @@ def modules_after(*arguments: str) -> set[str]:
         capture_output=True,
         text=True,
         encoding="utf-8",
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
         timeout=120,
         check=True,
     )

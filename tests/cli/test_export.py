@@ -1,10 +1,13 @@
 """`orthocal export`: one format at a time, refusals with their exit code."""
 
+import shlex
 from pathlib import Path
 
 import pytest
 
-from tests.cli.program import SIX, lines, run
+from orthoglide_cal.files import machine_text
+from tests.cli.program import SESSION, SIX, lines, run
+from tests.machines import NOMINAL
 
 
 @pytest.fixture
@@ -38,6 +41,23 @@ def test_json_gives_an_error_in_its_place(path: str, code: int) -> None:
     assert plain.exit_code == code
     assert plain.stdout == ""
     assert plain.stderr.strip()
+
+
+@pytest.mark.parametrize("form", [(), ("--json",)])
+def test_a_refusal_tells_the_command_with_the_files_given(
+    form: tuple[str, ...], tmp_path: Path
+) -> None:
+    machine = tmp_path / "mine.yaml"
+    machine.write_text(machine_text(NOMINAL), encoding="utf-8")
+    shown = run("export", SESSION, "--machine", str(machine), *form)
+    assert shown.exit_code == 4
+    typed = shlex.join(
+        ("orthocal", "diagnose", SESSION, "--machine", str(machine), "--accept", "axis_gap")
+    )
+    assert typed in (lines(shown)[0]["error"] if form else shown.stderr)
+    page = run("report", SESSION, "--machine", str(machine), "--json")
+    (remedy,) = lines(page)[0]["remedies"]
+    assert remedy.endswith(f": {typed}")
 
 
 def test_json_beside_another_format_is_refused(sound: str) -> None:

@@ -7,8 +7,7 @@ from dataclasses import replace
 import pexpect
 import pytest
 
-from orthoglide_cal import published
-from orthoglide_cal.estimation import reproduction
+from orthoglide_cal.paper import published, tables
 from tests.cli.program import ROOT, lines, process, run
 
 
@@ -48,12 +47,12 @@ def test_a_table_that_is_not_reproduced_is_no_success(monkeypatch: pytest.Monkey
 
 def test_table_3_is_one_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Here with 1/50 of the solves; the full table is a slow test."""
-    quick = reproduction.monte_carlo
+    quick = tables.monte_carlo
 
     def few(machine: object, rng: object, progress: object = None) -> object:
         return quick(machine, rng, replications=4, runs=1000, progress=progress)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(reproduction, "monte_carlo", few)
+    monkeypatch.setattr(tables, "monte_carlo", few)
     found = lines(run("paper", "--json"))
     assert [table["table"] for table in found] == ["1", "3", "4", "5", "accuracy"]
     cells = found[1]["rows"]

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from orthoglide_cal.data import read_input, read_measured, read_session
-from orthoglide_cal.measured import Readings
-from orthoglide_cal.plan import Contact
+from orthoglide_cal.files import read_input
+from orthoglide_cal.model import Contact, Readings
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, run
-from tests.machines import LARGE, PROTOTYPE, ROOT
+from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, ROOT
 
 LARGE_FILE = str(ROOT / "configs" / "orthoglide_large.yaml")
 CAUSES = (
@@ -27,7 +27,7 @@ def session(*arguments: str) -> Readings:
     assert shown.stderr == ""
     path = Path("session.csv")
     path.write_text(shown.stdout, encoding="utf-8")
-    measured = read_measured(str(path), PROTOTYPE)
+    measured = read_input(str(path), NOMINAL).measured
     assert isinstance(measured, Readings)
     return measured
 
@@ -178,18 +178,18 @@ def test_output_as_a_session_holds_the_machine_and_the_same_readings(tmp_path: P
     arguments = ("simulate", "--seed", "3", "--machine", LARGE_FILE, "--gauge-at", "0.4")
     assert run(*arguments, "--output", str(target)).exit_code == 0
     (tmp_path / "made.csv").write_text(run(*arguments).stdout, encoding="utf-8")
-    written, machine = read_input(str(target))
-    plain = read_measured(str(tmp_path / "made.csv"), LARGE)
-    assert machine == LARGE
+    made = read_input(str(target))
+    written = made.measured
+    plain = read_input(str(tmp_path / "made.csv"), NOMINAL_LARGE).measured
+    assert made.model.machine == LARGE
     assert isinstance(written, Readings)
     assert isinstance(plain, Readings)
     assert np.array_equal(written.value, plain.value)
     assert np.array_equal(written.plan.setup, plain.plan.setup)
     assert written.plan.hours == pytest.approx(plain.plan.hours, abs=1e-9)
-    record = read_session(target)
-    assert record.protocol == "double-posture"
-    assert record.operator is None
-    assert record.started is None
+    assert made.conditions.protocol == "double-posture"
+    assert made.conditions.operator is None
+    assert made.conditions.started is None
 
 
 def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
@@ -200,7 +200,10 @@ def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
         assert run(*command[1:]).exit_code == 0
     for file in (DOUBLE, SINGLE):
         assert (tmp_path / Path(file).name).read_bytes() == Path(file).read_bytes()
-    assert read_session(tmp_path / "session.yaml").readings == read_session(SESSION).readings
+    made, kept = (
+        yaml.safe_load(Path(file).read_text()) for file in (tmp_path / "session.yaml", SESSION)
+    )
+    assert made["readings"] == kept["readings"]
 
 
 def test_json_is_the_session_and_reads_back_as_one() -> None:
@@ -209,11 +212,11 @@ def test_json_is_the_session_and_reads_back_as_one() -> None:
     (record,) = lines(shown)
     assert record["environment"]["source"] == "simulated, seed 5"
     Path("session.json").write_text(shown.stdout, encoding="utf-8")
-    read, machine = read_input("session.json")
-    assert isinstance(read, Readings)
-    assert machine.name == record["machine"]["name"]
-    np.testing.assert_array_equal(read.value, plain.value)
-    np.testing.assert_array_equal(read.plan.setup, plain.plan.setup)
+    read = read_input("session.json")
+    assert isinstance(read.measured, Readings)
+    assert read.model.machine.name == record["machine"]["name"]
+    np.testing.assert_array_equal(read.measured.value, plain.value)
+    np.testing.assert_array_equal(read.measured.plan.setup, plain.plan.setup)
 
 
 def test_json_is_not_shown_for_a_file_that_was_not_written() -> None:

@@ -3,13 +3,14 @@
 import hashlib
 import json
 import math
+import shlex
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from orthoglide_cal import estimation
-from orthoglide_cal.data import default_machine, machine_text, read_measured
+from orthoglide_cal.files import default_machine, machine_text, read_input
 from tests.cli.program import DOUBLE, SESSION, SINGLE, SIX, lines, process, run
 
 FIELDS: dict[str, Any] = {
@@ -28,7 +29,7 @@ def test_json_has_every_field_of_the_contract(file: str) -> None:
     for name, kind in FIELDS.items():
         assert type(found[name]) is kind, name
     content = Path(file).read_bytes()
-    measured = read_measured(file, default_machine())
+    measured = read_input(file, default_machine()).measured
     assert found["input"] == {
         "path": file,
         "sha256": hashlib.sha256(content).hexdigest(),
@@ -46,13 +47,13 @@ def test_json_has_every_field_of_the_contract(file: str) -> None:
     for row in found["table"]:
         assert set(row) == {"difference", "measured_mm", "modelled_mm", "expected_mm"}
         gap = row["measured_mm"] - row["modelled_mm"]
-        assert row["expected_mm"] == pytest.approx(gap, abs=1e-15)
+        assert row["expected_mm"] == pytest.approx(gap, abs=1e-12)
     assert all(type(warning) is str for warning in found["warnings"])
 
 
 def test_json_is_the_solution() -> None:
     (found,) = lines(run("solve", "--json", DOUBLE))
-    solution = estimation.solve(read_measured(DOUBLE, default_machine()), default_machine())
+    solution = estimation.solve(read_input(DOUBLE, default_machine()).measured, default_machine())
     assert list(found["offsets_mm"].values()) == solution.offsets_mm.tolist()
     assert list(found["std_mm"].values()) == solution.std_mm.tolist()
     assert list(found["ci95_mm"].values()) == solution.interval_mm.tolist()
@@ -103,11 +104,11 @@ def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
 def test_text_shows_the_papers_table_4() -> None:
     shown = run("solve", SIX).stdout.splitlines()
     at = next(i for i, line in enumerate(shown) if line.startswith("Expected improvement"))
-    assert shown[at + 1].split() == ["x_y", "x_z", "y_x", "y_z", "z_x", "z_y", "r.m.s."]
+    assert shown[at + 1].split() == ["dx_y", "dx_z", "dy_x", "dy_z", "dz_x", "dz_y", "r.m.s."]
     measured, expected = shown[at + 2].split(), shown[at + 3].split()
     assert " ".join(measured[1:]) == "-0.43 -0.37 +0.42 -0.18 -1.14 -0.70 0.62"
     assert " ".join(expected[2:]) == "-0.28 +0.25 +0.21 -0.14 -0.13 +0.09 0.20"
-    assert "0.6219 before, 0.1953 after" in shown[at + 4]
+    assert "0.6219 before, 0.1953 after" in shown[at + 5]
 
 
 def test_text_puts_the_sigmas_side_by_side() -> None:
@@ -136,12 +137,27 @@ def test_healthy_residuals_are_said_to_be_so() -> None:
 def test_unhealthy_residuals_name_the_command_to_run_next(tmp_path: Path) -> None:
     copy = tmp_path / "my session.yaml"
     copy.write_bytes(Path(SESSION).read_bytes())
-    shown = run("solve", str(copy)).stdout.replace("\n", "")
-    assert "larger than this gauge's noise would give" in shown
-    assert f"Run next: orthocal diagnose '{copy}'" in shown
+    shown = run("solve", str(copy)).stdout
+    assert "larger than this gauge's noise would give" in " ".join(shown.split())
+    assert f"orthocal diagnose {shlex.quote(str(copy))}\n" in shown
     machine = Path("configs") / "orthoglide_prototype.yaml"
-    shown = run("solve", "--machine", str(machine), SIX).stdout.replace("\n", "")
-    assert f"orthocal diagnose {SIX} --machine {machine}" in shown
+    shown = run("solve", "--machine", str(machine), SIX).stdout
+    assert f"orthocal diagnose {shlex.quote(SIX)} --machine {machine}\n" in shown
+
+
+@pytest.mark.parametrize("depth", [1, 4, 9, 14])
+def test_the_command_to_run_next_stays_on_one_line_in_any_folder(
+    tmp_path: Path, depth: int
+) -> None:
+    folder = tmp_path / "/".join(["a folder"] * depth)
+    folder.mkdir(parents=True)
+    copy, machine = folder / "my session.yaml", folder / "my machine.yaml"
+    copy.write_bytes(Path(SESSION).read_bytes())
+    machine.write_text(machine_text(default_machine()), encoding="utf-8")
+    given = f"'{copy}' --machine '{machine}'"
+    for command in ("solve", "diagnose"):
+        shown = run(command, str(copy), "--machine", str(machine)).stdout.splitlines()
+        assert any(f"orthocal diagnose {given}" in line for line in shown)
 
 
 def test_standard_input_is_a_file_like_others() -> None:

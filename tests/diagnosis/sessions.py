@@ -2,30 +2,32 @@
 
 from functools import cache
 
-from orthoglide_cal.data.document import document_from_bytes
-from orthoglide_cal.data.machine_file import machine_from_tree
-from orthoglide_cal.data.measured_file import input_from_document
-from orthoglide_cal.data.yaml_tree import load_tree
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Readings
+from orthoglide_cal.files import machine_from_text
+from orthoglide_cal.files.input import input_from_document
+from orthoglide_cal.files.text import document_from_bytes
+from orthoglide_cal.model import Model, Readings
 from tests import truth
 
 
 @cache
-def machine_of(hidden: truth.Machine, gauge: truth.Gauge) -> Machine:
+def model_of(hidden: truth.Machine, gauge: truth.Gauge) -> Model:
     """The machine file that states the truth's machine, gauge and tolerances."""
-    text = truth.machine_yaml(hidden, gauge)
-    return machine_from_tree(load_tree(document_from_bytes(text.encode(), "machine.yaml")))
+    return machine_from_text(truth.machine_yaml(hidden, gauge), "machine.yaml")
 
 
-def readings_of(session: truth.Session) -> Readings:
-    """The record, through the text of its file."""
-    document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
-    measured, _ = input_from_document(document, machine_of(session.machine, session.gauge))
+def read(text: str, model: Model) -> Readings:
+    """The readings of a table."""
+    document = document_from_bytes(text.encode(), "session.csv")
+    measured = input_from_document(document, model).measured
     assert isinstance(measured, Readings)
     return measured
 
 
-def known(session: truth.Session) -> tuple[Readings, Machine]:
-    """Record and machine of a session."""
-    return readings_of(session), machine_of(session.machine, session.gauge)
+def readings_of(session: truth.Session) -> Readings:
+    """The record, through the text of its file."""
+    return read(truth.readings_csv(session), model_of(session.machine, session.gauge))
+
+
+def known(session: truth.Session) -> tuple[Readings, Model]:
+    """Record and model of a session."""
+    return readings_of(session), model_of(session.machine, session.gauge)

@@ -2,69 +2,17 @@
 
 import json
 import re
-from dataclasses import replace
-from datetime import date
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from orthoglide_cal.causes import CAUSES, machine_effects
 from orthoglide_cal.cli.app import app
-from orthoglide_cal.data import read_machine
-from orthoglide_cal.diagnosis import extend
-from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import solve
+from orthoglide_cal.files import read_machine
 from tests import truth
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, diagnose, one, written
-from tests.diagnosis.sessions import known, readings_of
 from tests.truth.session import Session
-
-DAY = date(2026, 1, 1)
-
-
-class TestLaterResults:
-    """What was identified on one day is only as sure as it was that day."""
-
-    def test_offsets_of_a_second_session_are_covered(self) -> None:
-        """Slopes of the bars are correlated: without that the r.m.s. would be near 1.3."""
-        scores = []
-        for seed in range(3000, 3100):
-            gauge = (truth.MICRON, truth.DIAL)[seed % 2]
-            first = truth.make_session(seed, truth.PROTOTYPE, gauge, ("bar_skew",))
-            readings, machine = known(first)
-            try:
-                extended = extend(readings, machine, (), "bar_skew", DAY)
-            except UnusableResultError:  # too small to be told from other causes
-                continue
-            later = readings_of(truth.second_session(first, seed))
-            solution = solve(later, extended, None, machine_effects(extended))
-            scores.append((solution.offsets_mm - first.offsets) / solution.std_mm)
-        assert len(scores) >= 80
-        # Three standard deviations of the root mean square, as if a session were one number.
-        spread = 3.0 / np.sqrt(2.0 * len(scores))
-        assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=spread)
-
-    def test_doubts_have_the_covariance_of_the_estimates(self) -> None:
-        """In any order of the parameters in the file."""
-        first = truth.make_session(301, truth.PROTOTYPE, truth.MICRON, ("bar_skew",))
-        readings, machine = known(first)
-        (found,) = extend(readings, machine, (), "bar_skew", DAY).identified
-        names = CAUSES["bar_skew"].names
-        order = [4, 2, 0, 5, 1, 3]
-        mixed = replace(
-            found,
-            parameters={names[k]: found.parameters[names[k]] for k in order},
-            correlation=tuple(tuple(found.correlation[j][k] for k in order) for j in order),
-        )
-        stds = np.array([found.parameters[name].std for name in names])
-        expected = 1e-6 * np.outer(stds, stds) * np.array(found.correlation)
-        assert np.abs(np.array(found.correlation) - np.eye(6)).max() > 0.3
-        for stated in (found, mixed):
-            (effect,) = machine_effects(replace(machine, identified=(stated,)))
-            moved = [other.theta - effect.theta for other in effect.doubts()]
-            assert sum(np.outer(d, d) for d in moved) == pytest.approx(expected, rel=1e-6)
 
 
 class TestAccept:
@@ -77,12 +25,12 @@ class TestAccept:
         assert ran.code == 0
         assert str(extended) in ran.err
         assert machine.read_bytes() == before
-        (found,) = read_machine(extended).identified
-        assert found.id == "axis_gap"
+        (found,) = read_machine(extended).accepted
+        assert found.cause.id == "axis_gap"
         assert found.data_sha256 == one(readings, "--machine", machine)["input"]["sha256"]
-        assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date)
+        assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date or "")
         for true, estimate in zip(
-            session.effects[0].parameters, found.parameters.values(), strict=True
+            session.effects[0].parameters, found.estimates.values(), strict=True
         ):
             assert 0.0 < estimate.std < 0.05
             assert estimate.unit == "mm"
@@ -134,7 +82,7 @@ class TestAccept:
         text = GAP.read_text(encoding="utf-8")
         ran = diagnose("-", "--accept", "axis_gap", "--output", target, text=text)
         assert ran.code == 0
-        assert read_machine(target).identified[0].id == "axis_gap"
+        assert read_machine(target).accepted[0].cause.id == "axis_gap"
 
     @pytest.mark.parametrize("cause", ["misread", "stand_shift", "gauge_slip", "sign_flip"])
     def test_the_measurement_is_no_part_of_the_machine(self, tmp_path: Path, cause: str) -> None:

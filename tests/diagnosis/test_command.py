@@ -182,7 +182,7 @@ class TestHeldOut:
 
     def test_a_later_csv_is_read_by_the_session_s_own_machine(self, tmp_path: Path) -> None:
         """Its `max` and `min` are those of that machine, not of the prototype."""
-        from orthoglide_cal.data import session_of_readings, write_session
+        from orthoglide_cal.files import session_of_readings, write_session
         from tests.diagnosis.sessions import known
 
         session = truth.make_session(4, truth.LARGE, truth.MICRON, ("axis_gap",))

@@ -5,17 +5,16 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.data import read_measured
 from orthoglide_cal.diagnosis.assess import Assessment, assess
-from orthoglide_cal.diagnosis.frame import Frame
-from orthoglide_cal.diagnosis.gain import leave_out_cells, predict_later
-from orthoglide_cal.diagnosis.refine import Fitted
+from orthoglide_cal.diagnosis.explanations import Whitened
+from orthoglide_cal.diagnosis.fit import Fitted, leave_out_cells, predict_later
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.plan import Plan
+from orthoglide_cal.files import read_input
+from orthoglide_cal.model import Floats, double_posture
+from orthoglide_cal.model.synthetic import synthetic_session
 from tests import truth
 from tests.diagnosis.sessions import known
-from tests.machines import PROTOTYPE, SAMPLES
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 
 SIX = "experiment2.csv", "experiment3.csv"
 
@@ -24,18 +23,25 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def cells_of(white: Whitened) -> list[np.ndarray]:
+    """Readings of each (leg, direction, posture)."""
+    plan = white.plan
+    keys = list(zip(plan.leg, plan.direction, plan.displacement, strict=True))
+    return [np.array([i for i, k in enumerate(keys) if k == key]) for key in sorted(set(keys))]
+
+
 def refits(
-    frame: Frame, fit: Fitted, cells: list[np.ndarray]
+    white: Whitened, fit: Fitted, cells: list[np.ndarray]
 ) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
     """Each cell predicted by a fit to the other readings: (cell, errors, their covariance).
 
     Readings y = Z z + C u + e: gauge zeros z without a prior, offsets and parameters u with the
     one that the fit had. Solved in full for each cell, with the zeros as unknowns.
     """
-    n, zeros = len(frame.plan), frame.plan.zeros
-    design = np.hstack((zeros, frame.matrix.T @ fit.columns)) / fit.sigma
-    values = frame.matrix.T @ fit.linear / fit.sigma
-    penalty = np.diag(np.concatenate((np.zeros(zeros.shape[1]), 1.0 / fit.stds**2)))
+    n, zeros = len(white.plan), white.plan.zeros
+    design = np.hstack((zeros, white.matrix.T @ fit.columns)) / fit.sigma
+    values = white.matrix.T @ fit.linear / fit.sigma
+    penalty = np.diag(np.concatenate((np.zeros(zeros.shape[1]), 1.0 / fit.sizes**2)))
     for cell in cells:
         kept = np.setdiff1d(np.arange(n), cell)
         spread = np.linalg.inv(design[kept].T @ design[kept] + penalty)
@@ -47,34 +53,32 @@ def refits(
 
 @pytest.mark.parametrize("hidden", ["axis_squareness", "stand_shift"])
 def test_leaving_a_cell_out_is_refitting_without_it(hidden: str) -> None:
-    readings, machine = known(truth.make_session(4, truth.PROTOTYPE, truth.MICRON, (hidden,)))
-    frame = Frame.of(readings, machine)
-    found = assess(frame)
-    plan = frame.plan
-    keys = list(zip(plan.leg, plan.direction, plan.displacement, strict=True))
-    cells = [np.array([i for i, k in enumerate(keys) if k == key]) for key in sorted(set(keys))]
+    readings, model = known(truth.make_session(4, truth.PROTOTYPE, truth.MICRON, (hidden,)))
+    white = Whitened.of(readings, model)
+    found = assess(white)
+    cells = cells_of(white)
     assert len(cells) == 18
-    assert found.answer.accepted == (hidden,)
+    assert found.judgement.accepted == (hidden,)
     for fit in (found.fit(()), found.accepted):
         errors, scaled = [], []
-        for _, error, covariance in refits(frame, fit, cells):
+        for _, error, covariance in refits(white, fit, cells):
             errors.append(error)
             scaled.append(np.linalg.solve(np.linalg.cholesky(covariance), error))
-        held_out = leave_out_cells(frame, fit, found.accepted)
+        held_out = leave_out_cells(white, fit, found.accepted)
         assert held_out.rms_mm == pytest.approx(rms(np.concatenate(errors)), rel=1e-6)
         assert held_out.ratio == pytest.approx(rms(np.concatenate(scaled)), rel=1e-6)
 
 
 def test_a_wrong_reading_is_not_held_against_the_model() -> None:
-    readings, machine = known(truth.make_session(2, truth.PROTOTYPE, truth.DIAL, ("misread",)))
-    frame = Frame.of(readings, machine)
-    found = assess(frame)
-    assert found.answer.accepted == ("misread",)
+    readings, model = known(truth.make_session(2, truth.PROTOTYPE, truth.DIAL, ("misread",)))
+    white = Whitened.of(readings, model)
+    found = assess(white)
+    assert found.judgement.accepted == ("misread",)
     wrong = found.accepted.wrong_reading
     assert wrong is not None
-    cells = [cell[cell != wrong] for cell in frame.blocks()]
-    errors = [error for _, error, _ in refits(frame, found.accepted, cells)]
-    held_out = leave_out_cells(frame, found.accepted, found.accepted)
+    cells = [cell[cell != wrong] for cell in cells_of(white)]
+    errors = [error for _, error, _ in refits(white, found.accepted, cells)]
+    held_out = leave_out_cells(white, found.accepted, found.accepted)
     # The wrong reading stays in the fits, where its unknown size takes it up.
     assert held_out.rms_mm == pytest.approx(rms(np.concatenate(errors)), rel=1e-4)
 
@@ -84,12 +88,12 @@ def shown_errors(hidden: str, gauge: truth.Gauge, seeds: range) -> tuple[list[fl
     after, before = [], []
     for seed in seeds:
         session = truth.make_session(seed, truth.PROTOTYPE, gauge, (hidden,))
-        readings, machine = known(session)
-        frame = Frame.of(readings, machine)
-        found = assess(frame)
-        if found.answer.accepted == (hidden,):
-            after.append(leave_out_cells(frame, found.accepted, found.accepted).ratio)
-            before.append(leave_out_cells(frame, found.fit(()), found.accepted).ratio)
+        readings, model = known(session)
+        white = Whitened.of(readings, model)
+        found = assess(white)
+        if found.judgement.accepted == (hidden,):
+            after.append(leave_out_cells(white, found.accepted, found.accepted).ratio)
+            before.append(leave_out_cells(white, found.fit(()), found.accepted).ratio)
     return after, before
 
 
@@ -110,13 +114,13 @@ def test_a_wrong_cause_predicts_clearly_worse(hidden: str) -> None:
     """Every rival that the truth calls distinguishable (4σ and more), the nearest ones included."""
     for seed in (1, 2):
         session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (hidden,))
-        readings, machine = known(session)
-        frame = Frame.of(readings, machine)
-        found = assess(frame)
-        assert found.answer.accepted == (hidden,)
+        readings, model = known(session)
+        white = Whitened.of(readings, model)
+        found = assess(white)
+        assert found.judgement.accepted == (hidden,)
 
-        def error(cause: str, frame: Frame = frame, found: Assessment = found) -> float:
-            return leave_out_cells(frame, found.fit((cause,)), found.accepted).rms_mm
+        def error(cause: str, white: Whitened = white, found: Assessment = found) -> float:
+            return leave_out_cells(white, found.fit((cause,)), found.accepted).rms_mm
 
         distances = truth.separation(session).distances
         rivals = [
@@ -139,11 +143,11 @@ def test_another_day_is_predicted_to_the_noise(hidden: str) -> None:
     floors, without, ratios = [], [], []
     for seed in range(1, 7):
         session = truth.make_session(seed, truth.LARGE, truth.MICRON, (hidden,))
-        readings, machine = known(session)
-        found = assess(Frame.of(readings, machine))
-        if found.answer.accepted != (hidden,):
+        readings, model = known(session)
+        found = assess(Whitened.of(readings, model))
+        if found.judgement.accepted != (hidden,):
             continue
-        later = Frame.of(known(truth.second_session(session, seed))[0], machine)
+        later = Whitened.of(known(truth.second_session(session, seed))[0], model)
         floors.append(predict_later(later, found.accepted, np.zeros(3)).rms_mm)
         ratios.append(predict_later(later, found.accepted, np.zeros(3)).ratio)
         without.append(predict_later(later, found.fit(()), np.zeros(3)).rms_mm)
@@ -157,8 +161,8 @@ def test_another_day_is_predicted_to_the_noise(hidden: str) -> None:
 def test_what_was_applied_is_no_longer_expected() -> None:
     """Offsets entered in between are taken off those found; their sign matters."""
     session = truth.make_session(2, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
-    readings, machine = known(session)
-    found = assess(Frame.of(readings, machine))
+    readings, model = known(session)
+    found = assess(Whitened.of(readings, model))
     applied = np.array([0.21, -0.34, 0.55])
     corrected = truth.measure(
         session.machine,
@@ -168,7 +172,7 @@ def test_what_was_applied_is_no_longer_expected() -> None:
         session.effects,
         np.random.default_rng(3),
     )
-    later = Frame.of(known(corrected)[0], machine)
+    later = Whitened.of(known(corrected)[0], model)
     # 54 contrasts of one session: 1.1 of the noise expected, ± 0.11.
     assert predict_later(later, found.accepted, applied).rms_mm < 1.5 * truth.MICRON.sigma
     assert predict_later(later, found.accepted, -applied).rms_mm > 0.05
@@ -181,10 +185,10 @@ def test_the_paper_s_third_experiment() -> None:
     The offsets alone then predict nothing at all, so their error is the r.m.s. of what was
     measured: 0.213 mm.
     """
-    first, second = (read_measured(str(SAMPLES / name), PROTOTYPE) for name in SIX)
-    frame, later = Frame.of(first, PROTOTYPE), Frame.of(second, PROTOTYPE)
-    found = assess(frame)
-    applied = solve(first, PROTOTYPE).offsets_mm
+    first, second = (read_input(str(SAMPLES / name)).measured for name in SIX)
+    white, later = Whitened.of(first, NOMINAL), Whitened.of(second, NOMINAL)
+    found = assess(white)
+    applied = solve(first, NOMINAL).offsets_mm
     assert predict_later(later, found.fit(()), applied).rms_mm == pytest.approx(0.213, abs=5e-4)
     # With the offsets as the paper prints them, too.
     printed = np.array([-0.53, 0.59, -1.76])
@@ -193,18 +197,17 @@ def test_the_paper_s_third_experiment() -> None:
     for key in (("axis_gap",), ("bar_skew",)):
         assert predict_later(later, found.fit(key), printed).rms_mm <= 0.065
     # Nothing of the paper's second experiment supports naming one of the two.
-    assert found.answer.verdict == "ambiguous"
-    assert "axis_gap" in {*found.answer.accepted, *found.answer.ambiguous_with}
+    assert found.judgement.verdict == "ambiguous"
+    assert "axis_gap" in {*found.judgement.accepted, *found.judgement.ambiguous_with}
 
 
 def test_leaving_out_one_of_few_readings_is_still_a_number() -> None:
     """One cycle: every cell is one reading, and the isotropic one carries the zero."""
-    from orthoglide_cal.protocols import double_posture
-    from tests.report.sessions import session
-
-    plan: Plan = double_posture(PROTOTYPE, cycles=1, closing=False)
-    frame = Frame.of(session((0.3, -0.5, 0.2), 3, PROTOTYPE, plan), PROTOTYPE)
-    found = assess(frame)
-    held_out = leave_out_cells(frame, found.fit(()), found.fit(()))
+    plan = double_posture(PROTOTYPE, cycles=1, closing=False)
+    rng = np.random.default_rng(3)
+    session = synthetic_session(NOMINAL, plan, np.array([0.3, -0.5, 0.2]), rng)
+    white = Whitened.of(session, NOMINAL)
+    found = assess(white)
+    held_out = leave_out_cells(white, found.fit(()), found.fit(()))
     assert 0.0 < held_out.rms_mm < 0.05
     assert 0.3 < held_out.ratio < 2.0

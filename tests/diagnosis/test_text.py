@@ -1,14 +1,21 @@
 """What `orthocal diagnose` says to a person."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from orthoglide_cal.diagnosis import Explanation
+from orthoglide_cal.diagnosis import diagnose as judge
+from orthoglide_cal.files import readings_csv
+from orthoglide_cal.model import double_posture
+from orthoglide_cal.model.synthetic import synthetic_session
 from tests import truth
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, written
-from tests.machines import SAMPLES
+from tests.diagnosis.sessions import known
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 
 
 class TestText:
@@ -18,24 +25,17 @@ class TestText:
     def test_nothing_is_wider_than_a_terminal(self, path: Path) -> None:
         lines = shown(path).splitlines()
         assert len(lines) > 15
-        assert max(map(len, lines)) <= 80
+        # What is to be typed stays on one line.
+        assert max(len(line) for line in lines if "orthocal " not in line) <= 80
         assert [line for line in lines if line != line.rstrip()] == []
         assert "\x1b" not in shown(path)
 
     def test_many_postures_and_cycles_stay_within_it(self, tmp_path: Path) -> None:
-        from orthoglide_cal.data import default_machine, readings_csv
-        from orthoglide_cal.plan import Plan
-        from orthoglide_cal.protocols import double_posture, synthetic_session
-
-        machine = default_machine()
-        plan = double_posture(machine, cycles=12)
+        plan = double_posture(PROTOTYPE, cycles=12)
         moved = plan.displacement * np.where(np.arange(len(plan)) % 7 < 3, 0.37, 1.0)
-        plan = Plan(
-            plan.leg, plan.direction, moved, plan.contact, plan.gauge_at, plan.setup,
-            plan.order, plan.hours,
-        )  # fmt: skip
+        plan = replace(plan, displacement=moved)
         rng = np.random.default_rng(1)
-        made = synthetic_session(machine, plan, np.array([0.3, -0.2, 0.5]), rng)
+        made = synthetic_session(NOMINAL, plan, np.array([0.3, -0.2, 0.5]), rng)
         path = tmp_path / ("a rather long name of a file of readings " * 3 + ".csv")
         path.write_text(readings_csv(made), encoding="utf-8")
         ran = diagnose(path)
@@ -54,7 +54,7 @@ class TestText:
         text = " ".join(shown(GAP).split())
         assert "Named: the actuator axes do not meet in one point." in text
         assert "xy +0.3" in text
-        assert f"orthocal diagnose {GAP} --accept axis_gap" in text
+        assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
         assert "readings left out of the fit" in text
         assert "tolerances halved and doubled" in text
         assert "type in" in text
@@ -77,15 +77,16 @@ class TestText:
 
     def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
         """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
-        from orthoglide_cal.diagnosis import diagnose as judge
-        from orthoglide_cal.report.diagnose_text import render
-        from tests.diagnosis.sessions import known
+        from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+        from orthoglide_cal.report.markdown import markdown
 
-        readings, machine = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
-        found = judge(readings, machine)
-        assert "nothing is wrong at all" not in render(found, readings, machine).plain
-        faint = replace(found, ranking={**found.ranking, "": 0.217})
-        assert "21.7 % that nothing is wrong at all" in render(faint, readings, machine).plain
+        readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
+        found = judge(readings, model)
+        text = markdown(diagnosis_document(found, readings).page())
+        assert "nothing is wrong at all" not in text
+        faint = replace(found, ranking={**found.ranking, Explanation(): 0.217})
+        text = markdown(diagnosis_document(faint, readings).page())
+        assert "21.7 % that nothing is wrong at all" in text
 
     def test_names_from_outside_are_shown_not_obeyed(self, tmp_path: Path) -> None:
         session = truth.make_session(21, truth.PROTOTYPE, truth.MICRON)

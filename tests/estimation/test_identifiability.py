@@ -7,28 +7,41 @@ import pytest
 
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Differences, Readings
-from orthoglide_cal.plan import Contact
-from orthoglide_cal.protocols import NAMES, double_posture, single_posture
-from tests.estimation.sessions import OFFSETS, differences, readings, some
-from tests.machines import LARGE, PROTOTYPE, both_machines
+from orthoglide_cal.model import (
+    AXES,
+    Contact,
+    Measured,
+    Model,
+    Plan,
+    Posture,
+    Series,
+    double_posture,
+    single_posture,
+)
+from tests.estimation.sessions import BENT, OFFSETS, SINGLE, SIX, differences, only, readings
+from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models
+from tests.readings import some
 
-DOUBLE = re.compile(r"leg ([xyz]), direction ([xyz]), at max and min in one gauge set-up")
-SINGLE = re.compile(r"leg ([xyz]), direction ([xyz]), at (iso|max|min), joint end and tool end")
-POSTURES = {"iso": 0.0}
+DOUBLE_WORDS = re.compile(r"leg ([xyz]), direction ([xyz]), at max and min in one gauge set-up")
+SINGLE_WORDS = re.compile(
+    r"leg ([xyz]), direction ([xyz]), at (iso|max|min), joint end and tool end"
+)
 
 
-def refused(data: Readings | Differences, machine: Machine) -> RankDeficientError:
+def refused(data: Measured, model: Model) -> RankDeficientError:
     with pytest.raises(RankDeficientError) as caught:
-        solve(data, machine)
+        solve(data, model)
     assert caught.value.exit_code == 4
-    for axis in caught.value.undetermined:
-        assert f"Δρ_{axis}" in caught.value.what
+    for axis in AXES:
+        assert (f"Δρ_{axis}" in caught.value.what) == (axis in caught.value.undetermined)
     return caught.value
 
 
-@both_machines
+def of(plan: Plan, leg: str, direction: str) -> np.ndarray:
+    return plan.of(Series(AXES.index(leg), AXES.index(direction)))
+
+
+@both_models
 @pytest.mark.parametrize(
     ("names", "undetermined"),
     [
@@ -40,15 +53,18 @@ def refused(data: Readings | Differences, machine: Machine) -> RankDeficientErro
     ],
 )
 def test_six_differences(
-    machine: Machine, names: tuple[str, ...], undetermined: tuple[str, ...]
+    model: Model, names: tuple[str, ...], undetermined: tuple[str, ...]
 ) -> None:
-    full = differences("six", machine)
-    error = refused(some(full, *names), machine)
+    full = differences(SIX, model)
+    error = refused(only(full, *names), model)
     assert error.undetermined == undetermined
-    added = [f"{direction}_{leg}" for leg, direction in DOUBLE.findall(error.remedy)]
+    added = [f"{direction}_{leg}" for leg, direction in DOUBLE_WORDS.findall(error.remedy)]
     assert added
-    mended = some(full, *dict.fromkeys((*names, *added)))
-    assert solve(mended, machine).offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
+    mended = only(full, *names, *added)
+    assert solve(mended, model).offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
+    # No more than are needed: with one of them less it is refused again.
+    for left_out in added:
+        refused(only(full, *names, *(name for name in added if name != left_out)), model)
 
 
 @pytest.mark.parametrize(
@@ -60,66 +76,80 @@ def test_six_differences(
     ],
 )
 def test_single_posture_differences(names: tuple[str, ...], undetermined: tuple[str, ...]) -> None:
-    full = differences("single", PROTOTYPE)
-    error = refused(some(full, *names), PROTOTYPE)
+    full = differences(SINGLE, NOMINAL)
+    error = refused(only(full, *names), NOMINAL)
     assert error.undetermined == undetermined
     sign = {"iso": "0", "max": "+", "min": "-"}
-    added = [f"{d}_{leg}{sign[posture]}" for leg, d, posture in SINGLE.findall(error.remedy)]
-    mended = solve(some(full, *dict.fromkeys((*names, *added))), PROTOTYPE)
+    added = [f"{d}_{leg}{sign[posture]}" for leg, d, posture in SINGLE_WORDS.findall(error.remedy)]
+    mended = solve(only(full, *dict.fromkeys((*names, *added))), NOMINAL)
     # The linear method neglects terms of the order Δρ²/L.
     assert mended.offsets_mm == pytest.approx(OFFSETS, abs=0.1)
 
 
-@both_machines
-def test_raw_readings_and_the_readings_that_mend_them(machine: Machine) -> None:
-    full = readings(machine, double_posture(machine), seed=None)
+@both_models
+def test_raw_readings_and_the_readings_that_mend_them(model: Model) -> None:
+    full = readings(model, double_posture(model.machine), seed=None)
     plan = full.plan
-    low, high = machine.joint_limits_mm
     rng = np.random.default_rng(3)
     refusals = 0
     for _ in range(60):
         kept = np.zeros(len(full), dtype=bool)
         kept[rng.choice(60, 6, replace=False)] = True
         try:
-            solve(full.subset(kept), machine)
+            solve(some(full, kept), model)
         except RankDeficientError as error:
             refusals += 1
-            places = DOUBLE.findall(error.remedy)
+            places = DOUBLE_WORDS.findall(error.remedy)
             assert 1 <= len(places) <= 3
             for leg, direction in places:
-                series = (plan.leg == "xyz".index(leg)) & (plan.direction == "xyz".index(direction))
-                kept |= series & np.isin(plan.displacement, (low, high))
-            assert solve(full.subset(kept), machine).offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
+                ends = np.isin(plan.displacement, model.machine.joint_limits_mm)
+                kept |= of(plan, leg, direction) & ends
+            mended = solve(some(full, kept), model)
+            assert mended.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
     assert refusals > 30
 
 
 def test_raw_single_posture_readings() -> None:
-    full = readings(LARGE, single_posture(LARGE, 2), seed=None)
+    full = readings(NOMINAL_LARGE, single_posture(LARGE, 2), seed=None)
     plan = full.plan
     kept = plan.displacement == 0.0
-    error = refused(full.subset(kept), LARGE)
+    error = refused(some(full, kept), NOMINAL_LARGE)
     assert error.undetermined == ("x", "y")
-    postures = {"iso": 0.0, "max": LARGE.joint_limits_mm[1], "min": LARGE.joint_limits_mm[0]}
-    for leg, direction, posture in SINGLE.findall(error.remedy):
-        series = (plan.leg == "xyz".index(leg)) & (plan.direction == "xyz".index(direction))
-        kept |= series & (plan.displacement == postures[posture])
-    assert solve(full.subset(kept), LARGE).offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
+    for leg, direction, posture in SINGLE_WORDS.findall(error.remedy):
+        there = plan.displacement == LARGE.displacement_mm(Posture(posture))
+        kept |= of(plan, leg, direction) & there
+    mended = solve(some(full, kept), NOMINAL_LARGE)
+    assert mended.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
 
 
 def test_one_reading_of_each_cell_is_no_difference() -> None:
     """Every gauge zero takes one reading away."""
-    full = readings(PROTOTYPE, double_posture(PROTOTYPE))
+    full = readings(NOMINAL, double_posture(PROTOTYPE))
     firsts = np.unique(full.plan.setup, return_index=True)[1]
-    error = refused(full.subset(firsts), PROTOTYPE)
+    error = refused(some(full, firsts), NOMINAL)
     assert error.undetermined == ("x", "y", "z")
 
 
 def test_joint_ends_alone_say_nothing() -> None:
-    full = readings(PROTOTYPE, single_posture(PROTOTYPE))
-    error = refused(full.subset(full.plan.contact == Contact.JOINT), PROTOTYPE)
+    full = readings(NOMINAL, single_posture(PROTOTYPE))
+    error = refused(some(full, full.plan.contact == Contact.JOINT), NOMINAL)
+    assert error.undetermined == ("x", "y", "z")
     assert "joint end and tool end" in error.remedy
 
 
+@pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])
+def test_one_direction_of_one_leg_is_too_little_for_every_method(method: str) -> None:
+    full = readings(NOMINAL, double_posture(PROTOTYPE))
+    with pytest.raises(RankDeficientError):
+        solve(some(full, of(full.plan, "x", "y")), NOMINAL, method)
+
+
+def test_known_causes_do_not_make_the_offsets_visible() -> None:
+    full = differences(SIX, BENT)
+    error = refused(only(full, "x_y", "x_z"), BENT)
+    assert DOUBLE_WORDS.findall(error.remedy)
+
+
 def test_no_number_survives_a_refusal() -> None:
-    error = refused(some(differences("six", PROTOTYPE), NAMES["six"][0]), PROTOTYPE)
+    error = refused(only(differences(SIX, NOMINAL), "x_y"), NOMINAL)
     assert not re.search(r"\d\.\d", str(error))

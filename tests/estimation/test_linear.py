@@ -5,17 +5,36 @@ import math
 import numpy as np
 import pytest
 
-from orthoglide_cal.axes import AXES, Floats
 from orthoglide_cal.errors import RankDeficientError
-from orthoglide_cal.estimation import Problem, solve
-from orthoglide_cal.estimation.linear import calibration_matrix
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.measured import Differences
-from orthoglide_cal.protocols import NAMES, SINGLE, SIX, TWELVE, ideal_plan, reduction
-from tests.estimation.sessions import NOWHERE, differences, some
-from tests.machines import PROTOTYPE, both_machines
+from orthoglide_cal.estimation import Method, solve
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    DataKind,
+    Difference,
+    Floats,
+    Machine,
+    Model,
+    Posture,
+    double_posture,
+    single_posture,
+)
+from tests.estimation.sessions import (
+    BENT,
+    NAMED,
+    OFFSETS,
+    SINGLE,
+    SIX,
+    SMALL,
+    TWELVE,
+    differences,
+    of_values,
+    only,
+    problem_of,
+    readings,
+)
+from tests.machines import NOMINAL, PROTOTYPE, both_models, extended
 
-SMALL = 1e-3 * np.array([1.0, -2.0, 3.0])
+UNEQUAL = [0.31, 0.27, 0.55, -0.12, 0.08, 0.49]
 
 
 def coefficients(machine: Machine) -> dict[str, float]:
@@ -31,30 +50,34 @@ def coefficients(machine: Machine) -> dict[str, float]:
     return found
 
 
-def matrix_of(kind: str, machine: Machine) -> Floats:
-    plan = ideal_plan(kind, machine)
-    return calibration_matrix(Problem(machine, plan, reduction(kind, NAMES[kind], machine, plan)))
+def matrix_of(kind: DataKind, model: Model) -> Floats:
+    return problem_of(kind, model).at_zero[1]
 
 
-def expected_row(kind: str, name: str, machine: Machine) -> Floats:
-    """A row of eq. (10), (16) or (17) from the difference's name, direction first, leg second."""
+def expected_row(kind: DataKind, difference: Difference, machine: Machine) -> Floats:
+    """A row of eq. (10), (16) or (17)."""
     k = coefficients(machine)
-    direction, leg = AXES.index(name[0]), AXES.index(name[2])
+    (leg, direction), posture = difference
     row = np.zeros(3)
-    if kind == "single":
+    if kind is SINGLE:
         row[direction] = 1.0
-        row[leg] = {"0": 0.0, "+": k["a1"], "-": k["a2"]}[name[3]]
+        tangents = {Posture.ISO: 0.0, Posture.MAX: k["a1"], Posture.MIN: k["a2"]}
+        row[leg] = tangents[posture or Posture.ISO]
     else:
-        suffix = {"": "", "+": "1", "-": "2"}[name[3:]]
+        suffix = {None: "", Posture.MAX: "1", Posture.MIN: "2"}[posture]
         row[direction], row[leg] = k[f"b{suffix}"], k[f"c{suffix}"]
     return row
 
 
-@both_machines
-@pytest.mark.parametrize("kind", ["single", "six", "twelve"])
-def test_the_models_derivative_is_the_papers_matrix(machine: Machine, kind: str) -> None:
-    expected = np.stack([expected_row(kind, name, machine) for name in NAMES[kind]])
-    assert matrix_of(kind, machine) == pytest.approx(expected, abs=1e-12)
+def papers_matrix(kind: DataKind, machine: Machine) -> Floats:
+    return np.stack([expected_row(kind, each, machine) for each in DIFFERENCES[kind]])
+
+
+@both_models
+@pytest.mark.parametrize("kind", [SINGLE, SIX, TWELVE])
+def test_the_models_derivative_is_the_papers_matrix(model: Model, kind: DataKind) -> None:
+    expected = papers_matrix(kind, model.machine)
+    assert matrix_of(kind, model) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -68,73 +91,108 @@ def test_the_models_derivative_is_the_papers_matrix(machine: Machine, kind: str)
 )  # fmt: skip
 def test_coefficients_of_the_prototype(name: str, printed: float, half_digit: float) -> None:
     assert coefficients(PROTOTYPE)[name] == pytest.approx(printed, abs=half_digit)
-    assert np.abs(matrix_of("twelve", PROTOTYPE)).max() == pytest.approx(0.3223, abs=1e-4)
+    assert np.abs(matrix_of(TWELVE, NOMINAL)).max() == pytest.approx(0.3223, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["x_y", "z_x"])
 def test_six_is_max_minus_min_of_twelve(name: str) -> None:
-    twelve = dict(zip(TWELVE, matrix_of("twelve", PROTOTYPE), strict=True))
-    six = dict(zip(SIX, matrix_of("six", PROTOTYPE), strict=True))
-    assert six[name] == pytest.approx(twelve[f"{name}+"] - twelve[f"{name}-"], abs=1e-13)
+    twelve = dict(zip(DIFFERENCES[TWELVE], matrix_of(TWELVE, NOMINAL), strict=True))
+    six = dict(zip(DIFFERENCES[SIX], matrix_of(SIX, NOMINAL), strict=True))
+    expected = twelve[NAMED[f"{name}+"]] - twelve[NAMED[f"{name}-"]]
+    assert six[NAMED[name]] == pytest.approx(expected, abs=1e-13)
 
 
-@both_machines
+@both_models
 @pytest.mark.parametrize(
     ("kind", "method"),
-    [("six", "six-linear"), ("twelve", "twelve-linear"), ("single", "single")],
+    [
+        (SIX, Method.SIX_LINEAR),
+        (TWELVE, Method.TWELVE_LINEAR),
+        (SINGLE, Method.SINGLE),
+    ],
 )
-def test_linear_methods_are_the_pseudoinverse(machine: Machine, kind: str, method: str) -> None:
+def test_linear_methods_are_the_pseudoinverse(model: Model, kind: DataKind, method: Method) -> None:
     rng = np.random.default_rng(9)
-    data = Differences(kind, NAMES[kind], rng.normal(0.0, 0.3, len(NAMES[kind])), NOWHERE)
-    design = np.stack([expected_row(kind, name, machine) for name in NAMES[kind]])
+    data = of_values(kind, rng.normal(0.0, 0.3, len(DIFFERENCES[kind])))
+    design = papers_matrix(kind, model.machine)
     expected = np.linalg.solve(design.T @ design, design.T @ data.value)
-    solution = solve(data, machine, method)
+    solution = solve(data, model, method)
     assert solution.offsets_mm == pytest.approx(expected, abs=1e-12)
-    assert solution.method == method
+    assert solution.method is method
     assert solution.iterations == 0
+    left = data.value - design @ expected
+    assert solution.rms_after_mm == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-10)
 
 
-@both_machines
-def test_single_sequential_is_eq_11(machine: Machine) -> None:
-    value = np.array([0.31, 0.27, 0.55, -0.12, 0.08, 0.49])
-    data = Differences("single", SINGLE, value, NOWHERE)
-    k = coefficients(machine)
+@both_models
+def test_single_sequential_is_eq_11(model: Model) -> None:
+    k = coefficients(model.machine)
     z = (0.31 + 0.27) / 2.0
     squares = k["a1"] ** 2 + k["a2"] ** 2
     x = (k["a1"] * (0.55 - z) + k["a2"] * (-0.12 - z)) / squares
     y = (k["a1"] * (0.08 - z) + k["a2"] * (0.49 - z)) / squares
-    solution = solve(data, machine, "single-sequential")
+    solution = solve(of_values(SINGLE, UNEQUAL), model, "single-sequential")
     assert solution.offsets_mm == pytest.approx([x, y, z], abs=1e-12)
 
 
+@both_models
+def test_uncertainty_of_single_sequential_is_that_of_its_own_formula(model: Model) -> None:
+    """Eq. (11) as a function of the six differences, each of two readings: V = 2 σ² M Mᵀ."""
+    rows = [
+        solve(of_values(SINGLE, row), model, "single-sequential").offsets_mm for row in np.eye(6)
+    ]
+    solution = solve(of_values(SINGLE, UNEQUAL), model, "single-sequential")
+    estimator = np.stack(rows, axis=1)
+    expected = 2.0 * solution.sigma_mm**2 * estimator @ estimator.T
+    assert solution.covariance_mm2 == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
 def test_single_sequential_residuals_are_not_smaller_than_the_pseudoinverses() -> None:
-    value = np.array([0.31, 0.27, 0.55, -0.12, 0.08, 0.49])
-    data = Differences("single", SINGLE, value, NOWHERE)
-    rms = {m: solve(data, PROTOTYPE, m).rms_after_mm for m in ("single", "single-sequential")}
+    data = of_values(SINGLE, UNEQUAL)
+    rms = {m: solve(data, NOMINAL, m).rms_after_mm for m in ("single", "single-sequential")}
     assert rms["single-sequential"] > rms["single"]
 
 
-@both_machines
+@both_models
 @pytest.mark.parametrize(
     ("kind", "method"),
     [
-        ("six", "six-linear"), ("twelve", "twelve-linear"), ("single", "single"),
-        ("single", "single-sequential"),
+        (SIX, "six-linear"), (TWELVE, "twelve-linear"), (TWELVE, "six-linear"),
+        (SINGLE, "single"), (SINGLE, "single-sequential"),
     ],
 )  # fmt: skip
-def test_linear_methods_find_small_offsets(machine: Machine, kind: str, method: str) -> None:
+def test_linear_methods_find_small_offsets(model: Model, kind: DataKind, method: str) -> None:
     """The neglected terms are of the order Δρ²/L, here 3e-8 mm; divided by b some 1e-7."""
-    solution = solve(differences(kind, machine, SMALL), machine, method)
+    solution = solve(differences(kind, model, SMALL), model, method)
     assert solution.offsets_mm == pytest.approx(SMALL, abs=5e-7)
 
 
+@pytest.mark.parametrize("method", ["six-linear", "twelve-linear"])
+def test_linear_methods_take_raw_readings_too(method: str) -> None:
+    session = readings(NOMINAL, double_posture(PROTOTYPE), SMALL, seed=None)
+    assert solve(session, NOMINAL, method).offsets_mm == pytest.approx(SMALL, abs=5e-7)
+
+
+@pytest.mark.parametrize("method", ["six-linear", "twelve-linear", "single", "single-sequential"])
+@pytest.mark.parametrize(
+    "model", [BENT, extended(axis_squareness=(2.0, -1.0, 3.0))], ids=["gap", "squareness"]
+)
+def test_linear_methods_allow_for_known_causes(method: str, model: Model) -> None:
+    """Also eq. (11), where the causes couple the isotropic differences with the other offsets."""
+    plan = (single_posture if method.startswith("single") else double_posture)(PROTOTYPE)
+    solution = solve(readings(model, plan, SMALL, seed=None), model, method)
+    assert solution.offsets_mm == pytest.approx(SMALL, abs=5e-7)
+    assert solution.converged
+
+
 def test_sequential_needs_all_six_differences() -> None:
-    data = some(differences("single", PROTOTYPE), *SINGLE[:-1])
+    data = only(differences(SINGLE, NOMINAL), *[each.name for each in DIFFERENCES[SINGLE][:-1]])
     with pytest.raises(RankDeficientError, match="dz_y- missing"):
-        solve(data, PROTOTYPE, "single-sequential")
-    assert solve(data, PROTOTYPE, "single").converged
+        solve(data, NOMINAL, "single-sequential")
+    # The linear method neglects terms of the order Δρ²/L.
+    assert solve(data, NOMINAL, "single").offsets_mm == pytest.approx(OFFSETS, abs=0.05)
 
 
 def test_a_missing_difference_leaves_the_others_usable() -> None:
-    data = some(differences("six", PROTOTYPE, SMALL), *SIX[1:])
-    assert solve(data, PROTOTYPE, "six-linear").offsets_mm == pytest.approx(SMALL, abs=5e-7)
+    data = only(differences(SIX, NOMINAL, SMALL), *[each.name for each in DIFFERENCES[SIX][1:]])
+    assert solve(data, NOMINAL, "six-linear").offsets_mm == pytest.approx(SMALL, abs=5e-7)

@@ -12,10 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
-from orthoglide_cal.data import session_text
-from tests.report import cases
-from tests.report.cases import MACHINE, SAMPLES, TRUE
-from tests.report.sessions import recorded, session, write_history
+from tests.machines import NOMINAL, SAMPLES
+from tests.results import cases
+from tests.results.sessions import FINE, TRUE, session, write, write_history
 
 RUN = CliRunner()
 EXPERIMENTS = [str(SAMPLES / f"experiment{k}.csv") for k in (1, 2, 3)]
@@ -24,7 +23,7 @@ EXPERIMENTS = [str(SAMPLES / f"experiment{k}.csv") for k in (1, 2, 3)]
 @pytest.fixture(scope="module")
 def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("session") / "healthy.yaml"
-    path.write_text(session_text(recorded(session(TRUE, 3), MACHINE)))
+    write(session(TRUE, 3), NOMINAL, path)
     return path
 
 
@@ -87,13 +86,13 @@ def test_report_of_a_failed_session_is_made_and_tells_so(tmp_path: Path):
 
 def test_report_as_left(healthy: Path, tmp_path: Path):
     after = tmp_path / "after.yaml"
-    after.write_text(session_text(recorded(session(TRUE - TRUE, 4), MACHINE)))
+    write(session(TRUE - TRUE, 4), NOMINAL, after)
     applied = ("--applied", *TRUE.tolist())
     found = json.loads(run("report", healthy, "--json", "--after", after, *applied).stdout)
     assert found["as_left"]["answer"] == "as modelled"
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
     assert "Promised and measured" in page.stdout
-    assert "Pass. Limit 0.05 mm" in page.stdout
+    assert "Pass: limit 0.05 mm" in page.stdout
     assert "The correction did what was promised" in page.stdout
     assert "Nothing more: keep this report with the machine." in page.stdout
     assert run("report", healthy, *applied).exit_code == 2
@@ -159,8 +158,7 @@ def test_export_refuses_and_says_why():
 def test_export_table_needs_an_accepted_cause(healthy: Path, tmp_path: Path):
     assert run("export", healthy, "--format", "table").exit_code == 2
     gap = tmp_path / "gap.yaml"
-    calibration = cases.named_in_machine()
-    gap.write_text(session_text(recorded(calibration.measured, calibration.machine)))
+    write(cases.named_in_machine().input.measured, FINE, gap)
     extended = tmp_path / "extended.yaml"
     accept = run("diagnose", gap, "--accept", "axis_gap", "--output", extended)
     assert accept.exit_code == 0, accept.stderr

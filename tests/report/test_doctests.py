@@ -4,11 +4,12 @@ import doctest
 
 import pytest
 
-from orthoglide_cal.outcome import rounding
-from orthoglide_cal.report import numbers, sketch
+from orthoglide_cal import errors
+from orthoglide_cal.estimation import accuracy
+from orthoglide_cal.report import canvas, words
 
 
-@pytest.mark.parametrize("module", [rounding, numbers, sketch])
+@pytest.mark.parametrize("module", [accuracy, canvas, errors, words])
 def test_examples(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

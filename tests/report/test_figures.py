@@ -7,10 +7,19 @@ import re
 import numpy as np
 import pytest
 
-from orthoglide_cal.report import figures
-from orthoglide_cal.report.figures.canvas import Scale, around, mark, tick_text, ticks
-from orthoglide_cal.report.figures.workspace import CLASSES, class_limits
-from orthoglide_cal.report.sketch import bar_lines, interval_lines
+from orthoglide_cal.model import Difference, Series
+from orthoglide_cal.report import charts, views
+from orthoglide_cal.report.canvas import (
+    Scale,
+    around,
+    bar_lines,
+    interval_lines,
+    mark,
+    tick_text,
+    ticks,
+)
+from orthoglide_cal.report.views import CLASSES, class_limits
+from orthoglide_cal.results import Residuals
 
 
 def marks(picture: str, kind: str = "circle") -> list[tuple[float, float]]:
@@ -39,10 +48,10 @@ def test_marks_differ_in_shape():
 
 def test_intervals_say_and_show_each_offset():
     bars = [
-        figures.Bar("with axis_gap", (0.2, -0.3, 0.4), (0.01, 0.02, 0.03)),
-        figures.Bar("offsets alone", (0.1, -0.1, 0.5), (0.1, 0.1, 0.1)),
+        charts.Bar("with axis_gap", (0.2, -0.3, 0.4), (0.01, 0.02, 0.03)),
+        charts.Bar("offsets alone", (0.1, -0.1, 0.5), (0.1, 0.1, 0.1)),
     ]
-    near, far = figures.intervals(bars)[1], figures.intervals(bars)[0]
+    near, far = charts.intervals(bars)[1], charts.intervals(bars)[0]
     assert "x, with axis_gap: +0.200 ± 0.010 mm" in far
     assert "z, offsets alone: +0.500 ± 0.100 mm" in far
     # In the closer view the first bar's marks stand one above the other.
@@ -51,12 +60,14 @@ def test_intervals_say_and_show_each_offset():
 
 
 def test_residual_panels_one_scale_and_named_worst():
-    series = ["y_x"] * 4 + ["z_x"] * 4
+    series = [Series(0, 1)] * 4 + [Series(0, 2)] * 4
     residual = np.array([1.0, -2.0, 3.0, -4.0, 10.0, 0.0, 0.0, 40.0]) * 1e-3
-    drawn = figures.residual_panels(
-        series, ["min", "iso", "max", "iso"] * 2, [""] * 8, np.array([-100.0, 0, 60, 0] * 2),
-        np.array([1, 1, 1, 2] * 2), residual, 0.003,
+    found = Residuals(
+        tuple(series), ("min", "iso", "max", "iso") * 2, (None,) * 8,
+        np.array([-100.0, 0, 60, 0] * 2), np.array([1, 1, 1, 2] * 2), np.arange(1, 9),
+        residual, np.zeros(8),
     )  # fmt: skip
+    drawn = charts.residual_panels(found, 0.003)
     assert len(drawn) == 2
     assert "the largest is +40 µm at posture iso, cycle 2" in drawn[1]
     # Both panels have the same scale: the same residual stands at the same height.
@@ -68,7 +79,8 @@ def test_residual_panels_one_scale_and_named_worst():
 
 def test_difference_rows_show_what_is_left():
     measured, predicted = np.array([-0.43, 0.2]), np.array([-0.15, 0.25])
-    (drawn,) = figures.difference_rows(("x_y", "z_x"), measured, predicted)
+    which = (Difference(Series(1, 0)), Difference(Series(0, 2)))
+    (drawn,) = charts.difference_rows(which, measured, predicted)
     assert "-0.280" in drawn
     assert "-0.050" in drawn
     assert "dx_y is missed most: measured -0.430 mm, predicted -0.150 mm" in drawn
@@ -87,7 +99,7 @@ def test_workspace_before_and_after_share_one_scale():
     before = np.full((3, 5, 5), 2.0)
     before[2, 0, 4] = 2.4
     after = np.full((3, 5, 5), 0.03)
-    drawn = figures.slices(axis, axis[[0, 2, 4]], before, after)
+    drawn = views.slices(axis, axis[[0, 2, 4]], before, after)
     assert [re.search("<title[^>]*>([^<]*)", panel)[1] for panel in drawn][::3] == [
         "Workspace before, z = 60 mm",
         "Workspace after, z = 60 mm",
@@ -104,7 +116,7 @@ def test_workspace_before_and_after_share_one_scale():
 
 
 def test_machine_names_every_gauge():
-    drawn = figures.machine(310.25, (-100.0, 60.0), [(0, 1, 0.5), (2, 0, 0.25)])
+    drawn = views.machine(310.25, (-100.0, 60.0), [(0, 1, 0.5), (2, 0, 0.25)])
     assert "leg x in direction y at 50 % of the leg" in drawn
     assert "leg z in direction x at 25 % of the leg" in drawn
     assert drawn.count('class="dial"') == 2
@@ -112,18 +124,18 @@ def test_machine_names_every_gauge():
 
 
 def test_explained_shares_and_strips():
-    drawn = figures.share_bar("axis_gap", 0.9, 0.08, 0.02)
+    drawn = charts.share_bar({"axis_gap": 0.9, "noise": 0.08, "unexplained": 0.02})
     assert "axis_gap explains 90 %" in drawn
     assert "2 % stays unexplained" in drawn
     before, after = np.array([0.05, -0.05, 0.02]), np.array([0.001, 0.0, -0.002])
-    strips = figures.residual_strips(("a", "b"), (before, after), np.array([0, 1, 2]), 0.003)
+    strips = charts.residual_strips(("a", "b"), (before, after), np.array([0, 1, 2]), 0.003)
     assert "3 of 3 outside" in strips[0]
     assert "0 of 3 outside" in strips[1]
 
 
 def test_drift_says_first_last_and_adjustments():
     total = np.array([[0.1, 0.2, 0.3], [0.15, 0.2, 0.1]])
-    drawn = figures.drift_panels(
+    drawn = charts.drift_panels(
         (0.0, 30.0), ("2026-01-01", "2026-01-31"), total, total * 0 + 0.01, (False, True)
     )
     assert "+0.100 mm on 2026-01-01, +0.150 mm on 2026-01-31" in drawn[0]

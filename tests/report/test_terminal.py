@@ -1,82 +1,173 @@
-"""The report on a terminal of 80 columns, and as Markdown."""
+"""The documents on a terminal of 80 columns, and as Markdown."""
 
 from __future__ import annotations
 
 import io
+import re
+from collections.abc import Iterator
 
 import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from orthoglide_cal.report.blocks import Document, Facts, Figure, Given, Notice, Section, Table
+from orthoglide_cal.errors import visible, visible_lines
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.escape import in_csv, in_markdown
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.report.shown import in_csv, in_markdown, visible
-from orthoglide_cal.report.terminal import renderable
+from orthoglide_cal.report.terminal import Terminal
 from tests.report.cases import documents
 
 KINDS = tuple(documents())
+HARMFUL = set("\x1b\x07\u009b\u202e\u2066")
+LONG = "orthocal diagnose '/a/long way/" + "x" * 200 + "/my data.csv'"
 
 
-def shown(document: Document, width: int = 80, colour: bool = False) -> str:
+def shown(page: doc.Page, width: int = 80, colour: bool = False) -> str:
     file = io.StringIO()
     Console(
         file=file, width=width, highlight=False, markup=False, emoji=False,
         force_terminal=colour, color_system="standard" if colour else None,
-    ).print(renderable(document))  # fmt: skip
+    ).print(Terminal(page), crop=False)  # fmt: skip
     return file.getvalue()
 
 
+def of_blocks(*blocks: doc.Block) -> doc.Page:
+    return doc.Page("Report", "m", sections=(doc.Section(None, blocks),))
+
+
+def blocks_of(page: doc.Page) -> Iterator[doc.Block]:
+    yield from (block for block in (page.facts, page.notice) if block is not None)
+    for section in (*page.sheet, *page.sections):
+        yield from section.blocks
+
+
+def lines_of(block: doc.Block) -> Iterator[doc.Line]:
+    """Every line of a block but what stands in grids."""
+    match block:
+        case doc.Paragraph():
+            yield block.content
+        case doc.Notice():
+            yield from block.lines
+        case doc.Facts():
+            yield from (value for _, value in block.rows if value is not None)
+        case doc.Instructions():
+            yield from (item.content for item in block.items)
+
+
+def unwrapped(page: doc.Page) -> list[str]:
+    """Commands and listed lines: what has to stay on its line."""
+    found = []
+    for block in blocks_of(page):
+        parts = [part for line in lines_of(block) for part in doc.parts_of(line)]
+        found += [part.text for part in parts if isinstance(part, doc.Command)]
+        if isinstance(block, doc.Instructions):
+            found += [item.command for item in block.items if item.command]
+        if isinstance(block, doc.Listing):
+            found += block.lines
+    return [visible(text).strip() for text in found]
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_nothing_is_wider_than_80_columns(kind):
-    text = shown(documents()[kind]())
-    assert max(cell_len(line) for line in text.splitlines()) <= 80
-    assert "…" not in text.replace(" … ", "") or kind == "hostile"
+def test_nothing_but_commands_and_listings_is_wider_than_80_columns(kind):
+    page = documents()[kind]().page()
+    kept = unwrapped(page)
+    for line in shown(page).splitlines():
+        assert cell_len(line) <= 80 or any(text in line for text in kept), line
+        assert line == line.rstrip()
+        assert "…" not in line.replace(" … ", "") or kind in ("hostile", "solved"), line
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_commands_are_never_wrapped(kind):
+    page = documents()[kind]().page()
+    lines = shown(page, 40).splitlines()
+    for text in unwrapped(page):
+        assert any(text in line for line in lines), text
+    for block in blocks_of(page):
+        for line in lines_of(block):
+            said = "".join(p if isinstance(p, str) else "" for p in doc.parts_of(line))
+            assert not re.search("orthocal [a-z]", said), "a command that may be wrapped"
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        doc.Paragraph(("Run next: ", doc.Command(LONG))),
+        doc.Facts((("a rather long name of a fact", doc.Command(LONG)),)),
+        doc.Instructions((doc.Instruction("Do this " * 20, LONG),)),
+        doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.Command(LONG)),)),
+        doc.Listing((f"    → {LONG}",)),
+    ],
+)
+def test_a_command_of_any_length_stays_on_its_line(block):
+    (line,) = (line for line in shown(of_blocks(block)).splitlines() if "orthocal" in line)
+    assert line.endswith(LONG)
+    assert shown(of_blocks(block), 30).count(LONG) == 1
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_format_says_the_same(kind):
-    """Each section's title, each table cell and each finding is in all of them."""
-    document = documents()[kind]()
-    terminal = "".join(shown(document, width=2000).split())
-    text = "".join(markdown(document).split())
-    wanted = [document.notice.title]
-    for section in (*document.sheet, *document.sections):
-        wanted.append(section.title)
-        for block in section.blocks:
-            if isinstance(block, Table):
-                cells = (c for row in block.rows for c in row if isinstance(c, str))
-                wanted += [*cells, *block.head]
-            elif isinstance(block, Figure):
+    """Each section's title, each table cell and each sketch's finding is in all of them."""
+    page = documents()[kind]().page()
+    terminal = "".join(shown(page, width=5000).split())
+    text = "".join(markdown(page).split())
+    wanted = [section.title or "" for section in (*page.sheet, *page.sections)]
+    for block in blocks_of(page):
+        match block:
+            case doc.Grid():
+                cells = (cell for row in block.rows for cell in row)
+                wanted += [cell for cell in (*cells, *block.head) if isinstance(cell, str)]
+            case doc.Figure() if block.sketch:
                 wanted.append(block.finding)
+            case doc.Notice():
+                wanted.append(block.title)
+        wanted += [line for line in lines_of(block) if isinstance(line, str)]
     for words in wanted:
-        assert "".join(words.split()) in terminal, words
+        assert "".join(visible(words).split()) in terminal.replace("│", ""), words
         assert "".join(in_markdown(words).split()) in text, words
 
 
 def test_colour_is_never_the_only_sign():
-    plain = shown(documents()["ambiguous"]())
+    plain = shown(documents()["ambiguous"]().page())
     assert "✘ Do not enter these offsets" in plain
     assert "\x1b" not in plain
-    assert "\x1b[" in shown(documents()["ambiguous"](), colour=True)
+    assert "\x1b[" in shown(documents()["ambiguous"]().page(), colour=True)
 
 
-def test_hostile_texts_cannot_steer_the_terminal():
-    text = shown(documents()["hostile"]())
-    assert not set(text) & set("\x1b\x07\u009b\u202e\u2066")
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_text_from_outside_steers_the_terminal_or_a_page(kind):
+    page = documents()[kind]().page()
+    assert not set(shown(page)) & HARMFUL
+    assert not set(markdown(page)) & HARMFUL
+
+
+def test_hostile_texts_are_shown():
+    text = shown(documents()["hostile"]().page())
     assert "⟨U+001B⟩[31mred" in text
     assert "<script>alert('x')</script>" in text
+    for kind in ("solved", "diagnosed", "faulty"):
+        assert "⟨U+202E⟩" in shown(documents()[kind]().page(), 500)
 
 
-def test_hostile_texts_stay_texts_in_markdown():
-    text = markdown(documents()["hostile"]())
-    assert "<script" not in text.replace("\\<script", "")
-    assert "](" not in text.replace("\\](", "").replace("`code`[link](", "")
-    assert "http://example.invalid" not in "".join(
-        part for k, part in enumerate(text.split("``")) if k % 2 == 0
-    )
-    assert not set(text) & set("\x1b\x07\u009b\u202e\u2066")
-    # Every row of a table has as many cells as its head: nothing breaks out of one.
-    lines = text.splitlines()
+@pytest.mark.parametrize("kind", ["hostile", "faulty"])
+def test_hostile_texts_stay_texts_in_markdown(kind):
+    text = markdown(documents()[kind]().page())
+    # Outside code, which nothing in it can end.
+    prose, fence = [], None
+    for line in text.splitlines():
+        if line.startswith("```") and fence in (None, line):
+            fence = None if fence else line.removesuffix("text")
+        elif fence is None:
+            prose.append("".join(part for k, part in enumerate(line.split("``")) if k % 2 == 0))
+    said = "\n".join(prose)
+    assert fence is None
+    assert "<script" not in said.replace("\\<script", "")
+    assert "](" not in said.replace("\\](", "")
+    assert "http://example.invalid" not in said
+
+
+def test_rows_of_markdown_have_as_many_cells_as_their_head():
+    lines = markdown(documents()["hostile"]().page()).splitlines()
     for k, line in enumerate(lines):
         if line.startswith("|---") or line.startswith("|:--"):
             columns = line.count("|")
@@ -85,19 +176,54 @@ def test_hostile_texts_stay_texts_in_markdown():
                 assert row.replace("\\|", "").count("|") == columns
 
 
+def test_a_wide_table_becomes_several_that_fit():
+    head = ("leg", *(f"posture {k}" for k in range(20)))
+    rows = tuple((f"leg {axis}", *(f"{axis}{k:08d}" for k in range(20))) for axis in "xyz")
+    text = shown(of_blocks(doc.Grid(head, rows)))
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80
+    for cell in (*head, *(cell for row in rows for cell in row)):
+        assert cell in text
+    tables = sum("posture" in line for line in lines)
+    assert tables > 1
+    assert sum(line.startswith("  leg x ") for line in lines) == tables
+
+
+def test_columns_of_words_are_wrapped_before_numbers_move():
+    grid = doc.Grid(("what", "n"), (("many words " * 12, "1.25"), ("few", "-3.50")))
+    lines = shown(of_blocks(grid)).splitlines()
+    assert max(map(len, lines)) <= 80
+    first, last = (line for line in lines if "1.25" in line or "-3.50" in line)
+    assert len(first) == len(last)
+
+
 def test_blank_fields_are_lines_to_write_on():
-    document = Document(
-        kind="Report", title="m", number="N-1", facts=Facts((("Operator", None),)),
-        notice=Notice("info", "t"), sheet=(), signatures=("Checked by",),
-        sections=(Section("s", (Table(("a", "b"), (("x", None),)),)),),
+    page = doc.Page(
+        kind="Report", title="m", facts=doc.Facts((("Operator", None),)),
+        sections=(doc.Section("s", (doc.Grid(("a", "b"), (("x", None),)),)),),
+        signatures=("Checked by",),
     )  # fmt: skip
-    assert "Operator  ____" in shown(document)
-    assert "Checked by, date: ____" in shown(document)
-    assert "- Operator: \\_\\_" in markdown(document)
+    assert "Operator  ____" in shown(page)
+    assert "Checked by, date: ____" in shown(page)
+    assert "- Operator: \\_\\_" in markdown(page)
+
+
+def test_a_picture_that_characters_cannot_show_is_left_out():
+    drawn = doc.Figure("Residuals", "Worst fits x.", (), sketch=("x ██",))
+    page = of_blocks(doc.Figure("Where gauges stood", "Six places.", ()), drawn)
+    assert shown(page) == "Report: m\n\nResiduals. Worst fits x.\n  x ██\n\n"
+    assert "Six" not in markdown(page)
+    assert "Worst fits x." in markdown(page)
+
+
+def test_what_is_printable_has_nothing_to_hide():
+    printable = "".join(filter(str.isprintable, map(chr, range(0x110000))))
+    assert visible(printable) == printable
 
 
 def test_visible_keeps_words_and_shows_controls():
     assert visible("a\tb\nc") == "a b c"
+    assert visible_lines("a\x1b\nb\tc") == "a⟨U+001B⟩\nb c"
     assert visible("x\u202ey\u200fz\x00") == "x⟨U+202E⟩y⟨U+200F⟩z⟨U+0000⟩"
     assert visible("\x9b\ud800\ue000\u2028\ufeff\U000e0001") == (
         "⟨U+009B⟩⟨U+D800⟩⟨U+E000⟩⟨U+2028⟩⟨U+FEFF⟩⟨U+E0001⟩"
@@ -124,10 +250,12 @@ def test_formulas_are_defused(given, written):
 
 
 def test_given_names_do_not_become_markup():
-    document = Document(
-        kind="Report", title="[bold]x[/bold]", number="N-1",
-        facts=Facts((("Operator", Given("[red]A[/red] :smile:")),)),
-        notice=Notice("info", "t"), sheet=(), sections=(),
-    )  # fmt: skip
-    assert "[bold]x[/bold]" in shown(document)
-    assert "[red]A[/red] :smile:" in shown(document)
+    facts = doc.Facts((("Operator", doc.Given("[red]A[/red] :smile:")),))
+    page = doc.Page("Report", "[bold]x[/bold]", facts=facts)
+    assert "[bold]x[/bold]" in shown(page)
+    assert "[red]A[/red] :smile:" in shown(page)
+
+
+def test_backticks_in_listed_lines_do_not_end_the_listing():
+    text = markdown(of_blocks(doc.Listing(("```", "# not a heading"))))
+    assert "````text\n```\n# not a heading\n````" in text

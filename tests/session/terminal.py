@@ -14,13 +14,23 @@ import pexpect
 from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
+from tests.machines import ROOT
 
-from .virtual import a_run
+from .virtual import answered
 
 PROGRAM = "from orthoglide_cal.cli import main; main()"
 # The last thing on the screen, perhaps followed by the end of a colour.
 PROMPT = re.compile(r"(\d+)\. Gauge [XYZ][^\r\n]* > (?:\x1b\[0m)?$")
 QUESTION = re.compile(r"(\d+)\. k keep it[^\r\n]* > (?:\x1b\[0m)?$")
+
+
+# Much longer than anything takes, also on a machine that has other things to do [s].
+PATIENCE_S = 300
+
+
+def environment() -> dict[str, str]:
+    """For a program that is to be the one of this checkout."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
 
 class Terminal:
@@ -29,21 +39,20 @@ class Terminal:
     def __init__(
         self, folder: Path, *arguments: str, colour: bool = False, columns: int = 80
     ) -> None:
-        environment = {
-            name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")
-        }
-        environment |= {"TERM": "xterm-256color", "OMP_NUM_THREADS": "1"}
-        environment.pop("NO_COLOR", None)
-        if not colour:
-            environment["NO_COLOR"] = "1"
+        here = environment()
+        for name in ("COLUMNS", "LINES", "NO_COLOR"):
+            here.pop(name, None)
+        here |= (
+            {"TERM": "xterm-256color"} if colour else {"TERM": "xterm-256color", "NO_COLOR": "1"}
+        )
         self.child = pexpect.spawn(
             sys.executable,
             ["-c", PROGRAM, "measure", *arguments],
             cwd=str(folder),
-            env=environment,
+            env=here,
             dimensions=(24, columns),
             encoding="utf-8",
-            timeout=30,
+            timeout=PATIENCE_S,
         )
         self.child.delaybeforesend = None
         self.seen = ""
@@ -134,8 +143,9 @@ def run_program(
         input=stdin,
         capture_output=True,
         text=True,
-        timeout=60,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        timeout=PATIENCE_S,
+        # On a full disk Python would keep a module's code cut off, for all runs after this one.
+        env={**environment(), "PYTHONDONTWRITEBYTECODE": "1" if before else ""},
         preexec_fn=before,
         check=False,
     )
@@ -154,7 +164,5 @@ def refused(folder: Path, *arguments: str) -> tuple[int, str]:
 
 def begun(folder: Path) -> bytes:
     """A session with two readings, interrupted; its journal's bytes."""
-    run, _, journal = a_run(folder / "s.journal", ["-0.64", "0.41"])
-    with journal, contextlib.suppress(EOFError):
-        run.run()
+    answered(folder / "s.journal", ["-0.64", "0.41"])
     return (folder / "s.journal").read_bytes()

@@ -2,31 +2,27 @@
 
 import pytest
 
-from orthoglide_cal.data import default_machine
-from orthoglide_cal.session.checks import check_reading
-from orthoglide_cal.session.doubts import Doubt
-from orthoglide_cal.session.entry import check_entry
-from orthoglide_cal.session.events import Answered, Questioned
-from orthoglide_cal.session.history import history
-from orthoglide_cal.session.state import advance, replay
-from orthoglide_cal.session.steps import Step
+from orthoglide_cal.session.checks import check_number, check_reading
+from orthoglide_cal.session.events import Answered, Doubt, Questioned
+from orthoglide_cal.session.state import advance
+from orthoglide_cal.session.steps import SessionStep
+from tests.machines import PROTOTYPE
 
-from .virtual import AT, opened, play, readings_of, steps_of, taken
+from .virtual import AT, SINGLE, compared, play, readings_of, state_of, steps_of, taken
 
-MACHINE = default_machine()
 SEEDS = (1, 3)
 
 
-def first_question(
-    values: list[float], steps: tuple[Step, ...], protocol: str = "double-posture"
-) -> tuple[int, Doubt, str]:
-    asked = play(values, steps, protocol=protocol, questions=1)
+def first_question(values: list[float], steps: tuple[SessionStep, ...]) -> tuple[int, Doubt, str]:
+    asked = play(values, steps, questions=1)
     assert asked, "no question at all"
     number, question = asked[0]
     return number, question.doubt, question.text
 
 
-def index_of(steps: tuple[Step, ...], leg: int, direction: int, posture: str, cycle: int) -> int:
+def index_of(
+    steps: tuple[SessionStep, ...], leg: int, direction: int, posture: str, cycle: int
+) -> int:
     wanted = (leg, direction, posture, cycle)
     found = [s.number for s in steps if (s.leg, s.direction, s.posture, s.cycle) == wanted]
     return found[0] - 1
@@ -160,14 +156,14 @@ def test_a_decimal_point_in_the_wrong_place(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("blunder", ["revolution", "stand"])
 def test_blunders_in_the_single_posture_protocol(seed: int, blunder: str) -> None:
-    steps = steps_of("single-posture")
+    steps = steps_of(SINGLE)
     values = readings_of(steps, seed)
     at = 9  # leg x, max, cycle 2, tool end
     if blunder == "revolution":
         values[at] += 1.0
     else:
         values = [v + 0.12 if i >= at and steps[i].leg == 0 else v for i, v in enumerate(values)]
-    number, _, text = first_question(values, steps, "single-posture")
+    number, _, text = first_question(values, steps)
     assert number == at + 1
     assert ("one revolution" if blunder == "revolution" else "stand") in text
 
@@ -197,18 +193,14 @@ def test_after_a_stand_was_declared_moved_the_same_shape_is_expected_with_a_new_
     steps = steps_of()
     values = readings_of(steps)
     at = index_of(steps, 0, 1, "iso", 2)
-    state = replay([opened()])
-    for index in range(at):
-        state = advance(state, taken(index + 1, values[index], 0.2 * index))
-    moved = Questioned(
-        AT, at + 1, 0.2 * at, values[at] + 2.0, "", "typed", "", Doubt.STAND, "stand?"
-    )
+    state = state_of([taken(k + 1, values[k], 0.2 * k) for k in range(at)])
+    moved = Questioned(AT, at + 1, 0.2 * at, values[at] + 2.0, "", "typed", Doubt.STAND, "stand?")
     state = advance(advance(state, moved), Answered(AT, True, True))
     index = at + 2  # max of cycle 2, by the same gauge
-    past = history(state, steps, MACHINE, steps[index], 0.2 * index)
-    prediction = past.forecast.predict(past.value[past.past], past.past, len(past.value))
+    past = compared(state, steps, index, 0.2 * index)
+    prediction = past.forecast.predict(past.so_far.value[past.past], past.past, len(past.steps) - 1)
     assert float(prediction.std) < 0.03
-    assert check_reading(past, values[index] + 2.0, MACHINE.gauge) is None
+    assert check_reading(past, values[index] + 2.0, PROTOTYPE.gauge) is None
 
 
 @pytest.mark.parametrize(
@@ -222,27 +214,24 @@ def test_after_a_stand_was_declared_moved_the_same_shape_is_expected_with_a_new_
 def test_numbers_that_the_gauge_cannot_show(
     value: float, inches: bool, doubt: Doubt | None
 ) -> None:
-    steps = steps_of()
-    state = replay([opened()])
-    past = history(state, steps, MACHINE, steps[0], 0.0)
-    question = check_entry(state, past, value, MACHINE.gauge, inches)
+    state = state_of([])
+    past = compared(state, steps_of(), 0, 0.0)
+    question = check_number(past, value, PROTOTYPE.gauge, inches=inches)
     assert (question.doubt if question else None) == doubt
 
 
 def test_a_finer_scale_that_was_confirmed_once_is_believed() -> None:
-    steps = steps_of()
-    fine = Questioned(AT, 1, 0.0, 0.125, "0.125", "typed", "", Doubt.GRID, "mistyped?")
-    state = advance(advance(replay([opened()]), fine), Answered(AT, True))
-    past = history(state, steps, MACHINE, steps[1], 0.2)
-    assert check_entry(state, past, 0.345, MACHINE.gauge, inches=False) is None
+    fine = Questioned(AT, 1, 0.0, 0.125, "0.125", "typed", Doubt.GRID, "mistyped?")
+    state = state_of([fine, Answered(AT, True)])
+    past = compared(state, steps_of(), 1, 0.2)
+    assert check_number(past, 0.345, PROTOTYPE.gauge, inches=False) is None
 
 
 def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
-    steps = steps_of()
-    preset = Questioned(AT, 1, 0.0, 100.0, "100", "typed", "", Doubt.RANGE, "mistyped?")
-    state = advance(advance(replay([opened()]), preset), Answered(AT, True))
-    past = history(state, steps, MACHINE, steps[2], 0.4)
-    assert check_entry(state, past, 100.4, MACHINE.gauge, inches=False) is None
-    far = check_entry(state, past, 0.4, MACHINE.gauge, inches=False)
+    preset = Questioned(AT, 1, 0.0, 100.0, "100", "typed", Doubt.RANGE, "mistyped?")
+    state = state_of([preset, Answered(AT, True)])
+    past = compared(state, steps_of(), 2, 0.4)
+    assert check_number(past, 100.4, PROTOTYPE.gauge, inches=False) is None
+    far = check_number(past, 0.4, PROTOTYPE.gauge, inches=False)
     assert far is not None
     assert far.doubt is Doubt.RANGE

@@ -7,29 +7,112 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orthoglide_cal.data import default_machine
-from orthoglide_cal.estimation.forecast import Forecast, forecast, misfit_mm
-from orthoglide_cal.kinematics import Geometry
-from orthoglide_cal.session.steps import plan_of
-from orthoglide_cal.simulation import simulate
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation.forecast import (
+    OFFSET_MM,
+    UNKNOWN_MM,
+    ZERO_MM,
+    Forecast,
+    Outlook,
+    misfit_mm,
+)
+from orthoglide_cal.model import Effect, Plan, simulate
+from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.model.machine import Geometry
+from tests.machines import NOMINAL, PROTOTYPE
+from tests.model.geometries import on_rails
 
 from .virtual import readings_of, steps_of
 
-MACHINE = default_machine()
+
+def in_full(
+    plan: Plan, effects: tuple[Effect, ...] = (), fresh: np.ndarray | None = None
+) -> Forecast:
+    """The forecast of a whole plan."""
+    outlook = Outlook(NOMINAL.extended(effects), plan)
+    return outlook.forecast(np.arange(len(plan)), plan.setup, plan.order, plan.hours, fresh=fresh)
+
+
+def timed_plan(count: int = 60) -> Plan:
+    """The first steps of a session at an uneven pace."""
+    steps = steps_of()[:count]
+    hours = np.array([0.3 * k + 5.0 * s.setup for k, s in enumerate(steps)]) / 60.0
+    return replace(plan_of([s.planned for s in steps]), hours=hours)
 
 
 def an_example() -> tuple[Forecast, np.ndarray]:
-    steps = steps_of()[:30]
-    plan = plan_of(steps, [0.3 * k + 5.0 * s.setup for k, s in enumerate(steps)])
-    return forecast(MACHINE, plan), np.array(readings_of(steps, 4))
+    return in_full(timed_plan(30)), np.array(readings_of(steps_of()[:30], 4))
 
 
 def covariance(model: Forecast, size: int) -> np.ndarray:
-    return (
-        model.design @ model.design.T
-        + model.misfits[size] ** 2 * model.cells @ model.cells.T
-        + model.sigma_mm**2 * np.eye(len(model.design))
+    return model.common + model.misfits[size] ** 2 * model.cells
+
+
+def unknowns(plan: Plan, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The formula of a reading, one unknown at a time: columns of unit variance (n, p), (n, c)."""
+    known = fresh == 0
+    columns, misfits = [], []
+    for step in 1e-4 * np.eye(3):  # central differences instead of the exact derivative
+        slope = (simulate(NOMINAL, step, plan) - simulate(NOMINAL, -step, plan)) / 2e-4
+        columns.append(OFFSET_MM * slope * known)
+    for setup in range(plan.setups):
+        columns.append(ZERO_MM * (plan.setup == setup))
+    keys = list(zip(plan.leg, plan.direction, plan.displacement, plan.contact, fresh, strict=True))
+    for key in dict.fromkeys(keys):
+        mine = np.array([other == key for other in keys])
+        columns.append(UNKNOWN_MM * (mine & ~known))
+        misfits.append(mine & known)
+    rate = math.hypot(PROTOTYPE.tolerances["thermal_drift"], PROTOTYPE.tolerances["gauge_drift"])
+    for leg in range(3):
+        away = plan.order[(plan.leg == leg) & (plan.displacement != 0.0)].min()
+        for direction in range(3):
+            mine = (plan.leg == leg) & (plan.direction == direction)
+            columns.append(rate * plan.hours * mine)
+            columns.append(PROTOTYPE.tolerances["backlash"] * (mine & (plan.order < away)))
+    return np.stack(columns, axis=1), np.stack(misfits, axis=1)
+
+
+def test_the_covariance_is_that_of_the_formula() -> None:
+    """Built up from its unknowns, with a comparison begun anew half-way through leg y."""
+    plan = timed_plan()
+    fresh = np.where((np.arange(60) > 33) & (plan.leg == 1) & (plan.direction == 2), 34, 0)
+    found = in_full(plan, fresh=fresh)
+    columns, misfits = unknowns(plan, fresh)
+    sigma2 = PROTOTYPE.gauge.noise_mm**2
+    expected = columns @ columns.T + sigma2 * np.eye(60)
+    assert np.abs(found.common - expected).max() < 1e-6
+    assert np.array_equal(found.cells, misfits @ misfits.T)
+    assert found.base == pytest.approx(simulate(NOMINAL, np.zeros(3), plan), abs=1e-12)
+
+
+def test_a_selection_is_the_forecast_of_that_part() -> None:
+    """Any readings in any order, with their own zeros and times, as a plan of just those."""
+    rng = np.random.default_rng(3)
+    whole = timed_plan()
+    rows = rng.permutation(60)[:25]
+    setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))
+    selected = Outlook(NOMINAL, whole).forecast(rows, setup, np.arange(25), hours, scatter_mm=0.02)
+    alone = replace(whole.subset(rows), setup=setup, order=np.arange(25), hours=hours)
+    exact = Outlook(NOMINAL, alone).forecast(
+        np.arange(25), setup, np.arange(25), hours, scatter_mm=0.02
     )
+    for name in ("base", "common", "cells", "misfits"):
+        assert np.array_equal(getattr(selected, name), getattr(exact, name)), name
+
+
+@pytest.mark.parametrize("cause", ["axis_gap", "backlash", "thermal_drift"])
+def test_known_causes_are_expected_where_and_when_they_act(cause: str) -> None:
+    """Also those that depend on the order and the time in which the readings are really taken."""
+    count = 6 if cause == "backlash" else 3  # with the places that the carriages came from
+    effect = CAUSES[cause].at(np.array([0.3, -0.2, 0.4, 0.1, 0.2, -0.1])[:count])
+    rows = np.array([5, 2, 4, 0, 24, 23, 50, 41])
+    order, hours = np.arange(8), np.linspace(0.1, 2.0, 8)
+    whole = timed_plan()
+    model = NOMINAL.extended([effect])
+    found = Outlook(model, whole).forecast(rows, whole.setup[rows], order, hours)
+    alone = replace(whole.subset(rows), order=order, hours=hours)
+    assert np.array_equal(found.base, simulate(model, np.zeros(3), alone))
+    assert np.abs(found.base - simulate(NOMINAL, np.zeros(3), alone)).max() > 1e-3
 
 
 def test_predictions_are_conditional_normal_distributions() -> None:
@@ -86,11 +169,11 @@ def test_the_tail_is_that_of_a_mixture() -> None:
 def test_readings_teach_how_large_the_misfit_is() -> None:
     """Ideal readings make the small sizes likely, readings with random cells the large ones."""
     steps = steps_of()
-    plan = plan_of(steps)
-    model = forecast(MACHINE, plan)
+    plan = plan_of([s.planned for s in steps])
+    model = in_full(plan)
     rng = np.random.default_rng(2)
-    ideal = simulate(MACHINE, np.array([0.4, -0.7, 0.2]), plan)
-    noisy = ideal + rng.normal(0.0, MACHINE.gauge.noise_mm, 60)
+    ideal = simulate(NOMINAL, np.array([0.4, -0.7, 0.2]), plan)
+    noisy = ideal + rng.normal(0.0, PROTOTYPE.gauge.noise_mm, 60)
     cells = {step.cell: rng.normal(0.0, 0.3) for step in steps}
     skewed = noisy + np.array([cells[step.cell] for step in steps])
     rows = np.arange(60)
@@ -114,12 +197,13 @@ def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
             lean[:, i, j] += 1e-3 * draws[:, k] / 2.0
             lean[:, j, i] += 1e-3 * draws[:, k] / 2.0
     lean /= np.linalg.norm(lean, axis=-1, keepdims=True)
-    geometry = Geometry(points, lean, np.full((400, 3), MACHINE.leg_length_mm))
+    geometry = Geometry(points, lean, np.full((400, 3), PROTOTYPE.leg_length_mm))
     steps = steps_of(cycles=1)
-    heights = simulate(MACHINE, np.zeros((400, 3)), plan_of(steps), geometry=geometry)
+    plan = plan_of([s.planned for s in steps])
+    heights = simulate(on_rails(PROTOTYPE, geometry), np.zeros((400, 3)), plan)
     iso = {step.series: step.number - 1 for step in reversed(steps) if step.posture == "iso"}
     moved = [step for step in steps if step.posture != "iso"]
     change = np.stack([heights[:, s.number - 1] - heights[:, iso[s.series]] for s in moved], axis=1)
     none = dict.fromkeys(("axis_gap", "axis_squareness", "bar_skew", "encoder_scale"), 1e-09)
-    only = replace(MACHINE, tolerances={**none, part: tolerance})
+    only = replace(PROTOTYPE, tolerances={**none, part: tolerance})
     assert 0.5 < float(np.sqrt(np.mean(change**2))) / misfit_mm(only) < 1.5

@@ -1,5 +1,6 @@
 """What gauges say and people type: readings, and above all what never becomes one."""
 
+import contextlib
 import math
 import string
 import sys
@@ -9,32 +10,38 @@ import pytest
 from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
-from orthoglide_cal.data import default_machine
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.session.gauges import serial_format, serial_formats
-from orthoglide_cal.session.gauges.port import PortSpec, SerialGauge
+from orthoglide_cal.session.asking import Heard
+from orthoglide_cal.session.gauges.formats import (
+    SERIAL_FORMATS,
+    NotAReading,
+    Token,
+    Unit,
+    parse_typed,
+    serial_format,
+)
+from orthoglide_cal.session.gauges.serial_line import PATIENCE_S, GaugePair, SerialGauge, Splitter
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
-from orthoglide_cal.session.gauges.splitter import PATIENCE_S, Splitter
-from orthoglide_cal.session.gauges.token import Token
-from orthoglide_cal.session.gauges.typed import Garbled, Refused, parse_typed
 
-from .virtual import steps_of
+from .virtual import setting_of, steps_of
+
+MM, INCH = Unit.MM, Unit.INCH
 
 LINES = [
-    ("mitutoyo", "01A+0000.123", 0.123, "", "01"),
-    ("mitutoyo", "02A-0012.340", -12.34, "", "02"),
-    ("uwave", "DT10001+0000.123M", 0.123, "mm", "0001"),
-    ("uwave", "DT10102-00.01234I", -0.01234, "in", "0102"),
-    ("sylvac", "+12.345", 12.345, "", ""),
-    ("sylvac", "-0.01", -0.01, "", ""),
-    ("mahr", "  -1.230 mm", -1.23, "mm", ""),
-    ("mahr", "12.345 mm", 12.345, "mm", ""),
-    ("cdi", "+ 2.1380, MM", 2.138, "mm", ""),
-    ("cdi", "-   0.0 12, IN", -0.012, "in", ""),
-    ("mux", "1 MW+003.4665 inch", 3.4665, "in", "1"),
-    ("mux", "2 MW-00088.29 mm", -88.29, "mm", "2"),
-    ("plain", "-1.23", -1.23, "", ""),
-    ("plain", "0,456 mm", 0.456, "mm", ""),
+    ("mitutoyo", "01A+0000.123", 0.123, None, "01"),
+    ("mitutoyo", "02A-0012.340", -12.34, None, "02"),
+    ("uwave", "DT10001+0000.123M", 0.123, MM, "0001"),
+    ("uwave", "DT10102-00.01234I", -0.01234, INCH, "0102"),
+    ("sylvac", "+12.345", 12.345, None, None),
+    ("sylvac", "-0.01", -0.01, None, None),
+    ("mahr", "  -1.230 mm", -1.23, MM, None),
+    ("mahr", "12.345 mm", 12.345, MM, None),
+    ("cdi", "+ 2.1380, MM", 2.138, MM, None),
+    ("cdi", "-   0.0 12, IN", -0.012, INCH, None),
+    ("mux", "1 MW+003.4665 inch", 3.4665, INCH, "1"),
+    ("mux", "2 MW-00088.29 mm", -88.29, MM, "2"),
+    ("plain", "-1.23", -1.23, None, None),
+    ("plain", "0,456 mm", 0.456, MM, None),
 ]
 
 ERRORS = [
@@ -46,17 +53,19 @@ ERRORS = [
 
 
 @pytest.mark.parametrize(("name", "line", "value", "unit", "channel"), LINES)
-def test_lines_in_use(name: str, line: str, value: float, unit: str, channel: str) -> None:
-    assert serial_format(name).parse(line) == Token(value, unit, channel, line)
+def test_lines_in_use(
+    name: str, line: str, value: float, unit: Unit | None, channel: str | None
+) -> None:
+    assert serial_format(name).parse(line) == Token(line, value, unit, channel)
 
 
-@pytest.mark.parametrize("name", sorted(serial_formats()))
+@pytest.mark.parametrize("name", sorted(SERIAL_FORMATS))
 @pytest.mark.parametrize("line", ERRORS)
 def test_errors_never_become_values(name: str, line: str) -> None:
     assert serial_format(name).parse(line).value is None
 
 
-@pytest.mark.parametrize("name", sorted(serial_formats()))
+@pytest.mark.parametrize("name", sorted(SERIAL_FORMATS))
 def test_any_rubbish_is_survived(name: str) -> None:
     rng = np.random.default_rng(5)
     letters = np.array([*string.printable, "\x00", "é", "−", "\u2028"])
@@ -66,8 +75,8 @@ def test_any_rubbish_is_survived(name: str) -> None:
         assert value is None or math.isfinite(value)
 
 
-def test_formats_are_found_by_being_there() -> None:
-    assert {"cdi", "mahr", "mitutoyo", "mux", "plain", "sylvac", "uwave"} <= set(serial_formats())
+def test_formats_are_found_by_name() -> None:
+    assert {"cdi", "mahr", "mitutoyo", "mux", "plain", "sylvac", "uwave"} <= set(SERIAL_FORMATS)
     sylvac = serial_format("sylvac")
     line = (sylvac.baud, sylvac.data_bits, sylvac.parity, sylvac.stop_bits, sylvac.request)
     assert line == (4800, 7, "E", 2, b"?\r")
@@ -76,10 +85,12 @@ def test_formats_are_found_by_being_there() -> None:
 
 
 def test_inches_become_millimetres_once() -> None:
-    assert Token(0.005, "in", "", "").mm("mm") == pytest.approx(0.127)
-    assert Token(0.005, "", "", "").mm("in") == pytest.approx(0.127)
-    assert Token(0.005, "mm", "", "").mm("in") == 0.005
-    assert Token(None, "", "", "ERR6").mm("mm") is None
+    assert Token("", 0.005, INCH).mm(MM) == 0.127
+    assert Token("", 0.005).mm(INCH) == 0.127
+    assert Token("", 0.005, MM).mm(INCH) == 0.005
+    assert Token("", 0.005).mm(MM) == 0.005
+    assert Token("ERR6").mm(MM) is None
+    assert Token("", 0.0003).mm(INCH) == 0.00762  # without the dust of the multiplication
 
 
 @pytest.mark.parametrize(
@@ -91,14 +102,14 @@ def test_inches_become_millimetres_once() -> None:
     ],
 )
 def test_ports(text: str, port: str, baud: int, channels: tuple[str, ...]) -> None:
-    spec = PortSpec.parse(text)
-    assert (spec.port, spec.baud, spec.channels) == (port, baud, channels)
+    gauge = SerialGauge(text)
+    assert (gauge.port, gauge.baud, tuple(gauge.channels)) == (port, baud, channels)
 
 
 @pytest.mark.parametrize("text", ["sylvac", "sylvac:", "nothing:/dev/ttyUSB0", "", ":", "a:b@c"])
 def test_bad_ports_are_usage_errors(text: str) -> None:
     with pytest.raises(UsageError):
-        PortSpec.parse(text)
+        SerialGauge(text)
 
 
 @pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n", b"\t"])
@@ -129,6 +140,14 @@ def test_a_gauge_that_fell_silent_in_mid_token_is_heard_again_later() -> None:
     assert splitter.feed(b"1.000 mm\r", now=2.1) == ["1.000 mm"]
 
 
+def test_a_token_that_comes_in_two_parts_is_one() -> None:
+    splitter = Splitter()
+    assert splitter.feed(b"-0.", now=0.0) == []
+    assert splitter.stale(now=0.9 * PATIENCE_S) == ""
+    assert splitter.feed(b"64\r", now=0.9 * PATIENCE_S) == ["-0.64"]
+    assert splitter.stale(now=10.0) == ""
+
+
 def test_a_token_without_its_end_is_thrown_away_after_a_while() -> None:
     splitter = Splitter()
     assert splitter.feed(b"01A+0000.1", now=10.0) == []
@@ -147,15 +166,14 @@ def test_noise_without_end_does_not_fill_the_memory() -> None:
 @pytest.mark.parametrize(
     ("text", "value", "unit"),
     [
-        ("1.23", 1.23, ""), ("-0.12", -0.12, ""), ("−0,12", -0.12, ""), ("+.5", 0.5, ""),
-        ("5.", 5.0, ""), (" 2 mm ", 2.0, "mm"), ("0.05in", 0.05, "in"), ('.005"', 0.005, "in"),
-        ("1 inch", 1.0, "in"), ("-0", 0.0, ""), ("- 0.4", -0.4, ""), ("007.5", 7.5, ""),
+        ("1.23", 1.23, None), ("-0.12", -0.12, None), ("−0,12", -0.12, None), ("+.5", 0.5, None),
+        ("5.", 5.0, None), (" 2 mm ", 2.0, MM), ("0.05in", 0.05, INCH), ('.005"', 0.005, INCH),
+        ("1 inch", 1.0, INCH), ("-0", 0.0, None), ("- 0.4", -0.4, None), ("007.5", 7.5, None),
     ],
 )  # fmt: skip
-def test_typed_numbers(text: str, value: float, unit: str) -> None:
-    parsed = parse_typed(text)
-    assert isinstance(parsed, Token)
-    assert (parsed.value, parsed.unit) == (value, unit)
+def test_typed_numbers(text: str, value: float, unit: Unit | None) -> None:
+    token, layout = parse_typed(text)
+    assert (token.value, token.unit, layout) == (value, unit, None)
 
 
 @pytest.mark.parametrize(
@@ -167,10 +185,10 @@ def test_typed_numbers(text: str, value: float, unit: str) -> None:
     ],
 )  # fmt: skip
 def test_typed_text_that_is_no_reading(text: str) -> None:
-    parsed = parse_typed(text)
-    assert isinstance(parsed, Refused)
-    assert parsed.why.isprintable()
-    assert len(parsed.why) < 120
+    with pytest.raises(NotAReading) as caught:
+        parse_typed(text)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 120
 
 
 @pytest.mark.parametrize(
@@ -183,20 +201,24 @@ def test_typed_text_that_is_no_reading(text: str) -> None:
 def test_a_wrong_keyboard_layout_is_recognised_and_asked_about(
     text: str, value: float, layout: str
 ) -> None:
-    parsed = parse_typed(text)
-    assert isinstance(parsed, Garbled)
-    assert parsed.token.value == value
-    assert layout in parsed.layout
+    token, named = parse_typed(text)
+    assert token.value == value
+    assert named is not None
+    assert layout in named
 
 
 def test_any_typed_rubbish_is_survived() -> None:
     rng = np.random.default_rng(6)
     letters = np.array([*string.printable, "−", "é", "ß", "\u202e", "\x1b", "\x00", "𝟙"])
+    read = 0
     for _ in range(2000):
-        parsed = parse_typed("".join(rng.choice(letters, size=int(rng.integers(0, 12)))))
-        if isinstance(parsed, Token):
-            assert parsed.value is not None
-            assert math.isfinite(parsed.value)
+        text = "".join(rng.choice(letters, size=int(rng.integers(0, 12))))
+        with contextlib.suppress(NotAReading):
+            value = parse_typed(text)[0].value
+            assert value is not None
+            assert math.isfinite(value)
+            read += 1
+    assert read
 
 
 def test_the_simulated_gauge_reads_the_same_after_a_restart() -> None:
@@ -204,28 +226,45 @@ def test_the_simulated_gauge_reads_the_same_after_a_restart() -> None:
 
     def read(gauge: SimulatedGauge, index: int, takes: int) -> float | None:
         gauge.begin(steps[index], takes)
-        assert gauge.poll() == []  # it waits to be asked
-        gauge.request()
-        return gauge.poll()[0].token.value
+        assert gauge.poll(asked=False) == []  # it waits to be asked
+        return gauge.poll(asked=True)[0].token.value
 
-    one, other = (SimulatedGauge(default_machine(), steps, 7) for _ in range(2))
+    one, other = (SimulatedGauge(setting_of(steps), 7) for _ in range(2))
     forth = [read(one, index, 0) for index in range(60)]
     back = [read(other, index, 0) for index in reversed(range(60))][::-1]
     assert forth == back
     assert [read(one, index, 1) for index in range(60)] != forth
-    assert not np.array_equal(
-        SimulatedGauge(default_machine(), steps, 8).offsets_mm, one.offsets_mm
-    )
+    assert not np.array_equal(SimulatedGauge(setting_of(steps), 8).offsets_mm, one.offsets_mm)
 
 
 def test_the_help_names_every_format() -> None:
     """The command's text is fixed, so that --help need not load the formats."""
     help_text = CliRunner().invoke(app, ["measure", "--help"]).output
-    for name in serial_formats():
+    for name in SERIAL_FORMATS:
         assert f" {name}" in help_text
 
 
 def test_without_pyserial_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(UsageError, match=r"pip install 'orthocal\[serial\]'"):
-        SerialGauge(PortSpec.parse("plain:/dev/ttyUSB0")).open()
+        SerialGauge("plain:/dev/ttyUSB0").open()
+
+
+def test_of_two_gauges_the_one_that_is_wanted_is_asked_and_counts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lines = [SerialGauge(f"sylvac:/dev/ttyUSB{number}") for number in (0, 1)]
+    asked: list[tuple[str, bool]] = []
+
+    def poll(line: SerialGauge, wanted: bool) -> list[Heard]:
+        asked.append((line.port[-1], wanted))
+        return [Heard(Token("+1.0", 1.0), line.name)]
+
+    monkeypatch.setattr(SerialGauge, "poll", poll)
+    pair, steps = GaugePair(lines), steps_of()
+    for index, other in ((0, "1"), (1, "0")):
+        asked.clear()
+        pair.begin(steps[index], 0)
+        heard = pair.poll(asked=True)
+        assert asked == [("0", index == 0), ("1", index == 1)]
+        assert [item.source[-1] for item in heard if item.elsewhere] == [other]

@@ -6,28 +6,34 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.data import default_machine
-from orthoglide_cal.machine import Gauge, Machine
-from orthoglide_cal.session.checks import LIMIT, RARE, gather
-from orthoglide_cal.session.entry import check_entry
-from orthoglide_cal.session.history import history
-from orthoglide_cal.session.state import advance, replay
-from orthoglide_cal.session.steps import Step, plan_of
-from orthoglide_cal.simulation import simulate
+from orthoglide_cal.model import Gauge, Machine, Model, simulate
+from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.session.checks import LIMIT, RARE, check_number, gather
+from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
+from orthoglide_cal.session.state import advance
+from orthoglide_cal.session.steps import MeasuringProtocol, SessionStep
+from tests import machines
 from tests.truth.machines import DIAL, LARGE, MICRON, PROTOTYPE
 from tests.truth.machines import Gauge as TrueGauge
 from tests.truth.machines import Machine as TrueMachine
 from tests.truth.session import make_session
 
-from .virtual import opened, play, readings_of, steps_of, taken
-
-MACHINE = default_machine()
+from .virtual import (
+    both_protocols,
+    compared,
+    play,
+    readings_of,
+    setting_of,
+    state_of,
+    steps_of,
+    taken,
+)
 
 
 def truth_machine(machine: TrueMachine, gauge: TrueGauge) -> Machine:
     """The machine file that the independent truth stands for."""
     return replace(
-        MACHINE,
+        machines.PROTOTYPE,
         leg_length_mm=machine.leg,
         joint_limits_mm=(machine.lower, machine.upper),
         gauge=Gauge(gauge.resolution, gauge.range, gauge.revolution, gauge.noise),
@@ -35,23 +41,23 @@ def truth_machine(machine: TrueMachine, gauge: TrueGauge) -> Machine:
 
 
 def healthy_values(
-    steps: tuple[Step, ...], sessions: int, machine: Machine, seed: int
+    steps: tuple[SessionStep, ...], sessions: int, machine: Machine, seed: int
 ) -> np.ndarray:
     """Readings of healthy sessions at the gauge's stated repeatability, (sessions, steps)."""
     rng = np.random.default_rng(seed)
-    plan = plan_of(steps)
+    plan = plan_of([s.planned for s in steps])
     offsets = rng.normal(0.0, 1.0, (sessions, 3))
     zeros = rng.uniform(-2.5, 2.5, (sessions, 3, 3))
-    exact = simulate(machine, offsets, plan) + zeros[:, plan.leg, plan.direction]
+    exact = simulate(Model(machine), offsets, plan) + zeros[:, plan.leg, plan.direction]
     gauge = machine.gauge
     noisy = exact + rng.normal(0.0, gauge.repeatability_mm, exact.shape)
     return np.round(noisy / gauge.resolution_mm) * gauge.resolution_mm
 
 
-@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
+@both_protocols
 @pytest.mark.parametrize("gauge", [DIAL, MICRON], ids=["10 um dial", "1 um gauge"])
 def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
-    protocol: str, gauge: TrueGauge
+    protocol: MeasuringProtocol, gauge: TrueGauge
 ) -> None:
     """1,000 healthy sessions through the very decision of `check_reading`, all at once.
 
@@ -61,16 +67,17 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     machine = truth_machine(PROTOTYPE, gauge)
     steps = steps_of(protocol)
     values = healthy_values(steps, 1000, machine, seed=11)
-    state = replay([opened(protocol)])
+    setting = setting_of(steps, machine)
+    state = state_of([])
     false = np.zeros(len(values), dtype=bool)
     for index, step in enumerate(steps):
         minutes = 0.2 * index + 4.0 * (step.setup - 1)
-        past = history(state, steps, machine, step, minutes)
+        past = NextReading(ReadingsSoFar(state, setting), step, minutes)
         assert past.forecast.sigma_mm == machine.gauge.noise_mm
-        if past.series():
+        if past.series:
             false |= gather(past, values[:, past.past], values[:, index]).questioned
         for value in values[:20, index].tolist():
-            assert check_entry(state, past, value, machine.gauge, inches=False) is None
+            assert check_number(past, value, machine.gauge, inches=False) is None
         state = advance(state, taken(step.number, 0.0, minutes))
     assert false.sum() < 10
 
@@ -96,7 +103,7 @@ def test_sessions_of_an_independent_truth_are_left_alone(
 
 @pytest.mark.slow
 def test_a_thousand_sessions_of_an_independent_truth() -> None:
-    """The same through the whole of history and checks; 3 of 1,000 are expected at the most."""
+    """The same through all of the checks; 3 of 1,000 are expected at the most."""
     questioned = 0
     for seed in range(1000):
         gauge, machine = (DIAL, MICRON)[seed % 2], (PROTOTYPE, LARGE)[seed // 2 % 2]
@@ -113,7 +120,9 @@ def test_a_thousand_sessions_of_an_independent_truth() -> None:
 
 def test_a_noisier_gauge_than_stated_is_not_questioned_all_the_time() -> None:
     """Twice the stated noise: after a few repeats their own scatter is the measure."""
-    noisy = replace(MACHINE, gauge=replace(MACHINE.gauge, repeatability_mm=0.014))
+    noisy = replace(
+        machines.PROTOTYPE, gauge=replace(machines.PROTOTYPE.gauge, repeatability_mm=0.014)
+    )
     steps = steps_of()
     counts = [len(play(readings_of(steps, seed, noisy), steps)) for seed in range(5)]
     assert sum(counts) <= 8
@@ -131,13 +140,13 @@ def test_predictions_are_as_sharp_as_they_claim() -> None:
     unknown backlash and drift are allowed for but absent here, hence the lower bound.
     """
     steps = steps_of()
-    values = healthy_values(steps, 200, MACHINE, seed=3)
-    state = replay([opened()])
+    values = healthy_values(steps, 200, machines.PROTOTYPE, seed=3)
+    state = state_of([])
     squares = []
     for index, step in enumerate(steps[:20]):
-        past = history(state, steps, MACHINE, step, 0.2 * index)
+        past = compared(state, steps, index, 0.2 * index)
         if step.cycle > 1 and step.posture != "iso":
-            prediction = past.forecast.predict(values[:, past.past], past.past, len(past.value))
+            prediction = past.forecast.predict(values[:, past.past], past.past, len(past.steps) - 1)
             squares.append(((values[:, index] - prediction.mean) / prediction.std) ** 2)
         state = advance(state, taken(step.number, 0.0, 0.2 * index))
     assert 0.6 < float(np.mean(squares)) < 1.16

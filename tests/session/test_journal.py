@@ -3,6 +3,7 @@
 import errno
 import itertools
 import os
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,18 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.events import (
     Answered,
+    Continued,
+    Doubt,
     Ended,
     Event,
+    GaugeLabel,
     Noted,
+    Opened,
+    Paused,
     Questioned,
+    Reopened,
     Retake,
+    Shortened,
     Skipped,
     Undone,
     from_dict,
@@ -23,8 +31,9 @@ from orthoglide_cal.session.events import (
 )
 from orthoglide_cal.session.journal import START, Journal, decode, encode
 from orthoglide_cal.session.state import replay
+from orthoglide_cal.session.steps import MeasuringProtocol, Order
 
-from .virtual import AT, opened, readings_of, steps_of, taken
+from .virtual import AT, DOUBLE, both_protocols, opened, readings_of, steps_of, taken
 
 
 def eventful() -> list[Event]:
@@ -37,13 +46,13 @@ def eventful() -> list[Event]:
         taken(3, -0.95, 0.2),
         Undone(AT),
         taken(3, -0.96, 0.3),
-        Questioned(AT, 4, 0.4, 1.43, "1.43", "typed", "", "revolution", "one revolution?"),
+        Questioned(AT, 4, 0.4, 1.43, "1.43", "typed", Doubt.REVOLUTION, "one revolution?"),
         Answered(AT, False),
         taken(4, 0.43, 0.5),
-        Retake(AT, [2], "doubtful"),
+        Retake(AT, (2,), "doubtful"),
         taken(2, 0.42, 0.6),
         Skipped(AT, 5, "blocked"),
-        Questioned(AT, 6, 0.7, 0.2, "0.2", "typed", "", "stand", "stand?"),
+        Questioned(AT, 6, 0.7, 0.2, "0.2", "typed", Doubt.STAND, "stand?"),
         Answered(AT, True, True),
         Ended(AT, "complete"),
     ]
@@ -59,7 +68,7 @@ def written(events: list[Event]) -> tuple[bytes, list[int]]:
     return data, ends
 
 
-@pytest.mark.parametrize("event", eventful(), ids=lambda event: event.kind)
+@pytest.mark.parametrize("event", eventful(), ids=lambda event: type(event).__name__)
 def test_every_record_comes_back_as_it_was(event: Event) -> None:
     assert from_dict(to_dict(event)) == event
 
@@ -68,6 +77,7 @@ def test_every_record_comes_back_as_it_was(event: Event) -> None:
     "record",
     [
         None, [], {}, {"kind": "taken"}, {"kind": "hello", "at": AT}, {"kind": "undone"},
+        {"kind": [], "at": AT}, {"kind": {}, "at": AT}, {"at": AT},
         {"kind": "undone", "at": 3}, {"kind": "undone", "at": AT, "more": 1},
         {"kind": "noted", "at": AT, "step": "1", "text": "x"},
         {"kind": "noted", "at": AT, "step": True, "text": "x"},
@@ -85,6 +95,33 @@ def test_records_of_another_shape_are_refused(record: object) -> None:
 def test_a_journal_comes_back_as_it_was() -> None:
     data, _ = written(eventful())
     assert list(decode(data, "j").events) == eventful()
+
+
+def test_the_format_on_the_disk_is_that_of_version_1() -> None:
+    """Byte for byte: every program that knows this version reads what another one wrote."""
+    data = Path(__file__).with_name("version_1.journal").read_bytes()
+    events = decode(data, "j").events
+    assert events == (
+        Opened(
+            AT, 1, "name: µ\n", DOUBLE, 3, Order.FEWEST_MOVES, 2, ("simulated",), 7, None, None,
+            (GaugeLabel("MT-1"), GaugeLabel("MT-2", "C 7")),
+        ),
+        taken(1, -0.64, 0.25),
+        Questioned(AT, 2, 0.5, 1.43, "1.43", "typed", Doubt.SIGN, "gauge Z?", 1),
+        Answered(AT, True, True),
+        Questioned(AT, 3, 0.75, 0.125, "0.125", "mahr:/dev/ttyUSB0", Doubt.GRID, "mistyped?"),
+        Answered(AT, False),
+        Undone(AT),
+        Retake(AT, (1, 2), "dust"),
+        Skipped(AT, 4, "cable"),
+        Noted(AT, 5, "door"),
+        Paused(AT),
+        Continued(AT),
+        Reopened(AT, ("typed",)),
+        Shortened(AT, (6, 7), "known"),
+        Ended(AT, "complete"),
+    )  # fmt: skip
+    assert written(list(events))[0] == data
 
 
 def assert_every_cut_is_harmless(events: list[Event]) -> None:
@@ -106,8 +143,8 @@ def test_every_byte_of_every_last_record_cut_off() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
-def test_every_byte_of_every_step_of_a_session_cut_off(protocol: str) -> None:
+@both_protocols
+def test_every_byte_of_every_step_of_a_session_cut_off(protocol: MeasuringProtocol) -> None:
     steps = steps_of(protocol)
     values = readings_of(steps)
     assert_every_cut_is_harmless(
@@ -151,11 +188,11 @@ def test_append_and_resume(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     events = eventful()
     first = events[0]
-    with Journal.create(path, first) as journal:  # type: ignore[arg-type]
+    with closing(Journal.create(path, first)) as journal:  # type: ignore[arg-type]
         journal.append(events[1])
         assert list(decode(path.read_bytes(), "j").events) == events[:2]
     for event in events[2:]:
-        with Journal.resume(path) as journal:
+        with closing(Journal.resume(path)) as journal:
             journal.append(event)
     assert list(decode(path.read_bytes(), "j").events) == events
 
@@ -165,7 +202,7 @@ def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Pat
     path = tmp_path / "s.journal"
     for cut in (ends[2], ends[2] + 1, ends[3] - 2, ends[3] - 1, ends[3]):
         path.write_bytes(data[:cut])
-        with Journal.resume(path) as journal:
+        with closing(Journal.resume(path)) as journal:
             kept = list(journal.recovered.events)
             journal.append(Noted(AT, 1, "after"))
             journal.append(Noted(AT, 1, "again"))
@@ -192,7 +229,7 @@ def test_an_existing_file_is_never_replaced(tmp_path: Path) -> None:
 
 def test_two_sessions_on_one_file_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
-    with Journal.create(path, opened()), pytest.raises(UsageError, match="in use"):
+    with closing(Journal.create(path, opened())), pytest.raises(UsageError, match="in use"):
         Journal.resume(path)
     Journal.resume(path).close()
 

@@ -1,7 +1,6 @@
 """SIGKILL after and during every single step: nothing acknowledged is lost, the result is equal."""
 
 import os
-import re
 import signal
 import sys
 from collections.abc import Callable
@@ -10,19 +9,29 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.data import atomic, default_machine, read_measured, session_text
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.files import read_input, session_text
+from orthoglide_cal.session import Dialogue, Style
 from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.events import Opened
-from orthoglide_cal.session.files import publish
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode
-from orthoglide_cal.session.record import readings
-from orthoglide_cal.session.run import Run
+from orthoglide_cal.session.record import session_values
 from orthoglide_cal.session.state import replay
+from orthoglide_cal.session.steps import MeasuringProtocol
 
 from .terminal import Terminal
-from .virtual import a_run, opened, steps_of
+from .virtual import (
+    SINGLE,
+    a_dialogue,
+    answered,
+    both_protocols,
+    content_without_times,
+    offsets,
+    opened,
+    setting_of,
+    steps_of,
+)
 
 SEED = 21
 PHASES = ("before writing", "half written", "not synchronised", "synchronised", "acknowledged")
@@ -32,25 +41,19 @@ def die() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def simulated(protocol: str, cycles: int) -> tuple[SimulatedGauge, Opened]:
-    gauge = SimulatedGauge(default_machine(), steps_of(protocol, cycles), SEED)
-    return gauge, opened(protocol, cycles, source=["simulated"], seed=SEED)
+def simulated(protocol: MeasuringProtocol, cycles: int) -> tuple[SimulatedGauge, Opened]:
+    gauge = SimulatedGauge(setting_of(steps_of(protocol, cycles)), SEED)
+    return gauge, opened(protocol, cycles, source=("simulated",), seed=SEED)
 
 
-def result(run: Run) -> tuple[list[float], str]:
+def result(dialogue: Dialogue) -> tuple[list[float], str]:
     """Offsets to the last digit, and the session file without its times."""
-    machine = default_machine()
-    offsets = solve(readings(run.state, run.setting.steps, machine, ""), machine).offsets_mm
-    text = re.sub(r"(minutes|timestamp|finished|started): [^,}\n]+", "", session_text(run.record()))
-    return offsets.tolist(), text
+    return offsets(dialogue).tolist(), content_without_times(dialogue)
 
 
-def uninterrupted(path: Path, protocol: str, cycles: int) -> tuple[list[float], str]:
+def uninterrupted(path: Path, protocol: MeasuringProtocol, cycles: int) -> Dialogue:
     gauge, first = simulated(protocol, cycles)
-    run, _, journal = a_run(path, repeat(""), first=first, gauge=gauge)
-    with journal:
-        run.run()
-    return result(run)
+    return answered(path, repeat(""), first=first, gauge=gauge)[0]
 
 
 class Bomb:
@@ -78,8 +81,10 @@ class Bomb:
             die()
 
 
-def sitting(path: Path, phase: str, protocol: str, cycles: int) -> tuple[int, list[int]]:
-    """One sitting in a process of its own, killed in its second step.
+def killed_once(
+    path: Path, phase: str, protocol: MeasuringProtocol, cycles: int
+) -> tuple[int, list[int]]:
+    """One run in a process of its own, killed in its second step.
 
     Returns:
         Its exit status, and the steps that were acknowledged on the screen.
@@ -96,18 +101,15 @@ def sitting(path: Path, phase: str, protocol: str, cycles: int) -> tuple[int, li
             journal_module.os = type(
                 "Os", (), {**vars(os), "write": bomb.write, "fsync": bomb.fsync}
             )  # type: ignore[attr-defined]
-            run, _screen, _ = a_run(path, repeat(""), gauge=gauge)
-            show = run.show
 
-            def shown(text: str, style: str = "", end: str = "\n") -> None:
-                show(text, style, end)
+            def shown(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
                 if text.startswith("   saved"):
-                    os.write(tell, bytes([run.state.last_step or 0]))
+                    os.write(tell, bytes([dialogue.so_far.steps[-1].number]))
                     if bomb.records == 2 and phase == "acknowledged":
                         die()
 
-            run.show = shown
-            run.run()
+            dialogue, _, _ = a_dialogue(path, repeat(""), gauge=gauge, show=shown)
+            dialogue.run()
             os._exit(0)
         except BaseException:
             import traceback
@@ -120,11 +122,11 @@ def sitting(path: Path, phase: str, protocol: str, cycles: int) -> tuple[int, li
     return os.waitpid(child, 0)[1], acknowledged
 
 
-def killed_all_along(path: Path, phase: str, protocol: str, cycles: int) -> int:
-    """Sitting after sitting, each killed, until the session is complete; how many there were."""
+def killed_all_along(path: Path, phase: str, protocol: MeasuringProtocol, cycles: int) -> int:
+    """Run after run, each killed, until the session is complete; how many there were."""
     acknowledged: set[int] = set()
     for count in range(1, 200):
-        status, said = sitting(path, phase, protocol, cycles)
+        status, said = killed_once(path, phase, protocol, cycles)
         acknowledged |= set(said)
         state = replay(decode(path.read_bytes(), str(path)).events)
         assert acknowledged <= set(state.accepted)
@@ -135,47 +137,46 @@ def killed_all_along(path: Path, phase: str, protocol: str, cycles: int) -> int:
     raise AssertionError("the session never ends")
 
 
-def check_killing(folder: Path, phase: str, protocol: str, cycles: int) -> None:
-    expected = uninterrupted(folder / "whole.journal", protocol, cycles)
+def check_killing(folder: Path, phase: str, protocol: MeasuringProtocol, cycles: int) -> None:
+    expected = result(uninterrupted(folder / "whole.journal", protocol, cycles))
     path = folder / "killed.journal"
-    sittings = killed_all_along(path, phase, protocol, cycles)
+    runs = killed_all_along(path, phase, protocol, cycles)
     steps = len(steps_of(protocol, cycles))
-    assert sittings >= steps // 2
+    assert runs >= steps // 2
     gauge, _ = simulated(protocol, cycles)
-    run, _, journal = a_run(path, [], gauge=gauge)
+    dialogue, _, journal = a_dialogue(path, [], gauge=gauge)
     journal.close()
-    assert run.state.ended is not None
-    assert len(run.state.accepted) == steps
-    assert result(run) == expected
+    assert dialogue.state.ended is not None
+    assert len(dialogue.state.accepted) == steps
+    assert result(dialogue) == expected
 
 
 @pytest.mark.parametrize("phase", PHASES)
 def test_killed_at_every_step_of_a_short_session(tmp_path: Path, phase: str) -> None:
-    check_killing(tmp_path, phase, "single-posture", 1)
+    check_killing(tmp_path, phase, SINGLE, 1)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("phase", PHASES)
-@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
-def test_killed_at_every_step_of_a_whole_session(tmp_path: Path, phase: str, protocol: str) -> None:
+@both_protocols
+def test_killed_at_every_step_of_a_whole_session(
+    tmp_path: Path, phase: str, protocol: MeasuringProtocol
+) -> None:
     check_killing(tmp_path, phase, protocol, 3)
 
 
 @pytest.mark.parametrize("cut", range(0, 16, 3))
 def test_the_last_record_cut_at_any_byte_gives_the_same_result(tmp_path: Path, cut: int) -> None:
     """Resume from every part of the record of step `cut` + 1; a cut record is read again."""
-    expected = uninterrupted(tmp_path / "whole.journal", "single-posture", 1)
+    expected = result(uninterrupted(tmp_path / "whole.journal", SINGLE, 1))
     data = (tmp_path / "whole.journal").read_bytes()
     lines = data.splitlines(keepends=True)
     begin = sum(len(line) for line in lines[: cut + 1])
     for byte in range(0, len(lines[cut + 1]) + 1, 60):
         path = tmp_path / f"{byte}.journal"
         path.write_bytes(data[: begin + byte])
-        gauge, _ = simulated("single-posture", 1)
-        run, _, journal = a_run(path, repeat(""), gauge=gauge)
-        with journal:
-            run.run()
-        assert result(run) == expected
+        gauge, _ = simulated(SINGLE, 1)
+        assert result(answered(path, repeat(""), gauge=gauge)[0]) == expected
 
 
 def in_a_child(action: Callable[[], None]) -> int:
@@ -193,24 +194,21 @@ def test_killed_while_the_session_file_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
 ) -> None:
     """The file is not there, or complete; writing it again ends with the same bytes."""
-    gauge, first = simulated("single-posture", 1)
-    run, _, journal = a_run(tmp_path / "s.journal", repeat(""), first=first, gauge=gauge)
-    with journal:
-        run.run()
+    dialogue = uninterrupted(tmp_path / "s.journal", SINGLE, 1)
+    text = session_text(session_values(dialogue.so_far))
     target = tmp_path / "s.yaml"
 
     def write_and_die() -> None:
         if moment == "fsync":
-            monkeypatch.setattr(atomic.os, "fsync", lambda _: die())
+            monkeypatch.setattr(os, "fsync", lambda _: die())
         elif moment != "after":
             monkeypatch.setattr(Path, moment, lambda *_, **__: die())
-        publish(run.record(), target)
+        dialogue.publish()
         die()
 
     assert os.WTERMSIG(in_a_child(write_and_die)) == signal.SIGKILL
-    text = session_text(run.record())
     assert not target.exists() or target.read_text(encoding="utf-8") == text
-    publish(run.record(), target)
+    dialogue.publish()
     assert target.read_text(encoding="utf-8") == text
 
 
@@ -235,8 +233,8 @@ def kill_program(folder: Path, kills: list[int], *options: str) -> None:
 
 
 def offsets_of(path: Path) -> list[float]:
-    machine = default_machine()
-    return solve(read_measured(str(path), machine), machine).offsets_mm.tolist()
+    read = read_input(str(path))
+    return solve(read.measured, read.model).offsets_mm.tolist()
 
 
 @pytest.mark.parametrize("steps", ["some", pytest.param("all", marks=pytest.mark.slow)])

@@ -1,13 +1,12 @@
 """Serial gauges that err, lose their cable, share a line or have to be asked."""
 
-import time
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import pexpect
 import pytest
 
-from .terminal import PROMPT, SerialLine, Terminal
+from .terminal import SerialLine, Terminal
 
 
 @pytest.fixture
@@ -41,9 +40,7 @@ def test_half_a_message_is_no_reading(tmp_path: Path, line: SerialLine) -> None:
         line.send(b"-0.6")
         terminal.expect("The gauge says '-0.6'. That is no reading")
         assert terminal.step() == 1
-        line.send(b"-0.")
-        time.sleep(0.3)
-        line.send(b"64\r")
+        line.send(b"-0.64\r")
         terminal.expect("saved -0.640")
 
 
@@ -52,9 +49,12 @@ def test_what_was_sent_before_the_prompt_is_not_used(tmp_path: Path, line: Seria
         assert terminal.step() == 1
         line.send(b"-0.64\r-0.64\r-0.64\r")  # pressed three times
         assert terminal.step() == 2
-        assert terminal.child.expect([pexpect.TIMEOUT, "saved"], timeout=0.5) == 0
         line.send(b"0.41\r")
-        terminal.expect(r"saved \+0\.410")
+        assert terminal.step() == 3
+        assert [float(value) for value in re.findall(r"saved (\S+)", terminal.seen)] == [
+            -0.64,
+            0.41,
+        ]
 
 
 def test_return_asks_a_gauge_that_can_be_asked(tmp_path: Path, line: SerialLine) -> None:
@@ -94,8 +94,7 @@ def test_unplugging_pauses_and_plugging_in_goes_on(tmp_path: Path, line: SerialL
             line.unplug()
             terminal.expect("does not answer")
             terminal.expect("Plug it in again")
-            assert terminal.child.expect([PROMPT, pexpect.TIMEOUT], timeout=5) == 0
-            time.sleep(0.7)  # a few attempts fail meanwhile
+            terminal.step()
             line.plug_in()
             terminal.expect("The gauge is back")
             terminal.step()

@@ -6,17 +6,35 @@ from dataclasses import replace
 
 import pytest
 
-from orthoglide_cal.data import default_machine
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.plan import Contact
-from orthoglide_cal.session.steps import gauge_moves, minutes_left, plan_of, sequence
+from orthoglide_cal.model import Contact, Machine, Model
+from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.session.steps import (
+    MeasuringProtocol,
+    Order,
+    SessionStep,
+    gauge_moves,
+    minutes_left,
+    sequence,
+)
+from tests.machines import PROTOTYPE
 
-MACHINE = default_machine()
-SMALL: Machine = replace(MACHINE, leg_length_mm=200.0, joint_limits_mm=(-70.0, 45.0))
+from .virtual import DOUBLE, SINGLE, both_protocols
+
+SMALL: Machine = replace(PROTOTYPE, leg_length_mm=200.0, joint_limits_mm=(-70.0, 45.0))
+
+
+def steps_of(
+    protocol: MeasuringProtocol,
+    cycles: int,
+    order: Order = Order.PAPER,
+    stands: int = 2,
+    machine: Machine = PROTOTYPE,
+) -> tuple[SessionStep, ...]:
+    return sequence(machine, protocol, cycles, order, stands)
 
 
 def test_the_double_posture_session_is_that_of_section_4_1() -> None:
-    steps = sequence(MACHINE, "double-posture", 3)
+    steps = steps_of(DOUBLE, 3)
     assert [s.number for s in steps] == list(range(1, 61))
     visited = [s.posture for s in steps[:20:2]]
     assert visited == ["iso", "max", "min"] * 3 + ["iso"]
@@ -29,7 +47,7 @@ def test_the_double_posture_session_is_that_of_section_4_1() -> None:
 
 
 def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
-    steps = sequence(MACHINE, "single-posture", 2, stands=1)
+    steps = steps_of(SINGLE, 2, stands=1)
     assert len(steps) == 2 * (2 * 3 * 2 + 2)
     assert {(s.leg, s.direction) for s in steps} == {(0, 2), (1, 2)}
     assert [s.end for s in steps[:4]] == ["joint", "tool", "joint", "tool"]
@@ -37,13 +55,15 @@ def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
     assert {s.stand for s in steps} == {0}
 
 
-@pytest.mark.parametrize("protocol", ["double-posture", "single-posture"])
-@pytest.mark.parametrize("order", ["paper", "fewest-moves"])
+@both_protocols
+@pytest.mark.parametrize("order", list(Order))
 @pytest.mark.parametrize("stands", [1, 2])
 @pytest.mark.parametrize("cycles", [1, 3])
-def test_orders_hold_the_same_readings(protocol: str, order: str, stands: int, cycles: int) -> None:
-    paper = sequence(MACHINE, protocol, cycles)
-    other = sequence(MACHINE, protocol, cycles, order, stands)
+def test_orders_hold_the_same_readings(
+    protocol: MeasuringProtocol, order: Order, stands: int, cycles: int
+) -> None:
+    paper = steps_of(protocol, cycles)
+    other = steps_of(protocol, cycles, order, stands)
     assert Counter((*s.cell, s.cycle) for s in other) == Counter((*s.cell, s.cycle) for s in paper)
     assert [s.number for s in other] == list(range(1, len(other) + 1))
     for cell in {s.cell for s in other}:
@@ -53,17 +73,17 @@ def test_orders_hold_the_same_readings(protocol: str, order: str, stands: int, c
 
 
 def test_fewest_moves_moves_the_gauge_less() -> None:
-    paper = sequence(MACHINE, "single-posture", 3, "paper", 1)
-    fewest = sequence(MACHINE, "single-posture", 3, "fewest-moves", 1)
+    paper = steps_of(SINGLE, 3, Order.PAPER, 1)
+    fewest = steps_of(SINGLE, 3, Order.FEWEST_MOVES, 1)
     assert gauge_moves(paper) == 39
     assert gauge_moves(fewest) == 3
     # Two gauges stay at their places for a whole leg anyway; one gauge has six places.
-    assert gauge_moves(sequence(MACHINE, "double-posture", 3)) == 4
-    assert gauge_moves(sequence(MACHINE, "double-posture", 3, stands=1)) == 5
+    assert gauge_moves(steps_of(DOUBLE, 3)) == 4
+    assert gauge_moves(steps_of(DOUBLE, 3, stands=1)) == 5
 
 
 def test_one_gauge_has_six_set_ups() -> None:
-    steps = sequence(MACHINE, "double-posture", 2, stands=1)
+    steps = steps_of(DOUBLE, 2, stands=1)
     assert {s.setup for s in steps} == set(range(1, 7))
     for setup in range(1, 7):
         assert len({s.series for s in steps if s.setup == setup}) == 1
@@ -71,8 +91,8 @@ def test_one_gauge_has_six_set_ups() -> None:
 
 def test_where_to_drive_puts_the_tool_on_the_axis_of_the_leg() -> None:
     """The nominal legs then reach the same point: (d, 0, 0) for leg x (sec. 2.5)."""
-    for step in sequence(SMALL, "double-posture", 1):
-        joints = step.joints_mm(SMALL)
+    for step in steps_of(DOUBLE, 1, machine=SMALL):
+        joints = Model(SMALL).kind.joints_at(SMALL, step.leg, step.displacement_mm)
         tool = [0.0, 0.0, 0.0]
         tool[step.leg] = {"iso": 0.0, "max": 45.0, "min": -70.0}[step.posture]
         for axis in range(3):
@@ -82,17 +102,17 @@ def test_where_to_drive_puts_the_tool_on_the_axis_of_the_leg() -> None:
 
 
 def test_the_plan_of_steps_keeps_their_order() -> None:
-    steps = sequence(MACHINE, "double-posture", 1)
-    plan = plan_of(steps, [3.0 * s.number for s in steps])
+    steps = steps_of(DOUBLE, 1)
+    plan = plan_of([s.planned for s in steps])
     assert plan.leg.tolist() == [s.leg for s in steps]
     assert plan.direction.tolist() == [s.direction for s in steps]
     assert plan.displacement.tolist() == [s.displacement_mm for s in steps]
-    assert plan.hours[3] == pytest.approx(0.2)
+    assert plan.in_time.tolist() == list(range(len(steps)))
     assert plan.setups == 6
 
 
 def test_time_left_counts_postures_and_moves_of_the_stand() -> None:
-    steps = sequence(MACHINE, "double-posture", 3)
+    steps = steps_of(DOUBLE, 3)
     assert minutes_left(steps) == pytest.approx(30 * 0.4 + 2 * 4.0)
     assert minutes_left(steps[-2:]) == pytest.approx(0.4)
     assert minutes_left(steps[-2:], pace_min=1.5) == pytest.approx(1.5)

@@ -1,67 +1,83 @@
 """A virtual technician for the tests: readings of a whole session, blunders, scripted answers."""
 
+import contextlib
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 
-from orthoglide_cal.data import default_machine, machine_text
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.session.checks import check_reading
-from orthoglide_cal.session.desk import Desk
-from orthoglide_cal.session.doubts import Question
-from orthoglide_cal.session.entry import check_entry
+import numpy as np
+import pytest
+
+from orthoglide_cal.files import machine_text, session_text
+from orthoglide_cal.model import Machine, Model
+from orthoglide_cal.session import Dialogue, Quit, Show, Style
+from orthoglide_cal.session.asking import Asker, LiveGauge
+from orthoglide_cal.session.checks import Question, check_number, check_reading
 from orthoglide_cal.session.events import Answered, Event, Opened, Questioned, Taken
+from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
-from orthoglide_cal.session.gauges.source import Gauge
-from orthoglide_cal.session.history import history
-from orthoglide_cal.session.intake import Setting
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.run import Run
+from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
+from orthoglide_cal.session.record import session_values
 from orthoglide_cal.session.state import State, advance, replay
-from orthoglide_cal.session.steps import Step, sequence
+from orthoglide_cal.session.steps import MeasuringProtocol, Order, SessionStep, sequence
+from tests.machines import NOMINAL, PROTOTYPE
 
 AT = "2025-03-01T09:00:00.000+01:00"
+DOUBLE, SINGLE = MeasuringProtocol.DOUBLE, MeasuringProtocol.SINGLE
+both_protocols = pytest.mark.parametrize("protocol", [DOUBLE, SINGLE])
 
 
-def stands(protocol: str) -> int:
+def stands(protocol: MeasuringProtocol) -> int:
     """Gauges side by side, as usual."""
-    return 1 if protocol == "single-posture" else 2
+    return 1 if protocol is SINGLE else 2
 
 
-def steps_of(protocol: str = "double-posture", cycles: int = 3) -> tuple[Step, ...]:
+def steps_of(protocol: MeasuringProtocol = DOUBLE, cycles: int = 3) -> tuple[SessionStep, ...]:
     """The usual steps on the prototype."""
-    return sequence(default_machine(), protocol, cycles, "paper", stands(protocol))
+    return sequence(PROTOTYPE, protocol, cycles, Order.PAPER, stands(protocol))
 
 
-def opened(protocol: str = "double-posture", cycles: int = 3, **other: object) -> Opened:
+def setting_of(steps: Sequence[SessionStep], machine: Machine | None = None) -> Setting:
+    """These steps on the prototype or another machine without causes."""
+    return Setting(Model(machine) if machine else NOMINAL, tuple(steps))
+
+
+def opened(protocol: MeasuringProtocol = DOUBLE, cycles: int = 3, **other: object) -> Opened:
     """A first record."""
     values: dict[str, object] = {
         "at": AT,
         "version": 1,
-        "machine": machine_text(default_machine()),
+        "machine": machine_text(NOMINAL),
         "protocol": protocol,
         "cycles": cycles,
-        "order": "paper",
+        "order": Order.PAPER,
         "stands": stands(protocol),
-        "source": ["typed"],
+        "source": ("typed",),
         "seed": None,
-        "operator": "",
+        "operator": None,
         "temperature_c": None,
-        "gauges": [],
+        "gauges": (),
     }
     return Opened(**{**values, **other})  # type: ignore[arg-type]
 
 
 def readings_of(
-    steps: Sequence[Step], seed: int = 1, machine: Machine | None = None
+    steps: Sequence[SessionStep], seed: int = 1, machine: Machine | None = None
 ) -> list[float]:
     """What healthy gauges show at these steps [mm]."""
-    gauge = SimulatedGauge(machine or default_machine(), steps, seed)
+    gauge = SimulatedGauge(setting_of(steps, machine), seed)
     values = []
     for step in steps:
         gauge.begin(step, 0)
-        gauge.request()
-        values.append(gauge.poll()[0].token.value or 0.0)
+        values.append(gauge.poll(asked=True)[0].token.value or 0.0)
     return values
+
+
+def typed(values: Iterable[float]) -> list[str]:
+    """The readings as a technician types them."""
+    return [f"{value:.2f}" for value in values]
 
 
 def taken(step: int, value: float, minutes: float = 0.0) -> Taken:
@@ -69,27 +85,39 @@ def taken(step: int, value: float, minutes: float = 0.0) -> Taken:
     return Taken(AT, step, minutes, value, f"{value}", "typed")
 
 
+def compared(
+    state: State,
+    steps: Sequence[SessionStep],
+    index: int,
+    minutes: float,
+    machine: Machine | None = None,
+) -> NextReading:
+    """The reading of `steps[index]`, beside those that the state holds."""
+    so_far = ReadingsSoFar(state, setting_of(steps, machine))
+    return NextReading(so_far, steps[index], minutes)
+
+
 def play(
     values: Sequence[float],
-    steps: Sequence[Step],
+    steps: Sequence[SessionStep],
     machine: Machine | None = None,
     minutes: Sequence[float] | None = None,
-    protocol: str = "double-posture",
     questions: int = 60,
 ) -> list[tuple[int, Question]]:
     """Take readings and keep each one: (step number, question) wherever one was asked.
 
     Stops after that many `questions`.
     """
-    nominal = machine or default_machine()
-    state = replay([opened(protocol)])
+    setting = setting_of(steps, machine)
+    gauge = setting.machine.gauge
+    state = replay([opened()])
     asked = []
     for index, step in enumerate(steps):
         value = float(values[index])
         now = 0.2 * index + 4.0 * (step.setup - 1) if minutes is None else float(minutes[index])
-        past = history(state, steps, nominal, step, now)
-        question = check_reading(past, value, nominal.gauge) or check_entry(
-            state, past, value, nominal.gauge, inches=False
+        beside = NextReading(ReadingsSoFar(state, setting), step, now)
+        question = check_reading(beside, value, gauge) or check_number(
+            beside, value, gauge, inches=False
         )
         if question is None:
             state = advance(state, taken(step.number, value, now))
@@ -97,14 +125,9 @@ def play(
         asked.append((step.number, question))
         if len(asked) == questions:
             break
-        state = advance(
-            state,
-            Questioned(
-                AT, step.number, now, value, "", "typed", "",
-                question.doubt, question.text, question.about,
-            ),
-        )  # fmt: skip
-        state = advance(state, Answered(AT, keep=True))
+        record = (AT, step.number, now, value, "", "typed")
+        doubtful = Questioned(*record, question.doubt, question.text, question.about)
+        state = advance(advance(state, doubtful), Answered(AT, keep=True))
     return asked
 
 
@@ -128,19 +151,19 @@ class Script:
 
 
 class Screen:
-    """What was shown."""
+    """What was shown: all of it as one text, and each part with its style."""
 
     def __init__(self) -> None:
         self.text = ""
+        self.shown: list[tuple[str, Style]] = []
 
-    def __call__(self, text: str, style: str = "", end: str = "\n") -> None:
+    def __call__(self, text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
         self.text += text + end
+        self.shown.append((text, style))
 
 
 def a_clock(step_s: float = 10.0) -> Callable[[], str]:
     """A clock that goes on by `step_s` at each look."""
-    from datetime import datetime, timedelta
-
     now = datetime.fromisoformat(AT)
 
     def look() -> str:
@@ -151,27 +174,49 @@ def a_clock(step_s: float = 10.0) -> Callable[[], str]:
     return look
 
 
-def a_run(
+def a_dialogue(
     path: Path,
     lines: Iterable[str],
     *,
     first: Opened | None = None,
-    gauge: Gauge | None = None,
-    unit: str = "mm",
+    gauge: LiveGauge | None = None,
+    unit: Unit = Unit.MM,
     until: float | None = None,
-) -> tuple[Run, Screen, Journal]:
+    show: Show | None = None,
+) -> tuple[Dialogue, Screen, Journal]:
     """A session in `path` (a journal; resumed if it exists) that is answered by these lines."""
     journal = Journal.resume(path) if path.exists() else Journal.create(path, first or opened())
     begun = journal.recovered.events[0]
     assert isinstance(begun, Opened)
-    machine = default_machine()
-    steps = sequence(machine, begun.protocol, begun.cycles, begun.order, begun.stands)
-    setting = Setting(machine, (), steps, "session.yaml", unit, until)
+    steps = sequence(PROTOTYPE, begun.protocol, begun.cycles, begun.order, begun.stands)
     screen = Screen()
-    run = Run(journal, setting, Desk(Script(lines), screen, gauge), screen, a_clock())
-    return run, screen, journal
+    asker = Asker(Script(lines), show or screen, gauge)
+    file = path.with_suffix(".yaml")
+    dialogue = Dialogue(file, journal, setting_of(steps), asker, a_clock(), unit, until)
+    return dialogue, screen, journal
+
+
+def answered(path: Path, lines: Iterable[str], **options: object) -> tuple[Dialogue, Screen]:
+    """A dialogue that went on until the lines or the session ended, and what it showed."""
+    dialogue, screen, journal = a_dialogue(path, lines, **options)  # type: ignore[arg-type]
+    with contextlib.closing(journal), contextlib.suppress(EOFError, Quit):
+        dialogue.run()
+    return dialogue, screen
+
+
+def offsets(dialogue: Dialogue) -> np.ndarray:
+    """The offsets that the readings so far give."""
+    solution = dialogue.so_far.solution
+    assert solution is not None
+    return solution.offsets_mm
+
+
+def content_without_times(dialogue: Dialogue) -> str:
+    """The session file's text but for its times of day."""
+    text = session_text(session_values(dialogue.so_far))
+    return re.sub(r"(minutes|timestamp|finished|started): [^,}\n]+", r"\1: -", text)
 
 
 def state_of(events: Sequence[Event]) -> State:
-    """The state after a list of records."""
-    return replay(events)
+    """The state after these records of a session."""
+    return replay([opened(), *events])

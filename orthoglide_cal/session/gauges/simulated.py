@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from orthoglide_cal.axes import Floats
-from orthoglide_cal.effects import Effect
-from orthoglide_cal.machine import Machine
-from orthoglide_cal.session.gauges.source import Heard
-from orthoglide_cal.session.gauges.token import Token
-from orthoglide_cal.session.steps import Step, plan_of
-from orthoglide_cal.simulation import simulate
+from orthoglide_cal.model import Floats, simulate
+from orthoglide_cal.session.asking import Heard, LiveGauge
+from orthoglide_cal.session.gauges.formats import Token, Unit
+from orthoglide_cal.session.readings import Setting
+from orthoglide_cal.session.steps import SessionStep
 
 # Half the width of the ranges that the hidden truth is drawn from.
 OFFSETS_MM = 1.5
@@ -22,7 +19,7 @@ ZEROS_MM = 0.3
 _TRUTH, _NOISE = 0, 1  # streams of random numbers
 
 
-class SimulatedGauge:
+class SimulatedGauge(LiveGauge):
     """Reads what the real gauges would; the same seed gives the same readings.
 
     Every reading has its own stream of random numbers (seed, step, take), so that a session
@@ -30,45 +27,31 @@ class SimulatedGauge:
     """
 
     hint = "press Return to read it"
+    reads_itself = True
 
-    def __init__(
-        self, machine: Machine, steps: Sequence[Step], seed: int, effects: Sequence[Effect] = ()
-    ) -> None:
-        self._machine = machine
+    def __init__(self, setting: Setting, seed: int) -> None:
+        self._gauge = setting.machine.gauge
         self._seed = seed
         rng = np.random.default_rng([seed, _TRUTH])
         self.offsets_mm: Floats = rng.uniform(-OFFSETS_MM, OFFSETS_MM, 3)
         zeros = rng.uniform(-ZEROS_MM, ZEROS_MM, (3, 3))
-        plan = plan_of(steps)
-        exact = simulate(machine, self.offsets_mm, plan, effects)
-        self._exact = exact + zeros[plan.leg, plan.direction]
-        self._step = steps[0]
-        self._takes = 0
-        self._asked = False
+        plan = setting.plan
+        exact = simulate(setting.model, self.offsets_mm, plan)
+        self._exact: list[float] = (exact + zeros[plan.leg, plan.direction]).tolist()
+        self._wanted = (1, 0)  # step and take
 
-    def begin(self, step: Step, takes: int) -> None:
+    def begin(self, step: SessionStep, takes: int) -> None:
         """A prompt for this step appears."""
-        self._step, self._takes, self._asked = step, takes, False
+        self._wanted = (step.number, takes)
 
-    def request(self) -> None:
-        """Return was pressed: the gauge is read."""
-        self._asked = True
-
-    def poll(self) -> list[Heard]:
-        """The reading, once it was asked for."""
-        if not self._asked:
+    def poll(self, asked: bool) -> list[Heard]:
+        """The reading, once Return was pressed."""
+        if not asked:
             return []
-        self._asked = False
-        gauge = self._machine.gauge
-        rng = np.random.default_rng([self._seed, _NOISE, self._step.number, self._takes])
-        noisy = self._exact[self._step.number - 1] + rng.normal(0.0, gauge.repeatability_mm)
-        value = round(round(float(noisy) / gauge.resolution_mm) * gauge.resolution_mm, 6)
-        decimals = max(0, math.ceil(-math.log10(gauge.resolution_mm)))
-        return [Heard(Token(value, "mm", "", f"{value:+.{decimals}f}"), "simulated")]
-
-    def reconnect(self) -> bool:
-        """It is never lost."""
-        return True
-
-    def close(self) -> None:
-        """Nothing to let go of."""
+        step, takes = self._wanted
+        division = self._gauge.resolution_mm
+        rng = np.random.default_rng([self._seed, _NOISE, step, takes])
+        noisy = self._exact[step - 1] + rng.normal(0.0, self._gauge.repeatability_mm)
+        value = round(round(noisy / division) * division, 6)
+        decimals = max(0, math.ceil(-math.log10(division)))
+        return [Heard(Token(f"{value:+.{decimals}f}", value, Unit.MM), "simulated")]

@@ -1,0 +1,101 @@
+"""What can be wrong with what the gauges touch, and with their stands."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orthoglide_cal.causes.base import (
+    PatternCause,
+    later_readings,
+    onwards,
+    reading_label,
+    series_of,
+    series_places,
+)
+from orthoglide_cal.model.cause import Cause, Place, Stage
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.readings import Floats, Numbers, Plan, Series, other_axes
+
+# Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
+_SERIES = tuple(Series(leg, k) for leg in range(3) for k in other_axes(leg))
+
+
+class BarSkew(Cause):
+    """Slope of the bar per leg and direction: rise along + per length towards the tool."""
+
+    id = "bar_skew"
+    title = "a touched bar is not parallel to its leg"
+    stage = Stage.CONTACT
+    unit = "mrad"
+    scale = 1e-3
+    names = tuple(series.name for series in _SERIES)
+    lasting = True
+    advice = (
+        "Measure on a ground surface parallel to the joint centres, or repeat with the gauge on"
+        " the opposite bar; this is not an error of the machine's motion."
+    )
+
+    def contact(
+        self,
+        heights: Numbers,
+        theta: Numbers,
+        place: Place,
+        fraction: Numbers,
+        plan: Plan,
+        machine: Machine,
+    ) -> Numbers:
+        """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
+        own = np.array([plan.of(series) for series in _SERIES])
+        slope = theta @ own.astype(np.float64)
+        return heights + slope * fraction * machine.leg_length_mm
+
+
+class GaugeDrift(PatternCause):
+    """Rate of the readings of one leg and direction."""
+
+    id = "gauge_drift"
+    title = "a gauge or its stand creeps"
+    stage = Stage.CONTACT
+    unit = "mm/h"
+    names = ("rate",)
+    timed = True
+    advice = "Clamp the stand afresh on a clean surface and repeat this leg."
+
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+        """Every (leg, direction)."""
+        return series_places(plan)
+
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+        """The leg and direction."""
+        return series_of(place).words
+
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+        """Hours since the session began, in the series."""
+        return np.stack([plan.of(series_of(place)) * plan.hours for place in places], axis=1)
+
+
+class StandShift(PatternCause):
+    """Step in the readings of one gauge set-up, from some reading on."""
+
+    id = "stand_shift"
+    title = "a gauge or its stand was knocked"
+    stage = Stage.CONTACT
+    unit = "mm"
+    names = ("step",)
+    timed = True
+    advice = "Clamp the stand afresh and repeat this leg from its first isotropic reading."
+
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+        """From every reading on but the first of each set-up."""
+        return tuple(Place((i,)) for i in later_readings(plan))
+
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+        """The first reading after the knock."""
+        return f"from {reading_label(plan, machine, place.index[0])} on"
+
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+        """1 from the place on, within its set-up."""
+        return onwards(plan)[:, [place.index[0] for place in places]]
+
+
+CAUSES = (BarSkew(), GaugeDrift(), StandShift())

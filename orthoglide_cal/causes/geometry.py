@@ -1,0 +1,94 @@
+"""What can be wrong with where the rails and legs are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.readings import Numbers
+
+# Shift of rail i in direction j per unit of gap: rails x and y are g_xy apart along z, y and z
+# are g_yz apart along x, z and x are g_zx apart along y, half of it each. This symmetry fixes
+# the origin of the frame: moving the whole machine changes no reading.
+_SHIFT = np.zeros((3, 3, 3))
+for _k, (_first, _second) in enumerate(((0, 1), (1, 2), (2, 0))):
+    _along = 3 - _first - _second
+    _SHIFT[_k, _first, _along] = 0.5
+    _SHIFT[_k, _second, _along] = -0.5
+_SHIFT.setflags(write=False)
+
+
+class AxisGap(Cause):
+    """Distances between pairs of axes; rail x lies above rail y where g_xy > 0, and so on."""
+
+    id = "axis_gap"
+    title = "the actuator axes do not meet in one point"
+    stage = Stage.GEOMETRY
+    unit = "mm"
+    names = ("xy", "yz", "zx")
+    lasting = True
+    compensable = True
+    advice = (
+        "Shim the linear drives until their axes meet in one point, or accept the gap as part of"
+        " the model and compensate it in the controller."
+    )
+
+    def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
+        """Move the rails apart; theta (..., 3) [mm]."""
+        shift = np.tensordot(theta, _SHIFT, axes=1)
+        return Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
+
+
+# Lean of rail i towards axis j per unit of angle: each rail of a pair takes half of it. This
+# symmetry fixes the orientation of the frame: turning the whole machine changes no reading.
+_LEAN = np.zeros((3, 3, 3))
+for _k, (_first, _second) in enumerate(((0, 1), (1, 2), (2, 0))):
+    _LEAN[_k, _first, _second] = _LEAN[_k, _second, _first] = 0.5
+_LEAN.setflags(write=False)
+
+
+class AxisSquareness(Cause):
+    """How far the angles between pairs of axes fall short of 90°; the axes still meet."""
+
+    id = "axis_squareness"
+    title = "the actuator axes are not square to each other"
+    stage = Stage.GEOMETRY
+    unit = "mrad"
+    scale = 1e-3
+    names = ("xy", "yz", "zx")
+    lasting = True
+    compensable = True
+    advice = (
+        "Check the squareness of the linear drives with a master square and re-align them, or"
+        " accept the angles as part of the model and compensate them in the controller."
+    )
+
+    def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
+        """Lean the rails towards each other; theta (..., 3) [rad]."""
+        leaning = geometry.directions + np.tensordot(theta, _LEAN, axes=1)
+        size = np.sqrt((leaning**2).sum(axis=-1, keepdims=True))
+        return Geometry(geometry.points, leaning / size, geometry.lengths)
+
+
+class LegLength(Cause):
+    """Excess of each leg over L; the indicated isotropic joint value stays the nominal L.
+
+    A longer leg looks almost exactly like a smaller offset of its carriage.
+    """
+
+    id = "leg_length"
+    title = "the legs differ from the nominal length"
+    stage = Stage.GEOMETRY
+    unit = "mm"
+    names = ("x", "y", "z")
+    lasting = True
+    compensable = True
+    advice = "Measure the legs between their joint centres and enter the mean in the machine file."
+
+    def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
+        """Lengthen the legs; theta (..., 3) [mm]."""
+        return Geometry(geometry.points, geometry.directions, geometry.lengths + theta)
+
+
+CAUSES = (AxisGap(), AxisSquareness(), LegLength())

@@ -1,0 +1,73 @@
+"""What can be wrong with where the carriages stand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orthoglide_cal.model.cause import Cause, Command, Stage
+from orthoglide_cal.model.readings import Numbers
+
+
+class EncoderScale(Cause):
+    """Excess of the true over the indicated travel, counted from the isotropic posture."""
+
+    id = "encoder_scale"
+    title = "a carriage moves more or less than indicated"
+    stage = Stage.MOTION
+    unit = "1e-3"
+    scale = 1e-3
+    names = ("x", "y", "z")
+    lasting = True
+    compensable = True
+    advice = "Check the travel of the carriage against gauge blocks and correct the axis scale."
+
+    def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
+        """q = L + (1 + k)(ρ − L) + Δρ; theta (..., 3)."""
+        travel = command.joints - command.home
+        return joints + theta[..., None, :] * travel
+
+
+class Backlash(Cause):
+    """Full width of the lost motion of each carriage; it stands half of it behind its motion.
+
+    Before its first motion in the session a carriage stands anywhere within the lost motion:
+    the three nuisance parameters.
+    """
+
+    id = "backlash"
+    title = "a carriage has lost motion"
+    stage = Stage.MOTION
+    unit = "mm"
+    names = ("x", "y", "z")
+    nuisance = (("start_x", 0.3), ("start_y", 0.3), ("start_z", 0.3))
+    positive = True
+    lasting = True
+    timed = True
+    advice = "Adjust the nut or belt of the carriage, or approach every posture from the same side."
+
+    def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
+        """q −= w/2 · sign of the last motion; theta (..., 6) [mm]: widths, first positions."""
+        approach = command.approach
+        lag = -0.5 * theta[..., None, :3] * approach
+        start = theta[..., None, 3:] * np.asarray(approach == 0.0, dtype=np.float64)
+        return np.asarray(joints + lag + start)
+
+
+class ThermalDrift(Cause):
+    """Rate of each actuator zero; the offsets are those at the start of the session."""
+
+    id = "thermal_drift"
+    title = "the actuator zeros drift with time"
+    stage = Stage.MOTION
+    unit = "mm/h"
+    names = ("x", "y", "z")
+    lasting = True
+    timed = True
+    advice = "Let the machine warm up before measuring, and repeat the session."
+
+    def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
+        """q += r·t; theta (..., 3) [mm/h]."""
+        return joints + theta[..., None, :] * command.hours[:, None]
+
+
+CAUSES = (EncoderScale(), Backlash(), ThermalDrift())

@@ -1,0 +1,285 @@
+"""One explanation fitted nonlinearly, its evidence at its own best fit, and what it predicts.
+
+For a linear-Gaussian model of the whitened data d = W y with covariance S, the error of
+predicting a block B of readings from all others is (K_BB)⁻¹ (K y)_B with K = Wᵀ S⁻¹ W, and the
+model's own statement of its covariance is (K_BB)⁻¹; gauge zeros have no part in K, and no refit
+is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.evidence import Gaussian, log_sum
+from orthoglide_cal.diagnosis.explanations import Whitened, as_read
+from orthoglide_cal.diagnosis.scores import (
+    BLUNDER_SCALES,
+    LOG_ALL,
+    Score,
+    all_or_one,
+    evidence_by_noise,
+    scaled,
+)
+from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.estimation.least_squares import fit_linear
+from orthoglide_cal.model import Cause, Effect, Floats, Ints, differentiate, freeze
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """An explanation at its best fit.
+
+    The unknowns are the offsets, the parameters of each effect in turn, and one for what each
+    uncertainty of an accepted cause adds.
+
+    Attributes:
+        log_evidence: with the prior of places, without that of the set of causes.
+        effects: its causes with their best parameters, each with its own covariance.
+        offsets: shape (3,) [mm].
+        covariance: of all unknowns, shape (q, q), internal units.
+        slots: of each effect, its unknowns; none for what has no size or a known one.
+        linear: whitened data minus the linearised model at zero unknowns, shape (k,) [mm].
+        residual: whitened data minus prediction, shape (k,) [mm].
+        columns: whitened derivatives by the unknowns, shape (k, q).
+        sizes: their plausible sizes, shape (q,).
+        sigma: standard deviation of one reading under this explanation [mm].
+    """
+
+    log_evidence: float
+    effects: tuple[Effect, ...]
+    offsets: Floats
+    covariance: Floats
+    slots: tuple[slice, ...]
+    linear: Floats
+    residual: Floats
+    columns: Floats
+    sizes: Floats
+    sigma: float
+
+    def __post_init__(self) -> None:
+        freeze(self, "offsets", "covariance", "linear", "residual", "columns", "sizes")
+
+    def joint_covariance(self, effects: Sequence[Effect] = ()) -> Floats:
+        """Of the offsets and the parameters of some of its effects in turn, internal units."""
+        slots = [self.slots[self.effects.index(effect)] for effect in effects]
+        chosen = np.r_[(slice(0, 3), *slots)]
+        return np.asarray(self.covariance[np.ix_(chosen, chosen)])
+
+    @property
+    def wrong_reading(self) -> int | None:
+        """Index of the one reading that it calls wrong by an unknown amount, if any."""
+        for effect in self.effects:
+            if isinstance(effect.cause, PatternCause) and effect.cause.hides_reading:
+                return effect.place.index[0]
+        return None
+
+    def remaining(self, white: Whitened) -> float:
+        """How far it is from its optimum, recomputed from the data [standard deviations].
+
+        The largest step that Gauss–Newton would still take in an offset or a parameter, with the
+        priors of the fit; counts of turns and faults of the record are fixed.
+        """
+        fixed = [effect for effect in self.effects if effect.covariance is None]
+        sized = [effect for effect in self.effects if effect.covariance is not None]
+        theta = np.concatenate([np.zeros(3), *(effect.theta for effect in sized)])
+        model, plan = white.problem.model.extended(fixed), as_read(white.plan, fixed)
+        readings, slopes = differentiate(model, self.offsets, plan, sized)
+        columns = np.hstack([white.matrix @ slopes, self.columns[:, theta.size :]])
+        linear = white.data + white.matrix @ (slopes @ theta - readings)
+        found, covariance = fit_linear(columns, linear, self.sizes, self.sigma)
+        step = found[: theta.size] - theta
+        return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[: theta.size])))
+
+    @property
+    def unknowns(self) -> float:
+        """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
+        return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
+
+
+def fit_explanation(score: Score) -> Fitted:
+    """Fit an explanation by Gauss–Newton with its priors, then judge it there.
+
+    First with the linear model that it was scored with, then with that of the fit this gives, which
+    is enough for ranking.
+    """
+    at, base, extra = score.at, score.base, score.extra
+    if extra is not None and score.replanned is not None:
+        fit = fit_explanation(score.replanned)
+        return replace(
+            fit,
+            log_evidence=fit.log_evidence + score.log_evidence - score.replanned.log_evidence,
+            effects=(*fit.effects, extra.cause.at(np.zeros(0), extra.place)),
+            slots=(*fit.slots, slice(0, 0)),
+        )
+    version, k = 0, len(at.white)
+    # What an extra of known size adds, and what one unit of one of unknown size does.
+    added, free, free_size = np.zeros(k), np.zeros((k, 0)), np.zeros(0)
+    if extra is not None:
+        cause, number, machine = extra.cause, extra.number, at.white.machine
+        if isinstance(cause, RelabelCause):
+            version = number
+        elif extra.count is None:
+            free = at.patterns[:, [number]]
+            free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
+        else:
+            added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
+    sizes = np.concatenate([at.sizes(base), free_size, np.ones(at.carried.shape[1])])
+    ends = np.cumsum([3, *(cause.unknowns for cause in base), free_size.size]).tolist()
+    slots = tuple(slice(*pair) for pair in pairwise(ends))
+
+    offsets, own, linear = at.offsets[version], at.columns(base), at.residuals[version] - added
+    # With the offsets alone the first linear model is that of the fit already.
+    for last in (False, True) if base or version else (True,):
+        columns = np.hstack([own, free, at.carried])
+        found, _ = fit_linear(columns, linear, sizes, at.noise.stated)
+        offsets = offsets + found[:3]
+        if not last:
+            theta = found[3 : own.shape[1]]
+            effects = [cause.at(found[slot]) for cause, slot in zip(base, slots, strict=False)]
+            predicted, own = at.white.linearised(offsets, effects)
+            linear = at.versions[version] - added - predicted + own[:, 3:] @ theta
+    log, sigma = _judged(score, own, linear + added)
+    _, covariance = fit_linear(columns, linear, sizes, sigma)
+    return Fitted(
+        log_evidence=log + _positivity(base, slots, found, covariance),
+        effects=_effects(score, slots, found, covariance),
+        offsets=offsets,
+        covariance=covariance,
+        slots=slots if extra else slots[:-1],
+        linear=linear,
+        residual=linear - columns @ found,
+        columns=columns,
+        sizes=sizes,
+        sigma=sigma,
+    )
+
+
+def _judged(score: Score, own: Floats, linear: Floats) -> tuple[float, float]:
+    """Log evidence of an explanation and its σ [mm].
+
+    From the derivatives by offsets and parameters of its base (k, 3 + p), and the data minus the
+    linear model at zero parameters (k,).
+    """
+    at, base = score.at, score.base
+    density = Gaussian(scaled(at, own, base), at.noise)
+    by_noise = evidence_by_noise(score, density, linear)
+    log = float(log_sum(by_noise))
+    sigma = float(np.sqrt(np.exp(by_noise - log) @ at.noise.sigma**2))
+    if score.extra is None and len(base) == 1:
+        others, mine = scaled(at, own[:, :3], ()), own[:, 3:] * at.sizes(base)[3:]
+        return all_or_one([(base[0], mine, log)], others, linear, at.noise)[0], sigma
+    return log + LOG_ALL if base else log, sigma
+
+
+def _positivity(
+    base: Sequence[Cause], slots: Sequence[slice], found: Floats, covariance: Floats
+) -> float:
+    """ln of how much likelier the data make it that widths are positive than the prior does."""
+    log = 0.0
+    for cause, slot in zip(base, slots, strict=False):
+        if cause.positive:
+            own = slice(slot.start, slot.start + len(cause.names))
+            score = found[own] / np.sqrt(np.diag(covariance)[own])
+            log += float((log_ndtr(score) - np.log(0.5)).sum())
+    return log
+
+
+def _effects(
+    score: Score, slots: Sequence[slice], found: Floats, covariance: Floats
+) -> tuple[Effect, ...]:
+    """The causes of an explanation with their parameters and the covariance of each.
+
+    How the parameters of two causes go together is not in their effects, only in the fit.
+    """
+    effects = [
+        Effect(cause, found[slot], covariance=covariance[slot, slot])
+        for cause, slot in zip(score.base, slots, strict=False)
+    ]
+    if score.extra is None:
+        return tuple(effects)
+    cause, place, count = score.extra.cause, score.extra.place, score.extra.count
+    if isinstance(cause, PatternCause) and count is None:
+        slot = slots[-1]
+        return (*effects, Effect(cause, found[slot], place, covariance[slot, slot]))
+    return (*effects, cause.at(np.array([] if count is None else [float(count)]), place))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors of predicting what was not fitted.
+
+    Attributes:
+        rms_mm: root mean square error.
+        ratio: errors divided by what the model itself states for them, root mean square.
+    """
+
+    rms_mm: float
+    ratio: float
+
+
+def leave_out_cells(white: Whitened, fit: Fitted, judged: Fitted) -> HeldOut:
+    """Predict each (leg, direction, posture) cell, or each difference, from all others.
+
+    A single reading that the accepted explanation calls wrong cannot be predicted by any model;
+    it is not scored.
+
+    Args:
+        white: the data.
+        fit: the model that predicts.
+        judged: the accepted explanation.
+    """
+    # What each reading, or each printed difference, adds to the whitened data.
+    entries = white.matrix if white.raw else np.linalg.inv(white.root)
+    scaled = fit.columns * fit.sizes
+    covariance = fit.sigma**2 * np.eye(len(white)) + scaled @ scaled.T
+    solved = np.linalg.solve(covariance, np.column_stack((entries, fit.linear)))
+    precision, weighted = entries.T @ solved[:, :-1], entries.T @ solved[:, -1]
+    errors, scaled_errors = [], []
+    for blocks in _left_out(white, judged.wrong_reading):
+        root = np.linalg.cholesky(precision[blocks[:, :, None], blocks[:, None, :]])
+        scaled_error = np.linalg.solve(root, weighted[blocks][..., None])
+        scaled_errors.append(scaled_error.reshape(-1))
+        errors.append(np.linalg.solve(root.swapaxes(1, 2), scaled_error).reshape(-1))
+    return HeldOut(rms(np.concatenate(errors)), rms(np.concatenate(scaled_errors)))
+
+
+def _left_out(white: Whitened, wrong: int | None) -> list[Ints]:
+    """Entries to leave out together; blocks of one size in one array, shape (blocks, size)."""
+    cells, kept = np.arange(len(white)), np.full(len(white), True)
+    if white.raw:
+        cells, setup = white.plan.cells, white.plan.setup
+        # A set-up that leaves with its cell takes its zero along: nothing can predict it.
+        same = setup[:, None] == setup
+        kept = np.any(same & (cells[:, None] != cells), axis=1)
+        if wrong is not None:
+            kept[wrong] = False
+    by_size: dict[int, list[Ints]] = {}
+    for cell in np.unique(cells[kept]):
+        block = np.flatnonzero(kept & (cells == cell))
+        by_size.setdefault(block.size, []).append(block)
+    return [np.stack(blocks) for blocks in by_size.values()]
+
+
+def predict_later(later: Whitened, fit: Fitted, applied: Floats) -> HeldOut:
+    """Predict readings taken after the controller was corrected.
+
+    The offsets that remain are those found minus those applied; causes of the contact and the
+    record that belong to the first session alone are not expected again.
+
+    Args:
+        later: the held-out data.
+        fit: from the first data only.
+        applied: offsets entered in between, shape (3,) [mm].
+    """
+    lasting = [effect for effect in fit.effects if effect.cause.lasting]
+    predicted, columns = later.linearised(fit.offsets - applied, lasting)
+    error = later.data - predicted
+    spread = columns @ fit.joint_covariance(lasting) @ columns.T
+    root = np.linalg.cholesky(fit.sigma**2 * np.eye(len(later)) + spread)
+    return HeldOut(rms(later.root @ error), rms(np.linalg.solve(root, error)))

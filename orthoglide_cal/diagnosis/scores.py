@@ -1,0 +1,285 @@
+"""Evidence of every explanation, linearised where the offsets-only model fits best.
+
+Of a cause with several parameters often one acts alone: one bar is skewed, the other five are not.
+Priced for all its parameters such a cause loses to one with fewer; so its evidence is the mean over
+both readings of its name. Beside another fault only the first is tried, which is a lower bound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orthoglide_cal.causes import PatternCause, RelabelCause, onwards
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_mean, log_sum
+from orthoglide_cal.diagnosis.explanations import Extra, Ids, Linearised, Placed, Whitened, ids_of
+from orthoglide_cal.model import AXES, Cause, Floats, Machine
+
+# Blunders have no typical size: each is tried at the tolerance and at larger scales.
+BLUNDER_SCALES = (1.0, 6.0)
+# Share of the cases in which all parameters of a cause act.
+ALL = 0.5
+LOG_ALL = math.log(ALL)
+# Sizes at which each unlisted pattern is tried, in standard deviations of one reading.
+SIZES = (5.0, 30.0)
+NOISIER = (2.0, 4.0, 8.0)
+
+Bases = Sequence[tuple[Cause, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """A listed explanation with its extra at the best place.
+
+    Attributes:
+        at: the linear model that it was scored with.
+        log_evidence: with the prior of places, without that of the set of causes.
+        base: its causes with many parameters.
+        extra: its cause at one place, if any.
+        replanned: where the extra is an exchange that the data cannot undo, the score of the base
+            under the plan of what was really read.
+    """
+
+    at: Linearised
+    log_evidence: float
+    base: tuple[Cause, ...]
+    extra: Extra | None = None
+    replanned: Score | None = None
+
+
+def score_all(at: Linearised) -> dict[Ids, Score]:
+    """The score of every set of listed causes."""
+    scores = _listed(at)
+    for ids, score in _replanned(at):
+        if ids not in scores or score.log_evidence > scores[ids].log_evidence:
+            scores[ids] = score
+    return scores
+
+
+def _listed(at: Linearised) -> dict[Ids, Score]:
+    """Scores of all sets of which every relabelling can be undone in the data."""
+    machine, residual = at.white.machine, at.residuals[0]
+    broad, bases, pairs = at.candidates.broad, at.candidates.bases, at.candidates.pairs
+    density = _density(at, bases)
+    by_noise = density.by_noise(residual)
+    logs = log_sum(by_noise, 1).tolist()
+    scores = _alone(at, bases, logs)
+    if broad:
+        own = [at.slopes[cause.id] * cause.prior_std(machine) for cause in broad]
+        together = list(zip(broad, own, logs[1:], strict=True))
+        either = all_or_one(together, scaled(at, at.slope, ()), residual, at.noise)
+        scores |= _alone(at, bases[1:], either)
+    power, match = density.against(at.patterns, residual)
+    for placed in at.extras.values():
+        cause, here = placed.cause, placed.own
+        if isinstance(cause, RelabelCause):
+            log = density.log_density(at.residuals[here].T)
+        else:
+            log = pattern_density(machine, cause, power[..., here], match[..., here], by_noise)
+        if placed.tried:
+            scores |= _at_best_place(at, placed, log.reshape(*by_noise.shape, -1))
+    if pairs:
+        logs = log_sum(_density(at, pairs).by_noise(residual), 1) + LOG_ALL
+        scores |= _alone(at, pairs, logs.tolist())
+    return scores
+
+
+def _replanned(at: Linearised) -> Iterator[tuple[Ids, Score]]:
+    """Faults of the record that cannot be undone in the data, beside bases of at most one cause.
+
+    Where a reading lacks its counterpart, the same data are read under another plan instead, with
+    a linear model of its own.
+    """
+    for placed in at.extras.values():
+        if not isinstance(placed.cause, RelabelCause):
+            continue
+        for place in (place for place in placed.places if place not in placed.tried):
+            white = at.white.under(placed.cause.really_read(at.white.plan, place))
+            under = Linearised.of(white, replace(at.candidates, extras=(), pairs=()))
+            for score in _listed(under).values():
+                log = score.log_evidence + placed.log_share
+                extra = Extra(placed.cause, place, 0)
+                yield ids_of(*score.base, extra.cause), Score(at, log, score.base, extra, score)
+
+
+def _alone(at: Linearised, bases: Bases, logs: Sequence[float]) -> dict[Ids, Score]:
+    """Scores of bases without an extra."""
+    return {ids_of(*base): Score(at, log, base) for base, log in zip(bases, logs, strict=True)}
+
+
+def scaled(at: Linearised, columns: Floats, base: Sequence[Cause]) -> Floats:
+    """B of a base from its derivatives (k, 3 + p): scaled by plausible sizes, shape (k, r) [mm]."""
+    return np.hstack([columns * at.sizes(base), at.carried])
+
+
+def _density(at: Linearised, bases: Bases) -> Gaussian:
+    """Densities under many bases at once, padded with columns of zeros to one width."""
+    columns = [scaled(at, at.columns(base), base) for base in bases]
+    padded = np.zeros((len(bases), len(at.white), max(own.shape[1] for own in columns)))
+    for filled, own in zip(padded, columns, strict=True):
+        filled[:, : own.shape[1]] = own
+    return Gaussian(padded, at.noise)
+
+
+def all_or_one(
+    together: Sequence[tuple[Cause, Floats, float]],
+    others: Floats,
+    residual: Floats,
+    noise: NoiseGrid,
+) -> list[float]:
+    """Log evidence of causes of which all parameters act, or any one of them.
+
+    Args:
+        together: each cause, its columns scaled by their plausible sizes, shape (k, p) [mm], and
+            its log evidence if all its parameters act.
+        others: scaled columns of all that is beside it, shape (k, r) [mm].
+        residual: data minus the model without the cause, shape (k,) [mm].
+        noise: the grid.
+    """
+    counts = [len(cause.names) for cause, _, _ in together]
+    always = others.shape[1]
+    width = always + 1 + max(len(cause.nuisance) for cause, _, _ in together)
+    columns = np.zeros((sum(counts), len(residual), width))
+    columns[:, :, :always] = others
+    rows = np.split(columns, np.cumsum(counts)[:-1])
+    for (cause, own, _), filled in zip(together, rows, strict=True):
+        named = len(cause.names)
+        filled[:, :, always] = own[:, :named].T
+        filled[:, :, always + 1 : always + 1 + len(cause.nuisance)] = own[:, named:]
+    logs = log_sum(Gaussian(columns, noise).by_noise(residual), 1)
+    each = np.split(logs, np.cumsum(counts)[:-1])
+    return [
+        float(np.logaddexp(log_all + LOG_ALL, log_mean(ones) + math.log(1.0 - ALL)))
+        for (_, _, log_all), ones in zip(together, each, strict=True)
+    ]
+
+
+def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Score]:
+    """Scores of an extra beside every base of at most one cause.
+
+    `log` is the log density for each base, σ, size and then place, shape (bases, g, sizes·places).
+    """
+    cause = placed.cause
+    counts = list(cause.counts) if isinstance(cause, PatternCause) else []
+    by_place = log_sum(log, 1) + placed.log_share
+    best, total = by_place.argmax(axis=1).tolist(), log_sum(by_place, 1).tolist()
+    scores = {}
+    for base, number, value in zip(at.candidates.bases, best, total, strict=True):
+        size, at_place = divmod(number, len(placed.tried))
+        count = counts[size] if counts else None
+        extra = Extra(cause, placed.tried[at_place], placed.own.start + at_place, count)
+        scores[ids_of(*base, cause)] = Score(at, value + LOG_ALL if base else value, base, extra)
+    return scores
+
+
+def evidence_by_noise(score: Score, density: Gaussian, residual: Floats) -> Floats:
+    """Log evidence of an explanation for each σ, from the density of its base anywhere, (g,).
+
+    Args:
+        score: the explanation; of a relabelling only the place at which it was undone.
+        density: under the base.
+        residual: data (relabelling undone) minus the linearised base at zero parameters, (k,).
+    """
+    at, extra = score.at, score.extra
+    by_noise = density.by_noise(residual)
+    if extra is None:
+        return by_noise
+    placed = at.extras[extra.cause.id]
+    if isinstance(extra.cause, RelabelCause):
+        return by_noise + placed.log_share
+    power, match = density.against(at.patterns[:, placed.own], residual)
+    log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
+    return log_sum(log.reshape(len(log), -1), 1) + placed.log_share
+
+
+def pattern_density(
+    machine: Machine, cause: PatternCause, power: Floats, match: Floats, without: Floats
+) -> Floats:
+    """Log density with a pattern c at each place and size, and ln of the size's share.
+
+    Args:
+        machine: its tolerances and gauge.
+        cause: whose pattern it is.
+        power: cᵀ S⁻¹ c, shape (..., g, places) [1].
+        match: cᵀ S⁻¹ r, shape (..., g, places).
+        without: log density without it, shape (..., g).
+
+    Returns:
+        Shape (..., g, sizes, places).
+    """
+    power, match = power[..., None, :], match[..., None, :]
+    if cause.counts:
+        size = np.array(list(cause.counts))[:, None] * cause.millimetres(machine)
+        log = (-0.5 * size) * power
+        log += match
+        log *= size
+        share = np.log(list(cause.counts.values()))
+    else:
+        scales = np.array(BLUNDER_SCALES)
+        variance = ((cause.prior_std(machine)[0] * scales) ** 2)[:, None]
+        widened = variance * power
+        widened += 1.0
+        log = match**2 * variance
+        log /= widened
+        log -= np.log(widened)
+        log *= 0.5
+        share = np.full(len(scales), -math.log(len(scales)))
+    log += (without[..., None] + share)[..., None]
+    return log
+
+
+@dataclass(frozen=True, eq=False)
+class Unlisted:
+    """A pattern too general for any one cause, on equal terms with the listed explanations.
+
+    Where one of them wins, the data hold something real that no listed cause explains, and its
+    size goes into the uncertainty.
+
+    Attributes:
+        what: description.
+        log_evidence: averaged over its sizes.
+        columns: at its likeliest size, whitened, shape (k, q) [mm].
+        sigma: standard deviation of one reading at its likeliest size [mm].
+    """
+
+    what: str
+    log_evidence: float
+    columns: Floats
+    sigma: float
+
+
+def score_unlisted(at: Linearised) -> list[Unlisted]:
+    """Every unlisted pattern, beside the offsets."""
+    noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
+    offsets = scaled(at, at.slope, ())
+    found = []
+    for what, pattern in _patterns(at.white):
+        white = at.white.matrix @ pattern * stated
+        columns = np.stack([np.hstack([offsets, white * size]) for size in SIZES])
+        logs = log_sum(Gaussian(columns, noise).by_noise(residual), 1)
+        found.append(Unlisted(what, log_mean(logs), white * SIZES[np.argmax(logs)], stated))
+    wider = NoiseGrid(
+        np.outer(NOISIER, noise.sigma).reshape(-1), np.tile(noise.log_weight, len(NOISIER))
+    )
+    logs = log_sum(Gaussian(offsets, wider).by_noise(residual).reshape(len(NOISIER), -1), 1)
+    what = "every reading scatters more than the gauge's stated noise"
+    noisier = stated * NOISIER[np.argmax(logs)]
+    found.append(Unlisted(what, log_mean(logs), np.zeros((len(at.white), 0)), noisier))
+    return found
+
+
+def _patterns(white: Whitened) -> Iterator[tuple[str, Floats]]:
+    """Description and columns (n, q) of unit size."""
+    plan = white.plan
+    repeatable = plan.cells[:, None] == np.arange(plan.cells.max() + 1)
+    yield "the same deviation whenever a posture returns", repeatable.astype(np.float64)
+    if not white.raw:
+        return
+    same = onwards(plan)
+    yield "readings that wander with time", same / np.sqrt(same.sum(axis=0).max())
+    for leg in np.unique(plan.leg):
+        own = np.flatnonzero(plan.leg == leg)
+        yield f"more scatter on leg {AXES[leg]}", np.eye(len(plan))[:, own]

@@ -1,0 +1,336 @@
+"""The estimation problem, and the one least squares that solves it, batched.
+
+    minimise |d − R·h(Δρ)|² over the joint offsets Δρ        (eq. 25)
+
+d are the data, h the predicted readings and R the reduction of the method: differences of
+readings for the paper's methods, zero-free contrasts of all readings for `readings`.
+
+Gauss–Newton with Levenberg–Marquardt damping where a step does not help; one call solves many
+sessions. The exact Jacobian of the forward model is used, not the one of eqs. (16), (17), which
+holds at zero offsets only.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from orthoglide_cal.model import (
+    Floats,
+    Ints,
+    Model,
+    Plan,
+    freeze,
+    simulate,
+    simulate_with_jacobian,
+)
+
+# An offset is compared with this many millimetres to call a Newton step "nothing left".
+OPTIMAL_MM = 1e-9
+MAX_ITERATIONS = 100
+# Sessions solved together: few enough for the processor's cache, enough to outweigh Python.
+BLOCK = 4096
+# An undamped step shorter than this ends the iteration [mm]; well below OPTIMAL_MM.
+SHORT_STEP_MM = 1e-10
+# Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
+ROUNDING_MM = 1e-12
+ROUNDING = 1e-12
+FIRST_DAMPING = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One estimation problem; many data sets may share it.
+
+    Attributes:
+        model: the machine and its accepted causes.
+        plan: n readings.
+        matrix: R, shape (k, n).
+    """
+
+    model: Model
+    plan: Plan
+    matrix: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, "matrix")
+
+    def predict(self, offsets: Floats) -> Floats:
+        """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
+        plan, matrix = self._folded
+        return _reduce(matrix, simulate(self.model, offsets, plan), -1)
+
+    def predict_with_jacobian(self, offsets: Floats, strict: bool = True) -> tuple[Floats, Floats]:
+        """R·h and R·∂h/∂Δρ: offsets (..., 3) → (..., k) [mm], (..., k, 3).
+
+        Where a posture cannot be taken: an error if `strict`, NaN otherwise.
+        """
+        plan, matrix = self._folded
+        readings, slope = simulate_with_jacobian(self.model, offsets, plan, strict)
+        return _reduce(matrix, readings, -1), _reduce(matrix, slope, -2)
+
+    def change(self, offsets: Floats, entered: Floats) -> Floats:
+        """How entering offsets in the controller changes the data, shape (k,) [mm].
+
+        Args:
+            offsets: Δρ before, shape (3,) [mm]; what remains of it is Δρ − entered.
+            entered: shape (3,) [mm].
+        """
+        return self.predict(offsets - entered) - self.predict(offsets)
+
+    @cached_property
+    def at_zero(self) -> tuple[Floats, Floats]:
+        """`predict_with_jacobian` at zero offsets, read-only: (k,) [mm], (k, 3)."""
+        predicted, slope = self.predict_with_jacobian(np.zeros(len(self.model.calibrated)))
+        predicted.setflags(write=False)
+        slope.setflags(write=False)
+        return predicted, slope
+
+    @cached_property
+    def _folded(self) -> tuple[Plan, Floats]:
+        """Plan and R with readings that repeat each other predicted once.
+
+        With a cause that may tell them apart nothing is folded.
+        """
+        if not self.model.repeats:
+            return self.plan, self.matrix
+        first, kind = self.plan.distinct
+        fold = kind[:, None] == np.arange(len(first))
+        folded = self.matrix @ fold
+        folded.setflags(write=False)
+        return self.plan.subset(first), folded
+
+    def covariance(self) -> Floats:
+        """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k)."""
+        return np.asarray(self.matrix @ self.matrix.T)
+
+    def remaining_step(self, data: Floats, offsets: Floats) -> Floats:
+        """How far the offsets are from the least-squares optimum, recomputed from the data.
+
+        The Gauss–Newton step |(JᵀJ)⁻¹Jᵀr| that would still be taken; zero at a stationary point
+        of eq. (25).
+
+        Args:
+            data: d, shape (..., k) [mm].
+            offsets: shape (..., 3) [mm].
+
+        Returns:
+            Shape (...) [mm]; NaN where the model cannot be evaluated.
+        """
+        predicted, slope = self.predict_with_jacobian(offsets, strict=False)
+        return np.asarray(np.abs(normal_step(slope, data - predicted)).max(axis=-1))
+
+
+def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
+    """Apply R (k, n) along one axis; keeps the order of the batch in memory."""
+    reduced = np.tensordot(matrix, values, axes=(1, values.ndim + axis))
+    return np.moveaxis(reduced, 0, axis)
+
+
+def normal_step(slope: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
+    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr by cofactors: (..., k, 3), (..., k) → (..., 3)."""
+    columns = [slope[..., i] for i in range(3)]
+    gradient = [(column * residual).sum(axis=-1) for column in columns]
+    xx, yy, zz = ((column**2).sum(axis=-1) * (1.0 + damping) for column in columns)
+    x, y, z = columns
+    xy, yz, zx = ((a * b).sum(axis=-1) for a, b in ((x, y), (y, z), (z, x)))
+    adjugate = (
+        (yy * zz - yz**2, yz * zx - xy * zz, xy * yz - yy * zx),
+        (yz * zx - xy * zz, zz * xx - zx**2, zx * xy - yz * xx),
+        (xy * yz - yy * zx, zx * xy - yz * xx, xx * yy - xy**2),
+    )
+    determinant = xx * adjugate[0][0] + xy * adjugate[0][1] + zx * adjugate[0][2]
+    return np.stack(
+        [sum(a * g for a, g in zip(row, gradient, strict=True)) / determinant for row in adjugate],
+        axis=-1,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Offsets of a batch of sessions.
+
+    Attributes:
+        offsets_mm: shape (..., 3).
+        residuals_mm: d − R·h, shape (..., k).
+        remaining_mm: optimality check, shape (...); see `Problem.remaining_step`.
+        iterations: steps tried, shape (...).
+    """
+
+    offsets_mm: Floats
+    residuals_mm: Floats
+    remaining_mm: Floats
+    iterations: Ints
+
+    def __post_init__(self) -> None:
+        freeze(self, "offsets_mm", "residuals_mm", "remaining_mm", "iterations")
+
+    @property
+    def converged(self) -> np.ndarray:
+        """True where nothing is left of the step, shape (...); a NaN is no."""
+        return np.asarray(self.remaining_mm <= OPTIMAL_MM)
+
+
+def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> Fit:
+    """Minimise |d − R·h(Δρ)|² for each data set.
+
+    Args:
+        problem: the common problem, of full rank.
+        data: d, shape (..., k) [mm].
+        start: first offsets, shape (..., 3) [mm]; zero if None.
+
+    Returns:
+        The fit; look at `converged` before using a number of it.
+    """
+    batch = data.shape[:-1]
+    flat = data.reshape(-1, data.shape[-1])
+    first = None if start is None else start.reshape(-1, start.shape[-1])
+
+    def fit(at: int) -> tuple[Floats, Floats, Floats, Ints]:
+        block = slice(at, at + BLOCK)
+        # Sessions that start at the same offsets share their first evaluation.
+        own = first if first is None or len(first) == 1 else first[block]
+        return _fit_block(problem, flat[block], own)
+
+    offsets, residuals, remaining, iterations = (
+        np.concatenate(part) for part in zip(*_in_parallel(fit, len(flat)), strict=True)
+    )
+    return Fit(
+        offsets.reshape(*batch, offsets.shape[-1]),
+        residuals.reshape(data.shape),
+        remaining.reshape(batch),
+        iterations.reshape(batch),
+    )
+
+
+def fit_linear(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tuple[Floats, Floats]:
+    """Unknowns u of d = C u + e with priors u ~ N(0, sizes²) and noise e ~ N(0, σ²).
+
+    Args:
+        columns: C, shape (k, q).
+        data: d, shape (k,) [mm].
+        sizes: plausible size of each unknown, one standard deviation, shape (q,).
+        sigma: σ [mm].
+
+    Returns:
+        Their mean, shape (q,), and covariance (CᵀC/σ² + diag(1/sizes²))⁻¹, shape (q, q).
+    """
+    precision = columns.T @ columns / sigma**2 + np.diag(1.0 / sizes**2)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return covariance @ (columns.T @ data) / sigma**2, covariance
+
+
+def _in_parallel(fit: Callable[[int], Any], count: int) -> list[Any]:
+    """The results of `fit` for each block; numpy lets go of the interpreter in long loops."""
+    starts = range(0, count, BLOCK)
+    if len(starts) <= 1:
+        return [fit(0)]
+    from concurrent.futures import ThreadPoolExecutor
+
+    _hold_memory()
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(starts))) as pool:
+        return list(pool.map(fit, starts))
+
+
+def _hold_memory() -> None:
+    """Make the C library keep freed memory: a third of the time went into fetching it anew.
+
+    glibc returns free memory to the system above a threshold that grows to the largest block
+    ever freed (mallopt(3), M_MMAP_THRESHOLD); the block below is never touched. Elsewhere this
+    does nothing.
+    """
+    np.empty(31 << 20, dtype=np.uint8)
+
+
+@dataclass(eq=False)
+class _State:
+    """Where the sessions still at work stand; the first axis runs over them."""
+
+    which: Ints  # their places in the block
+    data: Floats
+    offsets: Floats
+    residual: Floats
+    slope: Floats
+    damping: Floats
+
+    def keep(self, mask: np.ndarray) -> None:
+        """Go on with some of them."""
+        for name in ("which", "data", "offsets", "residual", "slope", "damping"):
+            setattr(self, name, _chosen(getattr(self, name), mask))
+
+    def accept(self, better: np.ndarray, offsets: Floats, residual: Floats, slope: Floats) -> None:
+        """Move those whose trial is better; damp the others more."""
+        if np.all(better):
+            self.offsets, self.residual, self.slope = offsets, residual, slope
+        else:
+            self.offsets = np.where(better[:, None], offsets, self.offsets)
+            self.residual = np.where(better[:, None], residual, self.residual)
+            self.slope = np.where(better[:, None, None], slope, self.slope)
+        more = np.maximum(10.0 * self.damping, FIRST_DAMPING)
+        self.damping = np.where(better, self.damping / 10.0, more)
+        self.damping[self.damping < FIRST_DAMPING] = 0.0
+
+
+def _chosen(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """values[mask], with the first axis still the fastest in memory."""
+    return np.moveaxis(np.compress(mask, np.moveaxis(values, 0, -1), axis=-1), -1, 0)
+
+
+# What fails on the way shows as NaN and is refused there; warnings would say nothing more.
+@np.errstate(divide="ignore", over="ignore", invalid="ignore")
+def _fit_block(
+    problem: Problem, data: Floats, start: Floats | None
+) -> tuple[Floats, Floats, Floats, Ints]:
+    n, width = len(data), len(problem.model.calibrated)
+    offsets = np.empty((n, width))
+    residuals = np.empty(data.shape)
+    remaining = np.empty(n)
+    iterations = np.zeros(n, dtype=np.intp)
+
+    if start is None:
+        first, (model, slope) = np.zeros(width), (part[None] for part in problem.at_zero)
+    else:
+        first, (model, slope) = start, problem.predict_with_jacobian(start, strict=False)
+    at = _State(
+        which=np.arange(n),
+        data=data,
+        offsets=np.broadcast_to(first, (n, width)),
+        residual=data - model,
+        slope=slope,
+        damping=np.zeros(n),
+    )
+    for iteration in range(MAX_ITERATIONS + 1):
+        newton = normal_step(at.slope, at.residual)
+        size = np.abs(newton).max(axis=-1)
+        open_ = (size > SHORT_STEP_MM) & (iteration < MAX_ITERATIONS)
+        if not np.all(open_) or not n:
+            done = ~open_
+            offsets[at.which[done]] = at.offsets[done]
+            residuals[at.which[done]] = at.residual[done]
+            remaining[at.which[done]] = size[done]
+            iterations[at.which[done]] = iteration
+            if not np.any(open_):
+                break
+            at.slope = np.broadcast_to(at.slope, (len(done), *at.slope.shape[1:]))
+            at.keep(open_)
+            newton = _chosen(newton, open_)
+        damped = at.damping > 0.0
+        step = newton
+        if np.any(damped):
+            careful = normal_step(at.slope, at.residual, at.damping)
+            step = np.where(damped[:, None], careful, newton)
+        trial = at.offsets + step
+        model, slope = problem.predict_with_jacobian(trial, strict=False)
+        residual = at.data - model
+        # A step whose gain is lost in rounding is taken; a NaN cost (posture out of reach)
+        # compares false and is refused like a worse one.
+        cost = (at.residual**2).sum(axis=-1)
+        slack = ROUNDING * cost + ROUNDING_MM * np.sqrt(cost)
+        better = (residual**2).sum(axis=-1) <= cost + slack
+        at.accept(better, trial, residual, slope)
+    return offsets, residuals, remaining, iterations

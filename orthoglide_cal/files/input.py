@@ -1,0 +1,215 @@
+"""The inputs that a user names: read once, or only checked; and the sessions of a folder."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path, PurePath
+
+from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
+from orthoglide_cal.files.machine_file import default_machine, is_machine_file, machine_from_tree
+from orthoglide_cal.files.readings import (
+    CODED_COLUMNS,
+    Conditions,
+    conditions_in,
+    readings_from_table,
+)
+from orthoglide_cal.files.session_file import session_from_tree
+from orthoglide_cal.files.table import read_table
+from orthoglide_cal.files.text import YAML_LIMIT, Document, UnreadableError, read_document
+from orthoglide_cal.files.yaml_tree import load_tree
+from orthoglide_cal.model import Measured, Model, Source
+
+_CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
+_YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
+# Keys at the beginning of a line; parsing every file of a large folder would take seconds.
+_KEY = re.compile(r"^(machine|readings|finished|started):[ \t]*(.*)$", re.MULTILINE)
+
+
+@dataclass(frozen=True, eq=False)
+class Input:
+    """What was measured, on which machine and under which conditions.
+
+    Attributes:
+        measured: readings or differences.
+        model: the machine to judge them by, with its accepted causes.
+        conditions: as recorded.
+        is_session: True for a session, False for a table.
+    """
+
+    measured: Measured
+    model: Model
+    conditions: Conditions
+    is_session: bool
+
+
+@dataclass(frozen=True)
+class Check:
+    """What a check found.
+
+    Attributes:
+        path: as the user gave it.
+        source: the file; None if it was refused before its content was looked at.
+        kind: "readings", "session", "six", "twelve", "single" or "machine"; None if invalid.
+        name: of the machine in a machine file, or of the machine that readings are judged by;
+            None if invalid.
+        count: number of readings or differences.
+        problems: everything that is wrong; empty for a valid file.
+        remarks: what the user should know although nothing is wrong.
+    """
+
+    path: str
+    source: Source | None
+    kind: str | None = None
+    name: str | None = None
+    count: int = 0
+    problems: tuple[InputError, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def valid(self) -> bool:
+        return not self.problems
+
+
+@dataclass(frozen=True, order=True)
+class FoundSession:
+    """A session file; they sort by time.
+
+    Attributes:
+        moment: when it was finished (else started, else when the file changed) [s since 1970].
+        path: the file.
+        dated: False if the moment is the file's.
+    """
+
+    moment: float
+    path: Path
+    dated: bool
+
+
+def read_input(path: str, model: Model | None = None) -> Input:
+    """Readings or differences, from a CSV or a session file, each byte read once.
+
+    Args:
+        path: as the user gave it; "-" is standard input.
+        model: the machine that the user names; it gives the joint limits that postures refer to.
+            None stands for the one in a session, and for the prototype otherwise.
+
+    Raises:
+        InvalidFileError: everything that is wrong with its content, each with its place.
+        InputError: not readable, too large, or not text.
+    """
+    return input_from_document(read_document(path), model)
+
+
+def input_from_document(document: Document, model: Model | None = None) -> Input:
+    """As `read_input`, from text that has been read."""
+    if _is_yaml(document):
+        return Input(*session_from_tree(load_tree(document), model), is_session=True)
+    return _table(document, model)
+
+
+def check_file(path: str, model: Model | None = None) -> Check:
+    """Check a file of any kind: readings, differences, session or machine.
+
+    Args:
+        path: as the user gave it; "-" is standard input.
+        model: as in `read_input`.
+
+    Raises:
+        UnreadableError: there is nothing to check.
+    """
+    source = None
+    try:
+        document = read_document(path)
+        source = document.source
+        return _checked(document, model)
+    except UnreadableError:
+        raise
+    except InvalidFileError as error:
+        return Check(path, source, problems=error.problems)
+    except InputError as error:
+        return Check(path, source, problems=(error,))
+
+
+def sessions_in(folder: Path) -> list[FoundSession]:
+    """All session files of a folder, recognised by their content, oldest first.
+
+    Raises:
+        InputError: there is no such folder.
+    """
+    if not folder.is_dir():
+        raise InputError("There is no such folder.", "Check the path.", file=str(folder))
+    candidates = (*folder.glob("*.yaml"), *folder.glob("*.yml"))
+    found = (_look(path) for path in candidates if path.is_file())
+    return sorted(session for session in found if session is not None)
+
+
+def latest_session(folder: Path) -> Path:
+    """The session that was finished last.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = sessions_in(folder)
+    if not found:
+        raise InputError(
+            "There is no session in this folder.",
+            "Name a file of readings, or measure first: orthocal measure",
+            file=str(folder),
+        )
+    return found[-1].path
+
+
+def _is_yaml(document: Document) -> bool:
+    """Whether the first line that says anything is YAML; the name decides what it leaves open."""
+    if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
+        return True
+    for line in document.text.split("\n", 1000):
+        if line.strip() and not line.lstrip().startswith("#"):
+            return bool(_YAML.match(line))
+    return False
+
+
+def _table(document: Document, model: Model | None) -> Input:
+    judge = model or default_machine()
+    table = read_table(document, _CODED)
+    if "difference" in table.columns:
+        return Input(
+            differences_from_table(table, judge.machine), judge, Conditions(), is_session=False
+        )
+    readings = readings_from_table(table, judge.machine)
+    return Input(readings, judge, conditions_in(readings), is_session=False)
+
+
+def _checked(document: Document, model: Model | None) -> Check:
+    path, source = document.path, document.source
+    if _is_yaml(document):
+        tree = load_tree(document)
+        if is_machine_file(tree):
+            return Check(path, source, "machine", machine_from_tree(tree).machine.name)
+        given = Input(*session_from_tree(tree, model), is_session=True)
+    else:
+        given = _table(document, model)
+    measured = given.measured
+    kind = "session" if given.is_session else measured.kind
+    name, remarks = given.model.machine.name, measured.remarks
+    return Check(path, source, kind, name, len(measured), remarks=remarks)
+
+
+def _look(path: Path) -> FoundSession | None:
+    try:
+        text = read_document(str(path), YAML_LIMIT).text
+    except InputError:
+        return None
+    keys = dict(reversed(_KEY.findall(text)))
+    if not {"machine", "readings"} <= keys.keys():
+        return None
+    for key in ("finished", "started"):
+        try:
+            written = keys.get(key, "").strip().strip("'\"")
+            return FoundSession(datetime.fromisoformat(written).timestamp(), path, True)
+        except ValueError:
+            continue
+    return FoundSession(path.stat().st_mtime, path, False)

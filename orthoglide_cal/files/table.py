@@ -1,0 +1,314 @@
+"""CSV text to rows of named cells, and the cells of many rows to columns of values.
+
+The delimiter is the one that the header line uses (tab, then semicolon, then comma): guessing
+from the content goes wrong on `1,234;5,678`.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.text import MM_PER_INCH, Document, Faults, parse_number, shortened
+from orthoglide_cal.model import Floats
+
+T = TypeVar("T")
+
+_COLUMNS = 100
+_ROWS = 100_000  # read in a few seconds
+_BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
+_BLANK_CELL = _BLANKS + "\n\r\v\f"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One record of a file.
+
+    Attributes:
+        line: its first line, from 1.
+        cells: column → text without blanks around it; empty cells are left out.
+        lines: column → line, where a cell has its own.
+        prefix: what precedes a column's name in messages, e.g. "readings[3].".
+    """
+
+    line: int
+    cells: Mapping[str, str]
+    lines: Mapping[str, int] = field(default_factory=dict)
+    prefix: str = ""
+
+    def fault(self, faults: Faults, column: str, what: str, remedy: str) -> None:
+        """Note a fault of one cell."""
+        line, value = self.lines.get(column, self.line), self.cells.get(column)
+        faults.add(what, remedy, line=line, column=self.prefix + column, value=value)
+
+
+class Cells:
+    """The cells of all rows, column by column; what cannot be read is a fault of its row.
+
+    Args:
+        rows: in the order of the file.
+        faults: where faults go.
+        number: what a text is as a number; raises InputError.
+
+    Attributes:
+        sound: whether each row is without a fault so far.
+        marks: decimal marks seen.
+    """
+
+    def __init__(self, rows: Sequence[Row], faults: Faults, number: Callable[[str], float]) -> None:
+        self.rows = rows
+        self.faults = faults
+        self.sound = [True] * len(rows)
+        self.marks: set[str] = set()
+        self._number = number
+
+    def note(self, index: int, column: str, what: str, remedy: str) -> None:
+        """Note a fault in row `index`."""
+        self.rows[index].fault(self.faults, column, what, remedy)
+        self.sound[index] = False
+
+    def read(
+        self, column: str, rule: Callable[[str], T], blank: T, wanted: str | None = None
+    ) -> list[T]:
+        """What a rule makes of each cell of a column.
+
+        Args:
+            column: name.
+            rule: text to value; raises InputError.
+            blank: for an empty cell, and for one that breaks the rule.
+            wanted: what to write into an empty cell; None if it may stay empty.
+        """
+        values = []
+        for index, row in enumerate(self.rows):
+            text, value = row.cells.get(column), blank
+            if text is not None:
+                try:
+                    value = rule(text)
+                except InputError as error:
+                    self.note(index, column, error.what, error.remedy)
+            elif wanted:
+                self.note(index, column, "The cell is empty.", wanted)
+            values.append(value)
+        return values
+
+    def number(self, text: str) -> float:
+        """The number that a text writes; remembers its decimal mark."""
+        value = self._number(text)
+        self.marks |= {mark for mark in ".," if mark in text}
+        return value
+
+    def numbers(self, column: str, low: float, high: float) -> Floats:
+        """Numbers from `low` to `high`, shape (n,); NaN for an empty cell."""
+
+        def within(text: str) -> float:
+            value = self.number(text)
+            if not low <= value <= high:
+                raise InputError(f"The number is outside {low:g} … {high:g}.", "Check the number.")
+            return value
+
+        return np.array(self.read(column, within, math.nan), dtype=np.float64)
+
+    def lengths(self, column: str, longest: float, noun: str, wanted: str | None = None) -> Floats:
+        """Lengths up to `longest`, that of a leg, shape (n,) [mm]; NaN for an empty cell.
+
+        A column in inches is named `…_in`.
+        """
+        unit = MM_PER_INCH if column.endswith("_in") else 1.0
+
+        def length(text: str) -> float:
+            value = self.number(text) * unit
+            if abs(value) > longest:
+                raise InputError(
+                    f"The {noun} is larger than the leg is long.",
+                    f"Check the unit and the decimal mark; {noun}s are in mm.",
+                )
+            return value
+
+        return np.array(self.read(column, length, math.nan, wanted), dtype=np.float64)
+
+    def check_complete(self, columns: Sequence[str]) -> None:
+        """Each of these columns is filled in every row or in none."""
+        for column in columns:
+            empty = [index for index, row in enumerate(self.rows) if column not in row.cells]
+            for index in empty if len(empty) < len(self.rows) else ():
+                what = "The cell is empty here but filled in other rows."
+                self.note(index, column, what, "Fill it in every row or in none.")
+
+
+@dataclass(frozen=True)
+class Table:
+    """A CSV file.
+
+    Attributes:
+        columns: header names in lower case, in order; "" where there is none.
+        header_line: from 1.
+        rows: records that are not blank.
+        decimal_comma: True if the delimiter leaves the comma free.
+        document: where it came from.
+        faults: wrong quotes and row lengths found so far.
+    """
+
+    columns: tuple[str, ...]
+    header_line: int
+    rows: tuple[Row, ...]
+    decimal_comma: bool
+    document: Document
+    faults: Faults
+
+    def number(self, text: str) -> float:
+        """The number that a cell writes. Raises InputError without a place."""
+        return parse_number(text, decimal_comma=self.decimal_comma)
+
+    def check_split_numbers(self, columns: Sequence[str], coded: Sequence[str]) -> None:
+        """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.
+
+        Args:
+            columns: those that hold readings.
+            coded: those that never hold free text.
+        """
+        if self.decimal_comma or not self.rows:
+            return
+        pairs = (pair for pair in pairwise(self.columns) if pair[0] in columns)
+        value, beside = next(pairs, ("", ""))
+        if not value or beside in coded:
+            return
+        fractions = [row.cells.get(beside, "") for row in self.rows]
+        cells = [row.cells.get(value, "") for row in self.rows]
+        whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
+        if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
+            self.faults.add(
+                f"Every reading is a whole number with digits in the column {beside!r} beside it:"
+                " decimal commas?",
+                "Write decimal points, or separate the columns with semicolons.",
+                line=self.rows[0].line,
+                column=value,
+                value=f"{cells[0]},{fractions[0]}",
+            )
+
+
+def read_table(document: Document, coded: Sequence[str]) -> Table:
+    """Split a document into header and rows.
+
+    Blank lines are skipped, and so are lines that start with # and Excel's `sep=;` line.
+
+    Args:
+        document: the file.
+        coded: columns that never hold free text. If another column comes first, a # after the
+            header belongs to its text: skipping the line would lose a reading.
+    """
+    faults = Faults(document.path)
+    lines = _Lines(document.text.split("\n"))
+    delimiter = lines.find_header()
+    records = _records(lines, delimiter, faults)
+    header_line, header = next(records, (1, []))
+    columns = _columns(header, header_line, faults)
+    lines.comments = bool(columns) and columns[0] in coded
+    rows: list[Row] = []
+    for line, record in records:
+        if len(rows) >= _ROWS:
+            faults.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
+            break
+        cells = [_clean(cell) for cell in record]
+        if len(cells) > len(columns) and any(cells[len(columns) :]):
+            what = f"The row has {len(cells)} cells, the header {len(columns)}."
+            remedy = f"Put a cell that holds {delimiter!r} in quotes."
+            if delimiter == ",":
+                remedy = (
+                    "For decimal commas separate the columns with semicolons, in the header too."
+                )
+            faults.add(what, remedy, line=line, value=lines.shown(line))
+        elif any(cells):
+            pairs = zip(columns, cells, strict=False)
+            rows.append(Row(line, {name: cell for name, cell in pairs if cell}))
+    return Table(columns, header_line, tuple(rows), delimiter != ",", document, faults)
+
+
+def _clean(cell: str) -> str:
+    return cell.strip(_BLANK_CELL)
+
+
+class _Lines:
+    """Feeds lines to the csv reader and remembers where the current record started."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        self.lines = lines
+        self.next = 0
+        self.first = 0
+        self.within = False  # inside a record, whose quotes may span lines
+        self.comments = True  # lines that start with # are comments
+
+    def find_header(self) -> str:
+        """Go to the header line; returns the delimiter that it uses."""
+        for index, line in enumerate(self.lines):
+            plain = line.strip(_BLANKS)
+            if not plain or plain.startswith("#"):
+                continue
+            if plain.lower().startswith("sep=") and len(plain) <= 5:
+                self.next = index + 1
+                return line.strip(" ")[4:5] or "\t"
+            self.next = index
+            return next((mark for mark in "\t;," if mark in line), ",")
+        self.next = len(self.lines)
+        return ","
+
+    def shown(self, line: int) -> str:
+        """Line `line` (from 1), shortened to what fits a message."""
+        return shortened(self.lines[line - 1].strip(), 60)
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        if not self.within:
+            while self.next < len(self.lines) and self._skipped(self.lines[self.next]):
+                self.next += 1
+            self.first = self.next + 1
+            self.within = True
+        if self.next >= len(self.lines):
+            raise StopIteration
+        self.next += 1
+        return self.lines[self.next - 1] + "\n"
+
+    def _skipped(self, line: str) -> bool:
+        plain = line.lstrip(_BLANKS)
+        return not plain.strip() or (self.comments and plain.startswith("#"))
+
+
+def _records(lines: _Lines, delimiter: str, faults: Faults) -> Iterator[tuple[int, list[str]]]:
+    """Line number and raw cells of each record; stops at broken quotes with a fault."""
+    reader = csv.reader(lines, delimiter=delimiter, strict=True, skipinitialspace=True)
+    while True:
+        lines.within = False
+        try:
+            record = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            what = f"The row cannot be split into cells: {error}."
+            if "end of data" in str(error):
+                what = "A quotation mark is opened and never closed."
+            remedy = 'Close it, or write "" for a quotation mark inside quotes.'
+            faults.add(what, remedy, line=lines.first, value=lines.shown(lines.first))
+            return
+        yield lines.first, record
+
+
+def _columns(header: Sequence[str], line: int, faults: Faults) -> tuple[str, ...]:
+    """Names of the columns; too many and repeated ones are faults."""
+    names = [_clean(name).lower() for name in header[:_COLUMNS]]
+    if len(header) > _COLUMNS:
+        what = f"The header has more than {_COLUMNS} columns."
+        faults.add(what, "Check the delimiter.", line=line)
+    for index, name in enumerate(names):
+        if name and name in names[:index]:
+            what = "The header names this column twice."
+            faults.add(what, "Rename or remove one.", line=line, column=name)
+    return tuple(names)

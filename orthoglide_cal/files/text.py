@@ -1,0 +1,357 @@
+"""A file's text, read and written; numbers in it; and everything that is wrong with it.
+
+`float()` would take nan, inf and 1_000 and refuse the typographic minus U+2212; YAML would read
+012 as 10 and 1:30 as 90. Here a number is digits with at most one decimal mark and an exponent.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+import sys
+import uuid
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
+from orthoglide_cal.model import Source
+
+TABLE_LIMIT = 50_000_000  # bytes of a CSV
+YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
+MM_PER_INCH = 25.4
+
+# They would reach the terminal with the next message (escape sequences).
+_CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
+_UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
+
+_LONGEST = 40  # characters; a gauge shows ten
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_OCTAL = re.compile(r"[+-]?0[0-9]+")
+_INTEGER = re.compile(r"\+?[0-9]{1,15}")
+_EXAMPLE = "Write a plain number such as -0.123."
+_MOST = 1000  # faults; a file of garbage has millions; nobody reads them
+
+
+class UnreadableError(InputError):
+    """There is no such file, or the system does not let it be read."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """A text file as read: line ends are "\\n", no byte order mark.
+
+    Attributes:
+        path: as the user gave it; "-" for standard input.
+        text: the content.
+        sha256: hex digest of the bytes.
+        size: number of bytes.
+    """
+
+    path: str
+    text: str
+    sha256: str
+    size: int
+
+    @property
+    def source(self) -> Source:
+        return Source(self.path, self.sha256)
+
+
+def read_document(path: str, limit: int = TABLE_LIMIT) -> Document:
+    """Read a text file, or standard input for "-".
+
+    Args:
+        path: as the user gave it.
+        limit: largest size accepted, bytes; a larger file is not read to its end.
+
+    Raises:
+        UnreadableError: no such file, a folder, no permission.
+        InputError: too large, empty, or not UTF-8 text.
+    """
+    return document_from_bytes(_bytes(path, limit), path, limit)
+
+
+def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Document:
+    """The text of `data`. Raises InputError as `read_document` does."""
+    check_size(len(data), path, limit)
+    text = _decoded(data, path)
+    if not text.strip():
+        raise InputError("The file is empty.", "Give a file with readings.", file=path)
+    return Document(path, text, hashlib.sha256(data).hexdigest(), len(data))
+
+
+def check_size(size: int, path: str, limit: int) -> None:
+    """Raise InputError if `size` bytes are more than `limit`."""
+    if size > limit:
+        raise InputError(
+            f"The file is larger than {limit // 1_000_000} MB, the most that is read.",
+            "Check that this is the right file; a session of an hour has a few kilobytes.",
+            file=path,
+        )
+
+
+def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
+    """Write UTF-8 text to `path` through a temporary file beside it, synchronised to the disk.
+
+    Args:
+        path: the file's final place.
+        text: its content.
+        overwrite: replace an existing file; otherwise it is left alone.
+
+    Raises:
+        UsageError: the file exists and may not be replaced.
+        InputError: the file cannot be written (no such folder, no permission, disk full).
+    """
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
+    try:
+        if not overwrite and path.exists():
+            raise FileExistsError
+        with temporary.open("x", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        if overwrite:
+            temporary.replace(path)
+        else:
+            _publish(temporary, path)
+        _sync_folder(path.parent)
+    except FileExistsError as error:
+        raise UsageError(
+            f"{path} exists and is not overwritten.", "Name another file, or move that one away."
+        ) from error
+    except OSError as error:
+        raise InputError(
+            f"The file cannot be written: {error.strerror or error}.",
+            "Check the folder, its permissions and the free space.",
+            file=str(path),
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def has_control(text: str) -> bool:
+    """Whether a text holds control characters other than tab and line ends."""
+    return _CONTROL.search(text) is not None
+
+
+def parse_number(text: str, *, decimal_comma: bool = False) -> float:
+    """The finite number that `text` writes.
+
+    Args:
+        text: digits with an optional sign (ASCII, or U+2212 as spreadsheets write it), decimal
+            mark and exponent; blanks around it are ignored.
+        decimal_comma: accept a comma as the decimal mark, too.
+
+    Raises:
+        InputError: anything else; carries what is wrong and the remedy, but no place.
+
+    >>> parse_number("−0,25", decimal_comma=True)
+    -0.25
+    """
+    plain = text.strip().replace("\u2212", "-")
+    if len(plain) > _LONGEST or not _NUMBER.fullmatch(plain):
+        raise InputError("This is not a number.", _EXAMPLE, value=shortened(text))
+    if "," in plain and not decimal_comma:
+        raise InputError(
+            "A decimal comma cannot be read here.",
+            "Write a decimal point, or separate the columns with semicolons.",
+            value=text,
+        )
+    value = float(plain.replace(",", "."))
+    if not math.isfinite(value):
+        raise InputError("This number is too large.", _EXAMPLE, value=text)
+    return value
+
+
+def parse_yaml_number(text: str) -> float:
+    """`parse_number` for YAML, where whole numbers with a leading zero mean octal to some."""
+    if _OCTAL.fullmatch(text.strip()):
+        raise InputError(
+            "A whole number with a leading zero is ambiguous (YAML reads it as octal).",
+            "Write it without the leading zero.",
+            value=shortened(text),
+        )
+    return parse_number(text)
+
+
+def parse_count(text: str, least: int) -> int:
+    """The whole number that `text` writes, at least `least`. Raises InputError without a place."""
+    plain = text.strip()
+    if not _INTEGER.fullmatch(plain) or int(plain) < least:
+        raise InputError(
+            f"This is not a whole number from {least}.",
+            f"Write {least}, {least + 1}, {least + 2}, …",
+            value=shortened(text),
+        )
+    return int(plain)
+
+
+def number_text(value: float) -> str:
+    """The shortest text that reads back as exactly `value`: 60 for 60.0, 0.1 for 0.1."""
+    return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(float(value))
+
+
+class Faults:
+    """The faults of one file, in the order found.
+
+    Args:
+        file: path as the user gave it.
+    """
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.problems: list[InputError] = []
+        self._more = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.problems)
+
+    @property
+    def count(self) -> int:
+        """Number of faults found, also of those that are too many to be kept."""
+        return len(self.problems) + self._more
+
+    def add(
+        self,
+        what: str,
+        remedy: str,
+        *,
+        line: int | None = None,
+        column: str | None = None,
+        value: str | None = None,
+    ) -> None:
+        """Note one fault at its place."""
+        if len(self.problems) >= _MOST:
+            self._more += 1
+            return
+        self.problems.append(
+            InputError(what, remedy, file=self.file, line=line, column=column, value=value)
+        )
+
+    def error(self) -> InvalidFileError:
+        """All faults, at least one, by line."""
+        problems = sorted(self.problems, key=lambda fault: fault.line or 0)
+        if self._more:
+            what = f"There are {self._more} more faults like these."
+            problems.append(InputError(what, "Mend the first ones and try again.", file=self.file))
+        return InvalidFileError(problems, file=self.file)
+
+    def check(self) -> None:
+        """Raise `error()` if there are any faults."""
+        if self.problems:
+            raise self.error()
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a message, with commas; the first ten where there are more."""
+    return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The words "Did you mean …?" for the closest known name; empty if none is close."""
+    close = get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"Did you mean {close[0]!r}? " if close else ""
+
+
+def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
+    """A remark on names without a meaning and what they may stand for, if there are any."""
+    given, words = [name for name in names if name], list(known)
+    if not given:
+        return []
+    hints = "".join(nearest(name, words) for name in given[:10])
+    remark = f"{what} without a meaning here were not used: {listed(given)}. {hints}"
+    return [remark.strip()]
+
+
+def shortened(text: str, longest: int = _LONGEST) -> str:
+    """A text for a message, cut to `longest` characters."""
+    return text if len(text) <= longest else text[: longest - 1] + "…"
+
+
+def _bytes(path: str, limit: int) -> bytes:
+    try:
+        if path == "-":
+            return sys.stdin.buffer.read(limit + 1)
+        with Path(path).open("rb") as file:
+            return file.read(limit + 1)
+    except FileNotFoundError as error:
+        raise UnreadableError("There is no such file.", "Check the path.", file=path) from error
+    except IsADirectoryError as error:
+        raise UnreadableError("This is a folder.", "Name a file inside it.", file=path) from error
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UnreadableError(
+            f"The file cannot be read: {reason}.", "Check the path and its permissions.", file=path
+        ) from error
+
+
+def _decoded(data: bytes, path: str) -> str:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError("The text is encoded as UTF-16.", _UTF8, file=path, line=1)
+    if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        raise InputError(
+            "This is a spreadsheet or an archive, not text.",
+            "Save the sheet as CSV (UTF-8) and give that file.",
+            file=path,
+        )
+    nul = data.find(b"\0")
+    if nul >= 0:
+        raise InputError(
+            "The file holds a NUL byte: it is binary, damaged, or UTF-16.",
+            _UTF8,
+            file=path,
+            line=_line_of(data, nul),
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            "The text is not UTF-8 (Latin-1 or a Windows code page?).",
+            _UTF8,
+            file=path,
+            line=_line_of(data, error.start),
+            value=f"byte 0x{data[error.start]:02X}",
+        ) from error
+    control = _CONTROL.search(text)
+    if control:
+        raise InputError(
+            "The text holds a control character.",
+            "Remove it; a file of readings is plain text.",
+            file=path,
+            line=_line_of(text[: control.start()].encode(), len(data)),
+            value=control.group(),
+        )
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _line_of(data: bytes, position: int) -> int:
+    before = data[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return before.count(b"\n") + 1
+
+
+def _publish(temporary: Path, path: Path) -> None:
+    """Give the finished file its name unless something has it; a link fails where a rename would
+    replace. File systems without links (USB sticks) get a check and a rename."""
+    try:
+        path.hardlink_to(temporary)
+    except FileExistsError:
+        raise
+    except OSError:
+        if path.exists():
+            raise FileExistsError(str(path)) from None
+        temporary.rename(path)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the new name survive a power loss, where the system lets a folder be opened."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

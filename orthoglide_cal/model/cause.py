@@ -1,0 +1,278 @@
+"""What may be wrong with a reading: a cause, and a cause with values for its parameters.
+
+A reading is made in four stages, and a cause acts in exactly one of them: geometry (where rails
+and legs are), motion (where the carriages really stand), contact (what is touched), record (what
+was written down). Bound to values it is an `Effect`, from the fit that finds it to the machine
+file that keeps it and back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.model.machine import Geometry, Machine
+from orthoglide_cal.model.readings import Floats, Ints, Numbers, Plan, freeze, read_only
+
+
+class Stage(StrEnum):
+    """The stage of a reading in which a cause acts."""
+
+    GEOMETRY = "geometry"
+    MOTION = "motion"
+    CONTACT = "contact"
+    RECORD = "record"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a cause acts, as indices that the cause understands; () is the whole machine."""
+
+    index: tuple[int, ...] = ()
+
+
+EVERYWHERE = Place()
+
+
+class Estimate(NamedTuple):
+    """A value with its standard deviation, in `unit` (the unit of the files)."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """Where the controller sends the carriages, for n readings or positions.
+
+    Attributes:
+        joints: indicated joint positions ρ, shape (n, 3) [mm].
+        home: joint position from which travel counts [mm].
+        hours: since the session began, shape (n,) [h].
+        in_time: indices from first to last, shape (n,); None for carriages without a past.
+    """
+
+    joints: Floats
+    home: float
+    hours: Floats
+    in_time: Ints | None
+
+    @classmethod
+    def standing(cls, joints: Floats, home: float) -> Command:
+        """Carriages that stand at `joints` (n, 3) [mm], without a past and at time zero."""
+        return cls(read_only(joints), home, read_only(np.zeros(len(joints))), None)
+
+    @cached_property
+    def approach(self) -> Floats:
+        """Sign of each carriage's last motion, shape (n, 3); 0 before its first one."""
+        if self.in_time is None:
+            return read_only(np.zeros_like(self.joints))
+        approach, moves = np.zeros_like(self.joints), np.zeros_like(self.joints)
+        moves[1:] = np.sign(np.diff(self.joints[self.in_time], axis=0))
+        moments = np.arange(len(moves))[:, None]
+        last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
+        approach[self.in_time] = np.take_along_axis(moves, last, axis=0)
+        return read_only(approach)
+
+
+class Cause:
+    """Base of all causes; overrides exactly one of geometry, motion, contact and record.
+
+    Attributes:
+        id: cause id of the contract.
+        title: in words.
+        stage: where it acts.
+        unit: of its parameters and of its tolerance in the machine file.
+        scale: one unit in internal units (mm, rad, mm/h, 1).
+        names: of its parameters.
+        nuisance: further parameters, not reported, behind the named ones: name → plausible size
+            in tolerances.
+        positive: True if the parameters cannot be negative.
+        lasting: True if the same machine still has it in the next session.
+        compensable: True if a controller can compensate it.
+        timed: True if it can only be seen in readings whose time order is known.
+        advice: what a technician can do about it.
+    """
+
+    id: str
+    title: str
+    stage: Stage
+    unit: str
+    scale: float = 1.0
+    names: tuple[str, ...] = ()
+    nuisance: tuple[tuple[str, float], ...] = ()
+    positive: bool = False
+    lasting: bool = False
+    compensable: bool = False
+    timed: bool = False
+    advice: str
+
+    def possible(self, machine: Machine) -> bool:
+        """Whether it can happen on this machine and its gauge."""
+        return machine.tolerances.get(self.id, 0.0) > 0.0
+
+    def admissible(self, value: float) -> float:
+        """The nearest value that a parameter can have: a width is not negative."""
+        return max(value, 0.0) if self.positive else value
+
+    @property
+    def in_machine(self) -> bool:
+        """True if the machine itself is wrong, not the contact or the record."""
+        return self.stage in (Stage.GEOMETRY, Stage.MOTION)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether readings that differ in nothing but set-up and time stay equal under it."""
+        return self.lasting and not self.timed
+
+    @property
+    def unknowns(self) -> int:
+        """Number of its parameters, nuisance ones included."""
+        return len(self.names) + len(self.nuisance)
+
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+        """Where it may act on these readings; the whole machine by default."""
+        return (EVERYWHERE,)
+
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+        """A place in words; empty for the whole machine."""
+        return ""
+
+    def prior_std(self, machine: Machine) -> Floats:
+        """Plausible size (one standard deviation) of each parameter, in internal units.
+
+        Shape (p,), the named parameters and then the nuisance ones.
+        """
+        sizes = [1.0] * len(self.names) + [size for _, size in self.nuisance]
+        return np.asarray(sizes) * self.scale * machine.tolerances[self.id]
+
+    def at(self, theta: Numbers, place: Place = EVERYWHERE) -> Effect:
+        """The effect of parameters `theta`, shape (..., p) in internal units."""
+        return Effect(self, np.asarray(theta), place)
+
+    def estimated(self, estimates: Mapping[str, Estimate], correlation: Floats) -> Effect:
+        """The effect of estimated parameters; nuisance ones are zero and sure.
+
+        Args:
+            estimates: each parameter by its name, in the contract's unit.
+            correlation: of the parameters in the order of `estimates`, shape (p, p).
+        """
+        order = [list(estimates).index(name) for name in self.names]
+        named, every = len(self.names), self.unknowns
+        theta, covariance = np.zeros(every), np.zeros((every, every))
+        stds = np.array([estimates[name].std for name in self.names])
+        theta[:named] = [estimates[name].value * self.scale for name in self.names]
+        covariance[:named, :named] = np.outer(stds, stds) * correlation[np.ix_(order, order)]
+        return Effect(self, theta, covariance=covariance * self.scale**2)
+
+    def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
+        """Rails and legs as they really are."""
+        return geometry
+
+    def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
+        """True joint positions (..., n, 3) from those that the offsets alone would give [mm]."""
+        return joints
+
+    def contact(
+        self,
+        heights: Numbers,
+        theta: Numbers,
+        place: Place,
+        fraction: Numbers,
+        plan: Plan,
+        machine: Machine,
+    ) -> Numbers:
+        """Gauge positions (..., n) [mm]; `fraction` is where on the leg the gauge touches."""
+        return heights
+
+    def record(
+        self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine
+    ) -> Numbers:
+        """What was written down (..., n) [mm]."""
+        return readings
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """A cause with values for its parameters; leading axes broadcast with those of the offsets.
+
+    Attributes:
+        cause: the cause.
+        theta: its parameters, shape (..., p), in internal units.
+        place: where it acts.
+        covariance: of theta, shape (p, p), internal units; None if it is known exactly.
+        date: ISO date of its acceptance; None before.
+        data_sha256: digest of the readings that it was accepted from; None before.
+    """
+
+    cause: Cause
+    theta: Numbers
+    place: Place = EVERYWHERE
+    covariance: Floats | None = None
+    date: str | None = None
+    data_sha256: str | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, "theta", "covariance")
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviations of theta, shape (p,), internal units."""
+        if self.covariance is None:
+            return np.zeros(self.theta.shape[-1])
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def estimates(self) -> Mapping[str, Estimate]:
+        """Name → value and standard deviation of each parameter, of theta (p,), in its `unit`."""
+        cause = self.cause
+        return {
+            name: Estimate(
+                cause.admissible(float(value)) / cause.scale, float(std / cause.scale), cause.unit
+            )
+            for name, value, std in zip(cause.names, self.theta, self.std, strict=False)
+        }
+
+    @property
+    def correlation(self) -> Floats:
+        """Correlations of the named parameters, in their order, shape (p, p)."""
+        named = len(self.cause.names)
+        if self.covariance is None:
+            return np.eye(named)
+        std = self.std[:named]
+        size = np.outer(std, std)
+        matrix = np.divide(
+            self.covariance[:named, :named], size, out=np.eye(named), where=size > 0.0
+        )
+        np.fill_diagonal(matrix, 1.0)
+        return matrix
+
+    def accepted(self, date: str, data_sha256: str) -> Effect:
+        """The same, as part of the machine from this day on; where it started is forgotten."""
+        named = np.arange(self.theta.size) < len(self.cause.names)
+        covariance = self.covariance
+        if covariance is not None:
+            covariance = covariance * np.outer(named, named)
+        return replace(
+            self,
+            theta=np.array([self.cause.admissible(v) for v in self.theta.tolist()]) * named,
+            covariance=covariance,
+            date=date,
+            data_sha256=data_sha256,
+        )
+
+    def moved(self) -> tuple[Effect, ...]:
+        """This effect, moved by one standard deviation along each independent uncertainty."""
+        if self.covariance is None:
+            return ()
+        size2, directions = np.linalg.eigh(self.covariance)
+        spread = (directions * np.sqrt(np.maximum(size2, 0.0))).T
+        return tuple(
+            Effect(self.cause, self.theta + step, self.place) for step in spread if np.any(step)
+        )

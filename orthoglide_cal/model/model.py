@@ -1,0 +1,246 @@
+"""A model: a machine with what is known to be wrong with it, and what every gauge reads on it.
+
+Predicted readings, tool positions and corrections are functions of a model and of the parameters
+that a calibration determines; nobody passes a machine and its causes as a pair. A reading is made
+in four stages, and whatever is wrong with it acts in exactly one of them:
+
+    geometry   where the rails and legs are            a_i, u_i, L_i
+    motion     where the carriages really stand        q = ρ + Δρ
+    contact    what the gauge touches                  Table 2, eqs. (18)–(24)
+    record     what was written down
+
+Predicted readings are those of gauges whose zero is the frame's origin; each real gauge adds
+its own unknown zero, which the estimation removes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from orthoglide_cal.errors import PostureError
+from orthoglide_cal.model.cause import Command, Effect, Stage
+from orthoglide_cal.model.kinds import Orthoglide
+from orthoglide_cal.model.machine import (
+    Geometry,
+    Machine,
+    Points,
+    behind_batch,
+    column,
+    components,
+)
+from orthoglide_cal.model.readings import AXES, Floats, Ints, Numbers, Plan
+
+KINDS = {kind.id: kind for kind in (Orthoglide(),)}
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A machine and its accepted causes.
+
+    Attributes:
+        machine: nominal machine; the controller computes its commands from it.
+        accepted: what the nominal machine leaves out, applied in this order in each stage.
+    """
+
+    machine: Machine
+    accepted: tuple[Effect, ...] = ()
+
+    @cached_property
+    def kind(self) -> Orthoglide:
+        """What kind of machine it is."""
+        return KINDS[self.machine.kind]
+
+    @cached_property
+    def calibrated(self) -> tuple[str, ...]:
+        """Names of the parameters that a calibration determines: the joint offsets."""
+        return self.kind.calibrated
+
+    def extended(self, effects: Iterable[Effect]) -> Model:
+        """The model with more causes, after those that it has."""
+        return replace(self, accepted=(*self.accepted, *effects))
+
+    @cached_property
+    def repeats(self) -> bool:
+        """Whether readings that differ in nothing but set-up and time are predicted equal."""
+        return all(effect.cause.repeats for effect in self.accepted)
+
+    @cached_property
+    def still(self) -> bool:
+        """Whether only rails and legs are wrong: the offsets alone then move the carriages."""
+        return all(effect.cause.stage is Stage.GEOMETRY for effect in self.accepted)
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Rails and legs as they really are."""
+        geometry = self.kind.rails(self.machine)
+        for effect in self.accepted:
+            geometry = effect.cause.geometry(geometry, effect.theta)
+        return geometry
+
+    def true_joints(self, command: Command, offsets: Numbers) -> Numbers:
+        """Where the carriages really stand, shape (..., n, 3) [mm].
+
+        Args:
+            command: where the controller sends them.
+            offsets: Δρ, shape (..., 3) [mm]; true joint position = indicated + Δρ.
+        """
+        joints: Numbers = command.joints + offsets[..., None, :]
+        for effect in self.accepted:
+            joints = effect.cause.motion(joints, effect.theta, command)
+        return joints
+
+    def joints_for(self, tool: Floats) -> Floats:
+        """What the controller commands for tool positions (..., 3) → (..., 3) [mm].
+
+        Raises:
+            UnreachableError: a point outside the workspace.
+        """
+        return self.kind.indicated(self.machine, tool)
+
+
+# Step of complex-step derivatives: its square vanishes beside 1, so they are exact.
+STEP = 1e-30
+
+
+def simulate(model: Model, offsets: Numbers, plan: Plan) -> Numbers:
+    """Predicted readings for joint offsets on a machine (Table 2 with the errata).
+
+    Args:
+        model: the machine and what is known to be wrong with it. Leading axes of its causes'
+            parameters broadcast with those of the offsets: many machines in one call.
+        offsets: Δρ, shape (..., 3) [mm].
+        plan: n readings to predict.
+
+    Returns:
+        Readings, shape (..., n) [mm], with the gauge zeros at the origin of the frame.
+
+    Raises:
+        UnreachableError, SingularError: a posture that this machine cannot take.
+    """
+    return _simulate(model, np.asarray(offsets), plan, strict=True)[0]
+
+
+def simulate_with_jacobian(
+    model: Model, offsets: Floats, plan: Plan, strict: bool = True
+) -> tuple[Floats, Floats]:
+    """`simulate`, and its exact derivative by the offsets.
+
+    In closed form where the offsets alone move the carriages, otherwise by complex steps.
+
+    Args:
+        strict: raise if any of the batch is unreachable; otherwise its readings are NaN.
+
+    Returns:
+        Readings (..., n) [mm] and ∂readings/∂Δρ (..., n, 3).
+    """
+    point = np.asarray(offsets, dtype=np.float64)
+    if model.still:
+        return _simulate(model, point, plan, strict, derivative=True)
+    readings, _ = _simulate(model, point, plan, strict)
+    steps = point[..., None, :] + 1j * STEP * np.eye(point.shape[-1])
+    # Real NaN divides in silence, complex NaN does not.
+    with np.errstate(invalid="ignore"):
+        stepped = [
+            _simulate(model, steps[..., k, :], plan, strict)[0].imag for k in range(point.shape[-1])
+        ]
+    return readings, np.stack(stepped, axis=-1) / STEP
+
+
+def differentiate(
+    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect]
+) -> tuple[Floats, Floats]:
+    """Readings (n,) and their derivatives by offsets and all parameters of `effects`, (n, q).
+
+    One simulation of many machines: this one, then a complex step in every unknown in turn.
+
+    Args:
+        model: what is fixed.
+        offsets: Δρ, shape (3,) [mm].
+        plan: n readings.
+        effects: further causes, whose parameters vary.
+    """
+    ends = np.cumsum([offsets.size, *(effect.theta.size for effect in effects)])
+    step = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
+    by_offsets, *by_effect = np.split(step, ends[:-1], axis=1)
+    stepped = [
+        effect.cause.at(effect.theta + block, effect.place)
+        for effect, block in zip(effects, by_effect, strict=True)
+    ]
+    readings = simulate(model.extended(stepped), offsets + by_offsets, plan)
+    return readings[0].real, readings[1:].imag.T / STEP
+
+
+def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> Floats:
+    """What one standard deviation of each accepted cause's parameters adds to readings, (n, p)."""
+    accepted = model.accepted
+    moved = [
+        Model(model.machine, (*accepted[:k], other, *accepted[k + 1 :]))
+        for k, effect in enumerate(accepted)
+        for other in effect.moved()
+    ]
+    if not moved:
+        return np.zeros((len(plan), 0))
+    before = simulate(model, offsets, plan)
+    return np.stack([simulate(other, offsets, plan) - before for other in moved], axis=-1)
+
+
+def _simulate(
+    model: Model, offsets: Numbers, plan: Plan, strict: bool, derivative: bool = False
+) -> tuple[Numbers, Numbers]:
+    """Readings, and their derivative by the offsets if it is wanted (else the readings again)."""
+    machine, kind, real = model.machine, model.kind, model.geometry
+    command = kind.command(machine, plan)
+    joints, moment = _joints(model, command, plan, offsets)
+    batch = max(
+        joints.ndim - 2, real.points.ndim - 2, real.directions.ndim - 2, real.lengths.ndim - 1
+    )
+    try:
+        points = Points.of(real, joints, batch, strict)
+    except PostureError as error:
+        named = _which(Points.of(real, joints, batch, strict=False), plan, moment)
+        raise type(error)(f"{named}: {error.what}", error.remedy) from error
+
+    heights, fraction = kind.touched(points, plan, moment)
+    readings = behind_batch(heights, 1)
+    along = behind_batch(fraction, 1)
+    for effect in model.accepted:
+        readings = effect.cause.contact(readings, effect.theta, effect.place, along, plan, machine)
+    for effect in model.accepted:
+        readings = effect.cause.record(readings, effect.theta, effect.place, plan, machine)
+    if not derivative:
+        return readings, readings
+    jacobian = kind.touched_derivative(points, plan, moment, fraction)
+    return readings, behind_batch(jacobian, 2)
+
+
+def _joints(model: Model, command: Command, plan: Plan, offsets: Numbers) -> tuple[Numbers, Ints]:
+    """Where the carriages stand at each moment and, last, where the gauges were set up.
+
+    A cause of the motion may depend on time: then every reading is its own moment; otherwise
+    readings at one posture share theirs.
+
+    Returns:
+        Components first, shape (3, m + 1, ...) [mm]; the moment of each reading, (n,).
+    """
+    set_up = np.full((1, 3), command.home)
+    if model.still:
+        first, moment = plan.moments
+        both = np.concatenate((command.joints[first], set_up)).T
+        return column(both, offsets.ndim - 1) + components(offsets, 1)[:, None], moment
+    joints = model.true_joints(command, offsets)
+    gauged = np.broadcast_to(set_up + offsets[..., None, :], (*joints.shape[:-2], 1, 3))
+    both = np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2)
+    return components(both, 2), np.arange(len(plan))
+
+
+def _which(points: Points, plan: Plan, moment: Ints) -> str:
+    """The first posture that the machine cannot take, in words."""
+    failed = np.isnan(points.tool[0])
+    bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
+    if not bad.size:
+        return "Isotropic posture"
+    return f"Leg {AXES[plan.leg[bad[0]]]} displaced by {plan.displacement[bad[0]]:g} mm"

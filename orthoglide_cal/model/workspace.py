@@ -1,0 +1,174 @@
+"""How far the tool is from where the controller believes it to be, and how to compensate that.
+
+The controller commands ρ = inverse kinematics of p on the nominal machine. The tool really goes
+to p' = direct kinematics of the real machine at ρ + Δρ.
+
+    before: |p' − p| with the identified offsets (and accepted causes)
+    after:  |p' − p| with the offsets entered, plus k·u of the tool position that their
+            uncertainty leaves: an upper bound
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.model.cause import Command
+from orthoglide_cal.model.machine import rail_position, tool_derivative, trilaterate
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.readings import Floats, freeze
+
+SAMPLES = 17  # along each edge of the cube
+MOST_POINTS = 51  # of a compensation table, along each edge
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceError:
+    """Tool-position error over a cube inside the joint limits [mm].
+
+    Attributes:
+        axis_mm: grid along each edge, shape (n,).
+        levels_mm: heights z of the slices, shape (3,).
+        before_mm, after_mm: at [slice, y, x], shape (3, n, n).
+        before_max_mm, before_mean_mm, after_max_mm, after_mean_mm: over the whole cube.
+        nominal_edge_mm: edge of the workspace as the machine file states it.
+    """
+
+    axis_mm: Floats
+    levels_mm: Floats
+    before_mm: Floats
+    after_mm: Floats
+    before_max_mm: float
+    before_mean_mm: float
+    after_max_mm: float
+    after_mean_mm: float
+    nominal_edge_mm: float
+
+    def __post_init__(self) -> None:
+        freeze(self, "axis_mm", "levels_mm", "before_mm", "after_mm")
+
+
+def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
+    """Points along each edge of the reachable cube, (n,), and all of them, (n³, 3) [mm]."""
+    axis = np.linspace(*model.kind.reachable_cube(model.machine), points)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    return axis, np.stack((x, y, z), axis=-1).reshape(-1, 3)
+
+
+def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
+    """Where carriages really stand that were sent to `indicated` (n, 3) [mm]."""
+    command = Command.standing(indicated, model.kind.home(model.machine))
+    return np.asarray(model.true_joints(command, offsets))
+
+
+def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> WorkspaceError:
+    """Tool-position error before and after the offsets are entered.
+
+    Args:
+        model: the real machine; entering offsets does not compensate its causes.
+        offsets: Δρ that the controller does not know yet, shape (3,) [mm].
+        covariance: of the offsets, shape (3, 3) [mm²].
+        k: coverage factor for the uncertainty that remains.
+
+    Raises:
+        PostureError: a corner of the cube that the machine cannot reach.
+    """
+    axis, points = _grid(model, SAMPLES)
+    indicated, geometry = model.joints_for(points), model.geometry
+
+    def reached(remaining: Floats) -> tuple[Floats, Floats]:
+        joints = _standing(model, indicated, remaining)
+        return joints, trilaterate(geometry.carriages(joints), geometry.lengths)
+
+    before = np.linalg.norm(reached(offsets)[1] - points, axis=-1)
+    joints, tool = reached(np.zeros(3))
+    slope = tool_derivative(geometry, joints, tool)
+    spread = np.einsum("nij,jk,nik->n", slope, covariance, slope)
+    after = np.linalg.norm(tool - points, axis=-1) + k * np.sqrt(spread)
+    shape = (SAMPLES, SAMPLES, SAMPLES)
+    levels = [0, SAMPLES // 2, SAMPLES - 1]
+    return WorkspaceError(
+        axis_mm=axis,
+        levels_mm=axis[levels],
+        before_mm=before.reshape(shape)[levels],
+        after_mm=after.reshape(shape)[levels],
+        before_max_mm=float(before.max()),
+        before_mean_mm=float(before.mean()),
+        after_max_mm=float(after.max()),
+        after_mean_mm=float(after.mean()),
+        nominal_edge_mm=model.machine.workspace_mm,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Compensation:
+    """Joint corrections over the workspace.
+
+    For a machine with accepted causes no set of three offsets puts the tool right everywhere. At
+    each point p of a grid the correction is ρ* − ρ_nominal(p), where ρ* are the indicated joints
+    that really put the tool at p with the offsets entered in the controller.
+
+    Attributes:
+        causes: ids that are compensated.
+        left_out: ids of accepted causes that no table can compensate.
+        points_mm: tool positions, shape (n, 3).
+        corrections_mm: to be added to the nominal joint values, shape (n, 3).
+    """
+
+    causes: tuple[str, ...]
+    left_out: tuple[str, ...]
+    points_mm: Floats
+    corrections_mm: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, "points_mm", "corrections_mm")
+
+
+def compensation(model: Model, points: int) -> Compensation:
+    """The table for the causes accepted for this machine.
+
+    Args:
+        model: the machine and its causes.
+        points: grid points along each edge of the cube inside the joint limits.
+
+    Raises:
+        UsageError: no accepted cause can be compensated, or the grid has a useless size.
+        UnreachableError: a leg is too short for a point.
+    """
+    if not 2 <= points <= MOST_POINTS:
+        raise UsageError(
+            f"A table has 2 to {MOST_POINTS} points along each edge, not {points}.",
+            "Choose --points 7.",
+        )
+    chosen = tuple(effect for effect in model.accepted if effect.cause.compensable)
+    if not chosen:
+        raise UsageError(
+            "The machine file holds no accepted cause that a table could compensate.",
+            "Accept one first: orthocal diagnose FILE --accept CAUSE",
+        )
+    known = Model(model.machine, chosen)
+    _, grid = _grid(model, points)
+    ids = [effect.cause.id for effect in model.accepted]
+    return Compensation(
+        causes=tuple(effect.cause.id for effect in chosen),
+        left_out=tuple(id for id in ids if id not in [e.cause.id for e in chosen]),
+        points_mm=grid,
+        corrections_mm=_required_joints(known, grid) - model.joints_for(grid),
+    )
+
+
+def _required_joints(model: Model, points: Floats) -> Floats:
+    """Indicated joints that really put the tool at `points`, offsets entered, (n, 3) → (n, 3).
+
+    Causes of the motion are nearly the identity, so that a fixed-point iteration converges.
+    """
+    wanted = rail_position(model.geometry, points)
+    indicated = wanted
+    for _ in range(50):
+        missing = wanted - _standing(model, indicated, np.zeros(3))
+        indicated = indicated + missing
+        if float(np.abs(missing).max()) < 1e-9:
+            break
+    return np.asarray(indicated)

@@ -1,0 +1,1 @@
+"""The paper's tables, recomputed and held beside what was printed."""

@@ -1,0 +1,243 @@
+"""The parts that pictures are made of: scales, axes, marks; and bars in characters for a terminal.
+
+A picture's lengths are CSS pixels at its natural size; the page scales it to its place. Colours are
+classes of the page.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from orthoglide_cal.report.escape import Html, join, tag
+
+MINUS = "\N{MINUS SIGN}"
+CHARACTERS = 44  # width of a picture in characters
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Maps low … high to start … end, linearly."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def __call__(self, value: float) -> float:
+        """Place of a value; the middle if the scale has no length."""
+        if self.high == self.low:
+            return (self.start + self.end) / 2.0
+        return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
+
+
+def ticks(low: float, high: float, count: int = 4) -> list[float]:
+    """About `count` round numbers from low to high."""
+    if not high > low:
+        return [low]
+    rough = (high - low) / max(count, 1)
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * 0.999)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return [k * step for k in range(first, last + 1)]
+
+
+def tick_text(value: float, step: float) -> str:
+    """A tick's number with as many decimals as its step needs."""
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if step > 0 else 2
+    if step > 0 and abs(round(step, decimals) - step) > step * 1e-6:
+        decimals += 1
+    written = f"{abs(value):.{decimals}f}"
+    return MINUS + written if value < 0 and float(written) else written
+
+
+def around(values: Sequence[float], least: float = 0.0) -> tuple[float, float]:
+    """Limits that hold the values and zero with a little room; at least ±`least`."""
+    known = [v for v in values if math.isfinite(v)]
+    low, high = min([*known, -least, 0.0]), max([*known, least, 0.0])
+    room = 0.06 * (high - low) or 1.0
+    return low - (room if low < 0 else 0.0), high + (room if high > 0 else 0.0)
+
+
+def svg(name: str, width: float, height: float, title: str, finding: str, *parts: Html) -> Html:
+    """A picture with its text alternative.
+
+    Args:
+        name: unique in the page; letters, digits and "-".
+        width, height: natural size.
+        title: what it is.
+        finding: what one sees in it.
+    """
+    return tag(
+        "svg",
+        tag("title", title, id=f"{name}-t"),
+        tag("desc", finding, id=f"{name}-d"),
+        *parts,
+        viewBox=f"0 0 {width:g} {height:g}",
+        role="img",
+        aria_labelledby=f"{name}-t {name}-d",
+        xmlns="http://www.w3.org/2000/svg",
+    )
+
+
+def words(
+    x: float, y: float, content: str, anchor: str = "start", class_: str | None = None
+) -> Html:
+    """A text; `y` is its base line."""
+    return tag("text", content, x=x, y=y, text_anchor=anchor, class_=class_)
+
+
+def line(x1: float, y1: float, x2: float, y2: float, class_: str = "ink") -> Html:
+    """A straight line."""
+    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_)
+
+
+def polyline(points: Sequence[tuple[float, float]], class_: str) -> Html:
+    """An open line through points."""
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    return tag("polyline", points=path, class_=class_)
+
+
+def rectangle(x: float, y: float, width: float, height: float, class_: str) -> Html:
+    """A filled rectangle."""
+    return tag("rect", x=x, y=y, width=max(width, 0.0), height=max(height, 0.0), class_=class_)
+
+
+def mark(x: float, y: float, shape: int, class_: str = "mark", size: float = 3.6) -> Html:
+    """A mark: 0 circle, 1 triangle, 2 square, 3 diamond, 4 cross; then again."""
+    s = size
+    if shape % 5 == 0:
+        return tag("circle", cx=x, cy=y, r=s, class_=class_)
+    if shape % 5 == 4:
+        path = f"M{x - s:.1f} {y - s:.1f}l{2 * s:.1f} {2 * s:.1f}m0 {-2 * s:.1f}l{-2 * s:.1f} "
+        return tag("path", d=f"{path}{2 * s:.1f}", class_=class_)
+    corners = {
+        1: ((0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)),
+        2: ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)),
+        3: ((0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)),
+    }[shape % 5]
+    points = " ".join(f"{x + s * dx:.1f},{y + s * dy:.1f}" for dx, dy in corners)
+    return tag("polygon", points=points, class_=class_)
+
+
+@dataclass(frozen=True)
+class Axes:
+    """The axes of a plot: scales and the lines, ticks and numbers around them."""
+
+    across: Scale
+    up: Scale
+
+    @classmethod
+    def of(
+        cls,
+        width: float,
+        height: float,
+        across: tuple[float, float],
+        up: tuple[float, float],
+        *,
+        left: float = 46.0,
+        bottom: float = 34.0,
+    ) -> Axes:
+        """Axes with margins inside a picture of this size."""
+        return cls(Scale(*across, left, width - 10.0), Scale(*up, height - bottom, 26.0))
+
+    def left_axis(self, title: str) -> Html:
+        """Grid lines with numbers, and the axis' title above them."""
+        left, right = self.across.start, self.across.end
+        rows = [
+            join((line(left, y, right, y, class_), words(left - 5, y + 3.5, text, "end")))
+            for y, class_, text in _marked(self.up, 4)
+        ]
+        return join((*rows, words(2, self.up.end - 8, title, class_="muted")))
+
+    def bottom_axis(self, places: Sequence[tuple[float, str]], title: str) -> Html:
+        """Texts below the plot at given values, and the axis' title."""
+        base, middle = self.up.start, (self.across.start + self.across.end) / 2
+        parts = [words(self.across(value), base + 14, label, "middle") for value, label in places]
+        return join((*parts, words(middle, base + 28, title, "middle", "muted")))
+
+    def band(self, half: float) -> Html:
+        """A strip of ± `half` about zero."""
+        low, high = self.up(-half), self.up(half)
+        width = self.across.end - self.across.start
+        return rectangle(self.across.start, high, width, low - high, "band")
+
+
+def ruler(across: Scale, top: float, bottom: float, count: int, title: str, middle: float) -> Html:
+    """Vertical grid lines from top to bottom with numbers below them, and a title at `middle`."""
+    parts = [
+        join((line(x, top, x, bottom, class_), words(x, bottom + 14, text, "middle")))
+        for x, class_, text in _marked(across, count)
+    ]
+    return join((*parts, words(middle, bottom + 29, title, "middle", "muted")))
+
+
+def _marked(scale: Scale, count: int) -> Iterator[tuple[float, str, str]]:
+    """Place, class and number of each grid line of a scale."""
+    values = ticks(scale.low, scale.high, count)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    for value in values:
+        class_ = "zero" if abs(value) < step * 1e-6 else "grid"
+        yield scale(value), class_, tick_text(value, step)
+
+
+def interval_lines(
+    names: Sequence[str],
+    values: Sequence[float],
+    halves: Sequence[float],
+    width: int = CHARACTERS,
+    zero: bool = True,
+) -> tuple[str, ...]:
+    """One line per value: its interval on a common scale, with zero marked if it is wanted.
+
+    >>> print(interval_lines(["x"], [1.0], [0.5], 13)[0])
+    x  │   ├───●───┤
+    """
+    ends = [v + s * h for v, h in zip(values, halves, strict=True) for s in (-1.0, 1.0)]
+    if zero:
+        ends.append(0.0)
+    low, high = min(ends), max(ends)
+    span = (high - low) or 1.0
+
+    def place(value: float) -> int:
+        return round((value - low) / span * (width - 1))
+
+    lines = []
+    for name, value, half in zip(names, values, halves, strict=True):
+        cells = [" "] * width
+        if zero:
+            cells[place(0.0)] = "│"
+        left, middle, right = place(value - half), place(value), place(value + half)
+        for k in range(left, right + 1):
+            cells[k] = "─"
+        if right > left:
+            cells[left], cells[right] = "├", "┤"
+        cells[middle] = "●"
+        lines.append(f"{name}  {''.join(cells)}".rstrip())
+    return tuple(lines)
+
+
+def bar_lines(
+    names: Sequence[str], values: Sequence[float], texts: Sequence[str], width: int = CHARACTERS
+) -> tuple[str, ...]:
+    """One line per size: a bar on a common scale and its number.
+
+    >>> print("\\n".join(bar_lines(["a", "bc"], [1.0, 0.5], ["1 mm", "0.5 mm"], 4)))
+    a   ████  1 mm
+    bc  ██    0.5 mm
+    """
+    largest = max([*values, 0.0]) or 1.0
+    room = max((len(name) for name in names), default=0)
+    return tuple(
+        f"{name:<{room}}  {_bar(value / largest * width):<{width}}  {text}"
+        for name, value, text in zip(names, values, texts, strict=True)
+    )
+
+
+def _bar(length: float) -> str:
+    """Whole and half cells; what is not zero shows at least the thinnest cell."""
+    whole, rest = divmod(length, 1.0)
+    cells = "█" * int(whole) + ("▌" if rest >= 0.5 else "")
+    return cells or ("▏" if length > 0.0 else "")

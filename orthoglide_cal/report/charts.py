@@ -1,0 +1,356 @@
+"""Measured values as pictures: readings, residuals, what causes explain, offsets, their drift."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.model import AXES, Difference, Floats, Ints, Series
+from orthoglide_cal.report.canvas import (
+    Axes,
+    Scale,
+    around,
+    line,
+    mark,
+    polyline,
+    rectangle,
+    ruler,
+    svg,
+    tick_text,
+    words,
+)
+from orthoglide_cal.report.escape import Html, join, tag
+from orthoglide_cal.report.words import percent, plain, signed
+from orthoglide_cal.results import Residuals
+
+WIDTH = 240.0
+_NAME = WIDTH - 10, 16.0  # place of a panel's name, at its end
+
+
+def reading_panels(found: Residuals) -> tuple[Html, ...]:
+    """One panel for each leg and direction: the gauge over the leg's travel, and the model."""
+    height = 188.0
+    travel, measured, predicted = found.displacement_mm, found.measured_mm, found.predicted_mm
+    up = around([*measured.tolist(), *predicted.tolist()], 0.02)
+    low, high = float(travel.min()), float(travel.max())
+    room = 0.07 * (high - low) or 1.0
+    panels = []
+    for one, chosen in _by_series(found.series).items():
+        axes = Axes.of(WIDTH, height, (low - room, high + room), up)
+        places = [(v, tick_text(v, 1.0)) for v in sorted({float(travel[k]) for k in chosen})]
+        parts = [
+            axes.left_axis("mm"),
+            axes.bottom_axis(places, "travel of the leg, mm"),
+            words(*_NAME, one.words, "end", "strong"),
+        ]
+        for strand in sorted({found.end[k] or "" for k in chosen}):
+            mine = [k for k in chosen if (found.end[k] or "") == strand]
+            model = sorted((float(travel[k]), float(predicted[k])) for k in mine)
+            points = [(axes.across(a), axes.up(b)) for a, b in model]
+            parts.append(polyline(points, "model"))
+            if strand:
+                parts.append(words(points[0][0], points[0][1] - 8, strand))
+        for k in chosen:
+            x, y = axes.across(float(travel[k])), axes.up(float(measured[k]))
+            parts.append(mark(x, y, int(found.cycle[k]) - 1, "mark open"))
+        worst = 1000.0 * float(np.abs(found.residual_mm[chosen]).max())
+        finding = (
+            f"Readings of {one.words} over its travel, and the prediction: they differ by at most"
+            f" {worst:.0f} µm."
+        )
+        title = f"Measured and predicted, {one.words}"
+        panels.append(_coloured("measured", one, height, title, finding, parts))
+    return tuple(panels)
+
+
+def residual_panels(found: Residuals, noise_mm: float) -> tuple[Html, ...]:
+    """One panel for each leg and direction, all on one scale.
+
+    Args:
+        found: n readings.
+        noise_mm: standard deviation of one reading; the band is twice as high.
+    """
+    height, microns, band = 176.0, 1000.0 * found.residual_mm, 2000.0 * noise_mm
+    largest = max(float(np.abs(microns).max()), band) * 1.08
+    named = [f"{a} {b}" if b else a for a, b in zip(found.label, found.end, strict=True)]
+    panels = []
+    for one, chosen in _by_series(found.series).items():
+        ordered = sorted(chosen, key=lambda k: (found.displacement_mm[k], named[k]))
+        postures = list(dict.fromkeys(named[k] for k in ordered))
+        span = (-0.5, len(postures) - 0.5)
+        axes = Axes.of(WIDTH, height, span, (-largest, largest), bottom=32.0)
+        parts = [
+            axes.band(band),
+            axes.left_axis("µm"),
+            *(
+                words(axes.across(float(k)), axes.up.start + 12.0 * (n + 1) + 1.0, word, "middle")
+                for k, text in enumerate(postures)
+                for n, word in enumerate(text.split())
+            ),
+            words(*_NAME, one.words, "end", "strong"),
+        ]
+        for turn in sorted({int(found.cycle[k]) for k in chosen}):
+            shift = 0.09 * (turn - 2.5)
+            points = sorted(
+                (axes.across(postures.index(named[k]) + shift), axes.up(float(microns[k])))
+                for k in chosen
+                if found.cycle[k] == turn
+            )
+            parts.append(polyline(points, "thread"))
+            parts += [mark(x, y, turn - 1) for x, y in points]
+        worst = max(chosen, key=lambda k: abs(microns[k]))
+        finding = (
+            f"Residuals of {one.words}: the largest is {signed(microns[worst], 0)} µm at posture"
+            f" {named[worst]}, cycle {int(found.cycle[worst])}; the gauge's noise explains up to"
+            f" about {band:.0f} µm."
+        )
+        panels.append(_coloured("residual", one, height, f"Residuals, {one.words}", finding, parts))
+    return tuple(panels)
+
+
+def _by_series(series: Sequence[Series]) -> dict[Series, list[int]]:
+    """Legs in order: which entries are of each series."""
+    return {one: [k for k, s in enumerate(series) if s == one] for one in sorted(set(series))}
+
+
+def _coloured(
+    kind: str, one: Series, height: float, title: str, finding: str, parts: Sequence[Html]
+) -> Html:
+    """A panel in the colour of its leg."""
+    name = f"{kind}-{AXES[one.direction]}{AXES[one.leg]}"
+    body = tag("g", join(parts), class_=f"c-{AXES[one.leg]}")
+    return svg(name, WIDTH, height, title, finding, body)
+
+
+def difference_rows(
+    differences: Sequence[Difference],
+    measured_mm: Floats,
+    predicted_mm: Floats,
+    model: str = "predicted",
+) -> tuple[Html, ...]:
+    """A line for each difference: measured (circle), predicted (square), and what is left.
+
+    Args:
+        differences: which, n of them.
+        measured_mm, predicted_mm: of each, shape (n,).
+        model: what the prediction is called.
+    """
+    width, top, row = 360.0, 22.0, 26.0
+    bottom = top + row * len(differences)
+    limits = around([*measured_mm.tolist(), *predicted_mm.tolist()], 0.02)
+    across = Scale(*limits, 56.0, width - 58.0)
+    parts = [
+        ruler(across, top - 6, bottom, 6, "mm", width / 2),
+        words(width - 4, top - 8, "left, mm", "end", "muted"),
+    ]
+    left = measured_mm - predicted_mm
+    for k, one in enumerate(differences):
+        y = top + row * (k + 0.5)
+        first, second = across(float(measured_mm[k])), across(float(predicted_mm[k]))
+        drawn = (
+            words(6, y + 4, f"d{one.name}", class_="strong"),
+            line(first, y, second, y, "gap"),
+            mark(second, y, 2, "mark", 5.0),
+            mark(first, y, 0, "mark open", 5.5),
+            words(width - 4, y + 4, signed(float(left[k]), 3), "end"),
+        )
+        parts.append(tag("g", *drawn, class_=f"c-{AXES[one.series.leg]}"))
+    worst = int(np.argmax(np.abs(left)))
+    finding = (
+        f"Of {len(differences)} differences d{differences[worst].name} is missed most: measured"
+        f" {signed(float(measured_mm[worst]), 3)} mm, {model}"
+        f" {signed(float(predicted_mm[worst]), 3)} mm."
+    )
+    title = f"Measured and {model} differences"
+    return (svg(f"measured-{model}", width, bottom + 34.0, title, finding, *parts),)
+
+
+def residual_strips(
+    names: Sequence[str], residuals_mm: Sequence[Floats], legs: Ints, noise_mm: float
+) -> tuple[Html, ...]:
+    """Residuals in order of time, under one or two models, on one scale.
+
+    Args:
+        names: of the models.
+        residuals_mm: in order of time, each of shape (n,).
+        legs: 0, 1, 2: leg of each, shape (n,); sets the colour.
+        noise_mm: standard deviation of one reading; the band is twice as high.
+    """
+    width, height, count = 300.0, 190.0, len(legs)
+    band = 2000.0 * noise_mm
+    largest = 1.08 * max(band, *(1000.0 * float(np.abs(r).max()) for r in residuals_mm))
+    axes = Axes.of(width, height, (0.0, count + 1.0), (-largest, largest))
+    middles = []
+    for leg in sorted({int(v) for v in legs}):
+        mine = np.flatnonzero(legs == leg) + 1
+        middles.append(((float(mine.min()) + float(mine.max())) / 2.0, f"leg {AXES[leg]}"))
+    strips = []
+    for number, (name, residual) in enumerate(zip(names, residuals_mm, strict=True)):
+        microns = 1000.0 * residual
+        parts = [
+            axes.band(band),
+            axes.left_axis("µm"),
+            words(width - 10, 16, name, "end", "strong"),
+            axes.bottom_axis(middles, "readings in order of time"),
+        ]
+        for k, leg in enumerate(legs.tolist()):
+            x, y = axes.across(k + 1.0), axes.up(float(microns[k]))
+            parts.append(line(x, axes.up(0.0), x, y, f"stem c-{AXES[leg]}"))
+            parts.append(mark(x, y, leg, f"mark c-{AXES[leg]}", 2.4))
+        outside = int((np.abs(microns) > band).sum())
+        finding = (
+            f"Residuals {name}: r.m.s. {rms(microns):.1f} µm,"
+            f" {outside} of {count} outside the noise band of ±{band:.0f} µm."
+        )
+        title = f"Residuals {name}"
+        strips.append(svg(f"explained-{number}", width, height, title, finding, *parts))
+    return tuple(strips)
+
+
+def share_bar(shares: Mapping[str, float]) -> Html:
+    """Parts of the residuals' sum of squares.
+
+    Args:
+        shares: of the cause (under its name), of noise, and what stays unexplained; they sum to 1.
+    """
+    width, x, parts = 340.0, 0.0, []
+    classes = ("part-cause", "part-noise", "part-open")
+    for k, ((name, share), class_) in enumerate(zip(shares.items(), classes, strict=True)):
+        parts.append(rectangle(x, 4, width * share, 26, class_))
+        x += width * share
+        y = 50.0 + 18.0 * k
+        parts.append(rectangle(0, y - 10, 12, 12, class_))
+        parts.append(words(18, y, f"{name}: {percent(share)}"))
+    cause, (by_cause, noise, left) = next(iter(shares)), map(percent, shares.values())
+    finding = (
+        f"{cause} explains {by_cause} of the residuals' sum of squares, noise {noise}; {left} stays"
+        " unexplained."
+    )
+    title = "Explained and unexplained part of the residuals"
+    return svg("explained-shares", width, 92, title, finding, *parts)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """Three offsets with half the lengths of their intervals [mm], and what they are."""
+
+    label: str
+    value_mm: Sequence[float]
+    half_mm: Sequence[float]
+
+
+def intervals(bars: Sequence[Bar]) -> tuple[Html, ...]:
+    """Two pictures: all offsets on one scale, and their distance from the first bar's.
+
+    Args:
+        bars: at least one, each with three values; their marks differ.
+    """
+    first = bars[0]
+    nearer = [
+        Bar(
+            bar.label,
+            [1000.0 * (v - at) for v, at in zip(bar.value_mm, first.value_mm, strict=True)],
+            [1000.0 * half for half in bar.half_mm],
+        )
+        for bar in bars
+    ]
+    said = "; ".join(
+        f"{axis}, {bar.label}: {signed(bar.value_mm[k], 3)} ± {plain(bar.half_mm[k], 3)} mm"
+        for k, axis in enumerate(AXES)
+        for bar in bars
+    )
+    closer = "; ".join(
+        f"{axis}: ±{half:.0f} µm" for axis, half in zip(AXES, nearer[0].half_mm, strict=True)
+    )
+    near_title = (
+        f"distance from the offset {first.label}, µm"
+        if len(bars) > 1
+        else "closer: distance from the offset, µm"
+    )
+    return (
+        _interval_panel("intervals", bars, "offset, mm", "Offsets", f"{said}."),
+        _interval_panel("intervals-near", nearer, near_title, "Intervals, closer", f"{closer}."),
+    )
+
+
+def _interval_panel(
+    name: str, bars: Sequence[Bar], axis_title: str, title: str, finding: str
+) -> Html:
+    width, left, top, row = 280.0, 34.0, 12.0, 16.0
+    ends = [
+        value + side * half
+        for bar in bars
+        for value, half in zip(bar.value_mm, bar.half_mm, strict=True)
+        for side in (-1.0, 1.0)
+    ]
+    across = Scale(*around(ends, 0.01), left, width - 10.0)
+    group = row * len(bars) + 12.0
+    bottom = top + 3 * group
+    parts = [ruler(across, top - 6, bottom, 4, axis_title, (left + width) / 2)]
+    for k, axis in enumerate(AXES):
+        base = top + k * group
+        drawn = [words(8, base + group / 2 - 1, axis, class_="axis")]
+        for n, bar in enumerate(bars):
+            y = base + row * (n + 0.5)
+            low, high = (across(bar.value_mm[k] + side * bar.half_mm[k]) for side in (-1.0, 1.0))
+            drawn.append(line(low, y, high, y, "whisker"))
+            drawn += [line(x, y - 5, x, y + 5, "whisker") for x in (low, high)]
+            shape = "mark" if n == 0 else "mark open"
+            drawn.append(mark(across(bar.value_mm[k]), y, 2 * n, shape, 4.4))
+        parts.append(tag("g", *drawn, class_=f"c-{axis}"))
+    return svg(name, width, bottom + 34.0, title, finding, *parts)
+
+
+def drift_panels(
+    days: Sequence[float],
+    dates: Sequence[str],
+    total_mm: Floats,
+    expanded_mm: Floats,
+    adjusted: Sequence[bool],
+) -> tuple[Html, ...]:
+    """One panel for each axis: its total offset over time, with the adjustments.
+
+    Args:
+        days: of each session since the first, ascending.
+        dates: the same as texts.
+        total_mm: active plus found offsets, shape (n, 3).
+        expanded_mm: expanded uncertainties, shape (n, 3).
+        adjusted: True where the controller's offsets had changed before the session.
+    """
+    width, height = 260.0, 196.0
+    margin = 0.06 * (days[-1] - days[0]) or 1.0
+    span = days[0] - margin, days[-1] + margin
+    times = [date for date, changed in zip(dates, adjusted, strict=True) if changed]
+    panels = []
+    for number, axis in enumerate(AXES):
+        total, expanded = total_mm[:, number], expanded_mm[:, number]
+        low, high = float((total - expanded).min()), float((total + expanded).max())
+        room = 0.12 * (high - low) or 0.01
+        axes = Axes.of(width, height, span, (low - room, high + room), left=52.0)
+        across, up = axes.across, axes.up
+        places = [(across(day), up(float(value))) for day, value in zip(days, total, strict=True)]
+        parts = [axes.left_axis("mm"), words(width - 10, 16, f"axis {axis}", "end", "strong")]
+        parts += [
+            line(x - 6, up.end, x - 6, up.start, "event")
+            for (x, _), changed in zip(places, adjusted, strict=True)
+            if changed
+        ]
+        parts.append(polyline(places, "model"))
+        for (x, y), half in zip(places, expanded.tolist(), strict=True):
+            reach = abs(up(half) - up(0.0))
+            parts.append(line(x, y - reach, x, y + reach, "whisker"))
+            parts.append(mark(x, y, number))
+        parts.append(words(across.start, up.start + 16, dates[0]))
+        if len(dates) > 1:
+            parts.append(words(across.end, up.start + 16, dates[-1], "end"))
+        finding = (
+            f"Offset of axis {axis}: {signed(float(total[0]), 3)} mm on {dates[0]},"
+            f" {signed(float(total[-1]), 3)} mm on {dates[-1]}; "
+            + (f"adjusted before {', '.join(times)}." if times else "never adjusted.")
+        )
+        title, body = f"Offset of axis {axis} over time", tag("g", *parts, class_=f"c-{axis}")
+        panels.append(svg(f"history-{axis}", width, height, title, finding, body))
+    return tuple(panels)

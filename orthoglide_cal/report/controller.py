@@ -1,0 +1,274 @@
+"""What goes to the controller, in its formats, and the words that go with it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orthoglide_cal.errors import command, file_words, visible
+from orthoglide_cal.model import AXES
+from orthoglide_cal.model.workspace import Compensation
+from orthoglide_cal.report.escape import in_csv
+from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
+from orthoglide_cal.report.words import (
+    coverage_words,
+    plain,
+    short,
+    signed,
+    two_figures,
+    with_uncertainty,
+)
+from orthoglide_cal.results import Adjustment, Calibration, CheckPosture, Export, Remedy
+
+FORCED = "FORCED: this result must not be used."
+_COMPENSATION_DECIMALS = 4  # tenths of a micrometre
+
+
+def check_words(check: CheckPosture) -> str:
+    """The check posture as an instruction, without the number that is expected."""
+    series = check.difference.series
+    leg, direction = AXES[series.leg], AXES[series.direction]
+    if check.ends:
+        return (
+            f"Check: drive to {_position(check.first)}. Read the height of leg {leg} along"
+            f" {direction} at the joint end, then at the tool end. The second reading minus"
+            " the first should be"
+        )
+    return (
+        f"Check: put the gauge at the middle of leg {leg}, along {direction}. Read it"
+        f" at {_position(check.first)}, then at {_position(check.second)}. The second reading minus"
+        " the first should be"
+    )
+
+
+def _position(tool: Sequence[float]) -> str:
+    """ "X60 Y0 Z0": a tool position as it is typed."""
+    return " ".join(f"{a.upper()}{short(value, 3)}" for a, value in zip(AXES, tool, strict=True))
+
+
+def expected(check: CheckPosture) -> str:
+    """The number that the check should give, with its tolerance."""
+    return f"{with_uncertainty(check.expected_mm, check.tolerance_mm)} mm"
+
+
+def verify_command(adjustment: Adjustment, before: str, machine_file: Path | None) -> str:
+    """What to type once the offsets were entered and the session was measured again."""
+    applied = " ".join(plain(change, adjustment.decimals) for change in adjustment.applied_mm)
+    return command("verify", before, "AFTER", machine=machine_file, options=f"--applied {applied}")
+
+
+def remedy_command(remedy: Remedy, path: str, machine_file: Path | None) -> str | None:
+    """What to type about this file; None where there is nothing to type."""
+    if remedy.verb is None:
+        return None
+    return command(remedy.verb, path, machine=machine_file, options=remedy.options)
+
+
+def remedy_words(calibration: Calibration, machine_file: Path | None) -> list[str]:
+    """What to do instead of entering the offsets, each in one line with what to type."""
+    path, remedies = calibration.input.measured.source.path, calibration.release.remedies
+    typed = (remedy_command(remedy, path, machine_file) for remedy in remedies)
+    return [
+        f"{remedy.sentence} {line or ''}".rstrip()
+        for remedy, line in zip(remedies, typed, strict=True)
+    ]
+
+
+def _head(export: Export) -> list[str]:
+    """Title, origin, and the warning of a forced export."""
+    found = export.calibration
+    identity, source = found.identity, found.input.measured.source
+    lines = [
+        f"Joint offsets for {found.input.model.machine.name}, {identity.number}",
+        f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
+        f"From {file_words(source.path)}, SHA-256 {source.sha256}",
+    ]
+    if export.forced:
+        lines += [FORCED, *export.forced]
+    return lines + [f"Note: {line}" for line in found.release.cautions]
+
+
+def _after_entering(export: Export, machine_file: Path | None) -> list[str]:
+    """Re-home, check posture, verification."""
+    lines = ["After entering: re-home all three axes."]
+    check = export.adjustment.check
+    if check is not None:
+        before = f"(before: {signed(check.before_mm, 2)} mm)"
+        lines.append(f"{check_words(check)} {expected(check)} {before}.")
+    verify = verify_command(export.adjustment, "BEFORE", machine_file)
+    lines.append(f"Then measure again and run: {verify}")
+    return lines
+
+
+def as_text(export: Export, machine_file: Path | None = None) -> str:
+    """A page of plain text for any controller: "the controller says X, truly Y"."""
+    adjustment, says = export.adjustment, export.calibration.input.model.machine.leg_length_mm
+    decimals = adjustment.decimals
+    rows = [("axis", "previous", "change", "U", "enter")] + [
+        (
+            joint.axis,
+            signed(joint.previous_mm, decimals),
+            signed(joint.change_mm, decimals),
+            two_figures(joint.expanded_mm),
+            signed(joint.new_mm, decimals),
+        )
+        for joint in adjustment.joints
+    ]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        *map(visible, _head(export)),
+        "",
+        "Joint offsets, mm (true joint position = indicated + offset; U: expanded uncertainty,"
+        f" {coverage_words(adjustment.k)}, {100 * adjustment.confidence:.0f} %)",
+        *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
+        "",
+        "At the isotropic posture, as the controller is set now:",
+        *(
+            f"{joint.axis}: the controller says {plain(says, decimals)} mm,"
+            f" truly {plain(says + joint.change_mm, decimals)} mm"
+            for joint in adjustment.joints
+        ),
+        "",
+        *map(visible, _after_entering(export, machine_file)),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def as_linuxcnc(export: Export, machine_file: Path | None = None) -> str:
+    """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET.
+
+    To be pasted by hand: the configuration itself is never rewritten, because its repeated keys
+    and comments would not survive.
+    """
+    decimals = export.adjustment.decimals
+    lines = [f"# {visible(line)}" for line in _head(export)]
+    lines += [
+        "#",
+        "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if LINEAR_UNITS",
+        "# is inch). If yours holds more than the offset, such as the place of the home switch,",
+        "# add the change to it instead of replacing it.",
+    ]
+    for number, joint in enumerate(export.adjustment.joints):
+        lines += [
+            "",
+            f"[JOINT_{number}]",
+            f"# axis {joint.axis}: previous {signed(joint.previous_mm, decimals)},"
+            f" change {signed(joint.change_mm, decimals)} (U = {two_figures(joint.expanded_mm)})",
+            f"HOME_OFFSET = {plain(joint.new_mm, decimals)}",
+        ]
+    lines.append("")
+    lines += [f"# {visible(line)}" for line in _after_entering(export, machine_file)]
+    return "\n".join(lines) + "\n"
+
+
+def _values(export: Export, machine_file: Path | None) -> dict[str, Any]:
+    """Plain values; lengths in mm."""
+    found, adjustment = export.calibration, export.adjustment
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "number": found.identity.number,
+        "issued": found.identity.issued.isoformat(timespec="seconds"),
+        "software": found.identity.software,
+        "input": fields_of(found.input.measured.source, "path", "sha256"),
+        "machine": found.input.model.machine.name,
+        "status": export.status,
+        "forced": bool(export.forced),
+        "reasons_against": list(export.forced),
+        "cautions": list(found.release.cautions),
+        "joints": {
+            joint.axis: {
+                **fields_of(joint, "previous_mm", "change_mm", "new_mm"),
+                "expanded_uncertainty_mm": joint.expanded_mm,
+            }
+            for joint in adjustment.joints
+        },
+        "coverage_factor": adjustment.k,
+        "confidence": adjustment.confidence,
+        "rehome": True,
+        "check": _check_values(adjustment.check) if adjustment.check else None,
+        "instructions": _after_entering(export, machine_file),
+    }
+
+
+def _check_values(check: CheckPosture) -> dict[str, Any]:
+    series = check.difference.series
+    return {
+        "difference": check.difference.name,
+        "leg": AXES[series.leg],
+        "direction": AXES[series.direction],
+        "first_tool_mm": list(check.first),
+        "second_tool_mm": list(check.second),
+        "first_joints_mm": list(check.first_joints),
+        "second_joints_mm": list(check.second_joints),
+        **fields_of(check, "before_mm", "expected_mm", "tolerance_mm"),
+    }
+
+
+def as_json(export: Export, machine_file: Path | None = None) -> str:
+    """One JSON object on one line."""
+    return json.dumps(_values(export, machine_file), allow_nan=False, ensure_ascii=True) + "\n"
+
+
+def as_yaml(export: Export, machine_file: Path | None = None) -> str:
+    """A YAML document; a forced one says so in its first line."""
+    import yaml
+
+    body: str = yaml.safe_dump(
+        _values(export, machine_file), sort_keys=False, allow_unicode=False, width=1000
+    )
+    return (f"# {FORCED}\n" if export.forced else "") + body
+
+
+def as_csv(export: Export) -> str:
+    """One row per joint; what the export is stands in every row."""
+    found, adjustment = export.calibration, export.adjustment
+    decimals, source = adjustment.decimals, found.input.measured.source
+    rows = [
+        {
+            "axis": joint.axis,
+            "previous_mm": plain(joint.previous_mm, decimals),
+            "change_mm": plain(joint.change_mm, decimals),
+            "new_mm": plain(joint.new_mm, decimals),
+            "expanded_uncertainty_mm": plain(joint.expanded_mm, decimals + 1),
+            "coverage_factor": plain(adjustment.k, 3),
+            "confidence": f"{adjustment.confidence:g}",
+            "status": export.status,
+            "reasons_against": in_csv(" ".join(export.forced)),
+            "rehome": "yes",
+            "machine": in_csv(found.input.model.machine.name),
+            "number": found.identity.number,
+            "input": in_csv(source.path),
+            "input_sha256": source.sha256,
+        }
+        for joint in adjustment.joints
+    ]
+    return _csv(list(rows[0]), (row.values() for row in rows))
+
+
+def as_table(table: Compensation, export: Export) -> str:
+    """One row per grid point: where the tool is wanted, and what to add to the joint values."""
+    head = (
+        *(f"{axis}_mm" for axis in AXES),
+        *(f"add_to_joint_{axis}_mm" for axis in AXES),
+        *("status", "causes", "not_compensated", "number"),
+    )
+    causes, left_out = " ".join(table.causes), " ".join(table.left_out)
+    stamp = (export.status, causes, left_out, export.calibration.identity.number)
+    values = np.hstack((table.points_mm, table.corrections_mm)).tolist()
+    return _csv(
+        head, ((*(plain(v, _COMPENSATION_DECIMALS) for v in row), *stamp) for row in values)
+    )
+
+
+def _csv(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()

@@ -1,0 +1,210 @@
+"""What a command shows of a result: plain values for programs, and blocks for people.
+
+A document is made in `report.documents`; the renderers know nothing of what it is about: `json`
+shows its values, `terminal`, `html` and `markdown` its page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from orthoglide_cal.report.escape import Html
+
+
+@dataclass(frozen=True)
+class _Marked:
+    text: str
+
+
+class Code(_Marked):
+    """Something to compare letter by letter."""
+
+
+class Command(_Marked):
+    """Something to type: stays on one line however long it is, at the end of its sentence."""
+
+
+class Strong(_Marked):
+    """The words that matter."""
+
+
+class Given(_Marked):
+    """A name or note that somebody typed: shown as it is, never obeyed."""
+
+
+Inline = str | Code | Command | Strong | Given
+Line = Inline | tuple[Inline, ...]
+# None is shown as a line to write on.
+Blank = Line | None
+
+
+def parts_of(content: Line) -> tuple[Inline, ...]:
+    """The parts of a line, however it was given."""
+    return content if isinstance(content, tuple) else (content,)
+
+
+class Tone(StrEnum):
+    """What a notice means; its sign says so without the colour."""
+
+    GOOD = "good"
+    WARN = "warn"
+    BAD = "bad"
+    INFO = "info"
+
+    @property
+    def sign(self) -> str:
+        """One character."""
+        return {"good": "✔", "warn": "!", "bad": "✘", "info": "i"}[self]
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """One paragraph; `small` for explanations."""
+
+    content: Line
+    small: bool = False
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A coloured box."""
+
+    tone: Tone
+    title: str
+    lines: tuple[Line, ...] = ()
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Name and value."""
+
+    rows: tuple[tuple[str, Blank], ...]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table.
+
+    Attributes:
+        head: column titles.
+        rows: cells.
+        words: columns that hold words (left-aligned, may be wrapped); numbers are right-aligned.
+        caption: says what it shows.
+        last_is_total: the last row is set off.
+    """
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[Blank, ...], ...]
+    words: tuple[int, ...] = (0,)
+    caption: str | None = None
+    last_is_total: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture.
+
+    Attributes:
+        title: what it is; None if its section's title says it.
+        finding: what one sees in it, in words.
+        panels: SVG parts that are laid out side by side as far as they fit.
+        sketch: the same for the terminal, in characters; may be empty.
+        columns: most panels beside each other, 1 to 3.
+        key: explanation of the marks.
+        pairs: the panels are a first half and a second half, which are set side by side.
+        legend: a further panel below all others.
+    """
+
+    title: str | None
+    finding: str
+    panels: tuple[Html, ...]
+    sketch: tuple[str, ...] = ()
+    columns: int = 3
+    key: str | None = None
+    pairs: bool = False
+    legend: Html | None = None
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """One thing to do, with what to type."""
+
+    content: Line
+    command: str | None = None
+
+
+@dataclass(frozen=True)
+class Instructions:
+    """Things to do, in order."""
+
+    items: tuple[Instruction, ...]
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Lines that stay lines, with their indentation, however long they are."""
+
+    lines: tuple[str, ...]
+
+
+Block = Paragraph | Notice | Facts | Grid | Figure | Instructions | Listing
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the document; `beside` sets it beside the next one where there is room."""
+
+    title: str | None
+    blocks: tuple[Block, ...]
+    beside: bool = False
+
+    @property
+    def in_characters(self) -> tuple[Block, ...]:
+        """The blocks but pictures without a sketch: their words would speak of nothing."""
+        return tuple(b for b in self.blocks if not isinstance(b, Figure) or b.sketch)
+
+
+@dataclass(frozen=True)
+class Page:
+    """All that people are shown of one result.
+
+    Attributes:
+        kind: e.g. "Calibration report".
+        title: of what, e.g. the machine's name; None: no heading on a terminal.
+        number: unique number; only letters, digits and "-"; None where there is none.
+        facts: the most important ones, under the title.
+        notice: the answer in one box.
+        sheet: what belongs on the first page, to be pinned to the machine.
+        sections: the evidence, from the second page on.
+        signatures: lines to sign on, at the end of the first page.
+    """
+
+    kind: str
+    title: str | None
+    number: str | None = None
+    facts: Facts | None = None
+    notice: Notice | None = None
+    sheet: tuple[Section, ...] = ()
+    sections: tuple[Section, ...] = ()
+    signatures: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Kind and number."""
+        return f"{self.kind} {self.number}" if self.number else self.kind
+
+
+@dataclass(frozen=True)
+class Document:
+    """One result, for programs and for people; what nobody asks for is not made.
+
+    Attributes:
+        data: makes the plain values that `--json` prints.
+        page: makes what all other renderers show.
+    """
+
+    data: Callable[[], Mapping[str, Any]]
+    page: Callable[[], Page]

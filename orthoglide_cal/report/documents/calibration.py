@@ -1,0 +1,298 @@
+"""The calibration report: one session, its result, and what to do.
+
+Here stands what is pinned to the machine: may the offsets be entered, what to do, the offsets with
+their uncertainty, as found and as left. The pages behind it are made in `evidence`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from orthoglide_cal.errors import command
+from orthoglide_cal.files import Conditions
+from orthoglide_cal.model import AXES, DataKind
+from orthoglide_cal.model.workspace import WorkspaceError
+from orthoglide_cal.report import charts
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.canvas import interval_lines
+from orthoglide_cal.report.controller import (
+    check_words,
+    expected,
+    remedy_command,
+    remedy_words,
+    verify_command,
+)
+from orthoglide_cal.report.documents import evidence
+from orthoglide_cal.report.documents.diagnosis import diagnosis_data
+from orthoglide_cal.report.documents.solution import solution_data
+from orthoglide_cal.report.documents.verification import (
+    verification_data,
+    verification_notice,
+    verification_outcome,
+    verification_to_do,
+)
+from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, fields_of, input_data
+from orthoglide_cal.report.words import (
+    coverage_words,
+    difference_decimals,
+    plain,
+    signed,
+    two_figures,
+    with_uncertainty,
+)
+from orthoglide_cal.results import Adjustment, Calibration
+from orthoglide_cal.verification import Size
+
+KIND = "Calibration report"
+
+
+def calibration_document(
+    calibration: Calibration, machine_file: Path | None = None
+) -> doc.Document:
+    """The document, for any of the renderers.
+
+    Args:
+        calibration: what to show.
+        machine_file: as the user gave it, for the commands to run next.
+    """
+    return doc.Document(
+        partial(calibration_data, calibration, machine_file),
+        partial(_page, calibration, machine_file),
+    )
+
+
+def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
+    identity, given = calibration.identity, calibration.input.conditions
+    verification = calibration.verification
+    if verification is not None:
+        sheet = [verification_to_do(verification, machine_file)]
+    else:
+        sheet = [_to_do(calibration, machine_file)]
+    pages = [verification_outcome(verification)] if verification else []
+    if calibration.adjustment is not None:
+        sheet += _answer(calibration, calibration.adjustment)
+    pages += evidence.evidence(calibration, machine_file)
+    pages += [evidence.conditions(calibration), evidence.origin(calibration)]
+    return doc.Page(
+        kind=KIND,
+        title=calibration.input.model.machine.name,
+        number=identity.number,
+        facts=doc.Facts(
+            (
+                ("Number", doc.Code(identity.number)),
+                ("Measured", evidence.moment(given.finished or given.started)),
+                ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
+            )
+        ),
+        notice=verification_notice(verification) if verification else _notice(calibration),
+        sheet=tuple(sheet),
+        sections=tuple(pages),
+        signatures=("Measured by", "Adjusted by", "Checked by"),
+    )
+
+
+def calibration_data(calibration: Calibration, machine_file: Path | None = None) -> dict[str, Any]:
+    """Everything that the page shows as numbers and words; lengths in mm."""
+    identity, given = calibration.identity, calibration.input
+    measured, release = given.measured, calibration.release
+    found, diagnosis, left = calibration.adjustment, calibration.diagnosis, calibration.verification
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "kind": KIND.lower(),
+        "number": identity.number,
+        "issued": identity.issued.isoformat(timespec="seconds"),
+        "software": identity.software,
+        "input": input_data(measured.source, measured.kind, len(measured)),
+        "machine": given.model.machine.name,
+        "conditions": _conditions_data(given.conditions),
+        "usable": release.usable,
+        "reasons_against": list(release.reasons),
+        "remedies": remedy_words(calibration, machine_file),
+        "cautions": list(release.cautions),
+        "as_found": _size_data(calibration.as_found),
+        "expected": _size_data(calibration.expected),
+        "as_left": verification_data(left) if left else None,
+        "answer": _answer_data(found) if found else None,
+        "adjustment": {
+            joint.axis: fields_of(joint, "previous_mm", "change_mm", "new_mm")
+            for joint in found.joints
+        }
+        if found
+        else None,
+        "workspace": _workspace_data(calibration.workspace),
+        "solution": solution_data(calibration.solution) if calibration.solution else None,
+        "diagnosis": diagnosis_data(diagnosis) if diagnosis else None,
+    }
+
+
+def _answer_data(found: Adjustment) -> dict[str, Any]:
+    return {
+        "model": list(found.causes),
+        **axes_of(found, "offsets_mm", "std_mm", "expanded_mm"),
+        "coverage_factor": found.k,
+        **fields_of(found, "confidence", "dof"),
+    }
+
+
+def _workspace_data(workspace: WorkspaceError | None) -> dict[str, Any] | None:
+    if workspace is None:
+        return None
+    return {
+        "cube_mm": [float(workspace.axis_mm[0]), float(workspace.axis_mm[-1])],
+        **fields_of(workspace, "before_max_mm", "before_mean_mm", "after_max_mm", "after_mean_mm"),
+    }
+
+
+def _conditions_data(given: Conditions) -> dict[str, Any]:
+    return {
+        **fields_of(given, "protocol", "operator", "started", "finished", "temperature_c"),
+        "environment": dict(given.environment),
+        "gauges": [
+            {"id": gauge.label, **fields_of(gauge, "certificate", "resolution_mm")}
+            for gauge in given.gauges
+        ],
+        **fields_of(given, "retaken", "skipped"),
+    }
+
+
+def _size_data(size: Size | None) -> dict[str, Any] | None:
+    if size is None:
+        return None
+    return {**fields_of(size, "rms_mm", "largest_mm"), "largest_difference": size.largest.name}
+
+
+def _notice(calibration: Calibration) -> doc.Notice:
+    """The decision in one box."""
+    solution, decision = calibration.solution, calibration.release
+    if solution is None:
+        return doc.Notice(doc.Tone.BAD, "There is no result", decision.reasons)
+    if not decision.usable:
+        return doc.Notice(doc.Tone.BAD, "Do not enter these offsets", decision.reasons)
+    if decision.cautions:
+        return doc.Notice(doc.Tone.WARN, "The offsets may be entered, with care", decision.cautions)
+    return doc.Notice(doc.Tone.GOOD, "The offsets may be entered", (solution.judgement,))
+
+
+def _to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
+    """What to do next, step by step."""
+    adjustment, decision = calibration.adjustment, calibration.release
+    path = calibration.input.measured.source.path
+    if adjustment is None or not decision.usable:
+        items = [
+            doc.Instruction(remedy.sentence, remedy_command(remedy, path, machine_file))
+            for remedy in decision.remedies
+        ]
+        if adjustment is not None:
+            forced = "An export that is forced all the same is marked as forced, in every format."
+            items.append(doc.Instruction(forced))
+        return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
+    values = ", ".join(
+        f"{joint.axis} {signed(joint.new_mm, adjustment.decimals)}" for joint in adjustment.joints
+    )
+    items = [
+        doc.Instruction(
+            ("Enter the new joint offsets in the controller, in mm: ", doc.Strong(values + ".")),
+            command("export", path, machine=machine_file, options="--format linuxcnc"),
+        ),
+        doc.Instruction("Re-home all three axes."),
+    ]
+    check = adjustment.check
+    if check is not None:
+        before = f" (before the adjustment: {signed(check.before_mm, 2)} mm)."
+        items.append(
+            doc.Instruction((f"{check_words(check)} ", doc.Strong(expected(check)), before))
+        )
+    items.append(
+        doc.Instruction(
+            "Measure again in the same way, and compare with the promise.",
+            verify_command(adjustment, path, machine_file),
+        )
+    )
+    return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
+
+
+def _answer(calibration: Calibration, adjustment: Adjustment) -> list[doc.Section]:
+    """The offsets, what they mend, and where their intervals lie."""
+    sections = [_offsets(adjustment, calibration.release.usable)]
+    if calibration.as_found is not None:
+        given = calibration.input
+        raw, gauge = given.measured.kind is DataKind.READINGS, given.model.machine.gauge
+        digits = difference_decimals(raw, gauge.resolution_mm)
+        sizes = (calibration.as_found, calibration.expected, calibration.as_left)
+        sections.append(_found_and_left(sizes, digits))
+    return [*sections, _intervals(calibration, adjustment)]
+
+
+def _offsets(adjustment: Adjustment, usable: bool) -> doc.Section:
+    """The offsets with expanded uncertainty."""
+    rows = tuple(
+        (
+            doc.Strong(joint.axis),
+            signed(joint.previous_mm, adjustment.decimals),
+            with_uncertainty(value, joint.expanded_mm),
+            doc.Strong(signed(joint.new_mm, adjustment.decimals)),
+        )
+        for joint, value in zip(adjustment.joints, adjustment.offsets_mm.tolist(), strict=True)
+    )
+    grid = doc.Grid(
+        ("axis", "now", "Δρ ± U", "enter" if usable else "would be"),
+        rows,
+        caption="In mm. Now: active in the controller. True joint position = indicated + Δρ.",
+    )
+    coverage = doc.Paragraph(_coverage(adjustment), small=True)
+    return doc.Section("Joint offsets", (grid, coverage), beside=True)
+
+
+def _coverage(adjustment: Adjustment) -> str:
+    """How U was made."""
+    if adjustment.dof is None:
+        source = "normal distribution"
+    else:
+        source = f"Student's t with {adjustment.dof} degrees of freedom"
+    causes = " and ".join(adjustment.causes)
+    return (
+        f"U = k·u is the expanded uncertainty with {coverage_words(adjustment.k)} ({source}), for a"
+        f" confidence of {100 * adjustment.confidence:.0f} %."
+        + (f" Model: offsets and {causes}." if causes else "")
+    )
+
+
+def _found_and_left(sizes: Sequence[Size | None], digits: int) -> doc.Section:
+    """Deviation from parallelism as found, as expected, and as left."""
+    columns = [
+        (plain(size.rms_mm, digits), signed(size.largest_mm, digits), f"d{size.largest.name}")
+        if size is not None
+        else (None, None, None)
+        for size in sizes
+    ]
+    grid = doc.Grid(
+        ("", "as found", "expected", "as left"),
+        tuple(zip(("r.m.s.", "largest", "which"), *columns, strict=True)),
+        caption="Deviation of the legs from parallel motion, mm"
+        + ("." if sizes[-1] else "; as left is blank until it is measured again."),
+    )
+    return doc.Section("As found, as left", (grid,))
+
+
+def _intervals(calibration: Calibration, adjustment: Adjustment) -> doc.Section:
+    """The offsets with their intervals as a picture."""
+    values, halves = adjustment.offsets_mm.tolist(), adjustment.expanded_mm.tolist()
+    causes, alone = " and ".join(adjustment.causes), calibration.solution
+    name = f"with {causes}" if causes else "offsets"
+    bars = [charts.Bar(name, values, halves)]
+    if causes and alone is not None:
+        offsets, reach = alone.offsets_mm.tolist(), alone.expanded_mm.tolist()
+        bars.append(charts.Bar("offsets alone", offsets, reach))
+    least, most = two_figures(min(halves)), two_figures(max(halves))
+    figure = doc.Figure(
+        None,
+        f"Expanded uncertainty: {least if least == most else f'{least} to {most}'} mm.",
+        charts.intervals(bars),
+        sketch=interval_lines(AXES, values, halves),
+        columns=2,
+        key=f"● {name}, □ offsets alone." if causes else None,
+    )
+    return doc.Section("Offsets with their 95 % intervals", (figure,))

@@ -1,0 +1,111 @@
+"""Two checks: `validate` of a file, and `paper` of this program against the published tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from orthoglide_cal.errors import file_words
+from orthoglide_cal.files import Check
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
+from orthoglide_cal.report.words import counted, data_words, plain
+
+if TYPE_CHECKING:
+    from orthoglide_cal.paper.tables import Reproduction
+
+
+def check_document(check: Check) -> doc.Document:
+    """A line for a sound file, every fault of another; lines that other programs can search."""
+    return doc.Document(partial(check_data, check), partial(_check_page, check))
+
+
+def _check_page(check: Check) -> doc.Page:
+    listing = doc.Listing(tuple(_lines(check)))
+    return doc.Page("Validation", title=None, sections=(doc.Section(None, (listing,)),))
+
+
+def check_data(check: Check) -> dict[str, Any]:
+    """The object of `validate --json`; fields that are not known are null."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "input": {
+            "path": check.path,
+            "sha256": check.source.sha256 if check.source else None,
+            "kind": check.kind,
+            "readings": check.count,
+        },
+        "machine": check.name,
+        "valid": check.valid,
+        "problems": [
+            fields_of(problem, "line", "column", "value", "what", "remedy")
+            for problem in check.problems
+        ],
+        "remarks": list(check.remarks),
+    }
+
+
+def _lines(check: Check) -> Iterator[str]:
+    """One line for the file; two for each fault: where and what, then the remedy."""
+    path = file_words(check.path)
+    if check.kind == "machine":
+        yield f"{path}: machine {check.name!r}, fine"
+    elif check.valid and check.kind is not None:
+        yield f"{path}: {data_words(check.count, check.kind)}, fine (for {check.name})"
+    else:
+        yield f"{path}: {counted(len(check.problems), 'fault')}"
+    for problem in check.problems:
+        line = f"line {problem.line}" if problem.line is not None else ""
+        column = f"column {problem.column}" if problem.column is not None else ""
+        where = ", ".join(filter(None, (line, column)))
+        value = f" ({problem.value!r})" if problem.value is not None else ""
+        yield f"  {where}{': ' if where else ''}{problem.what}{value}"
+        if problem.remedy:
+            yield f"    → {problem.remedy}"
+    yield from (f"  note: {remark}" for remark in check.remarks)
+
+
+def paper_document(found: Reproduction) -> doc.Document:
+    """Two lines for each row, as printed and as computed, and the verdict."""
+    return doc.Document(partial(paper_data, found), partial(_paper_page, found))
+
+
+def _paper_page(found: Reproduction) -> doc.Page:
+    verdict = (
+        doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
+        if found.reproduced
+        else doc.Notice(doc.Tone.BAD, "NOT reproduced.")
+    )
+    grid = doc.Grid(("", "", *found.columns), tuple(_table_rows(found)), words=(0, 1))
+    notes = (doc.Paragraph(note) for note in found.notes)
+    return doc.Page(
+        kind="Accuracy" if found.table == "accuracy" else f"Table {found.table}",
+        title=found.title,
+        sections=(doc.Section(None, (grid, *notes, verdict)),),
+    )
+
+
+def paper_data(found: Reproduction) -> dict[str, Any]:
+    """One table; None where nothing was printed or nothing can be computed."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        **fields_of(found, "table", "title", "columns"),
+        "rows": [
+            {
+                **fields_of(row, "name", "published", "computed", "allowed"),
+                "reproduced": None if row.computed is None else row.reproduced,
+            }
+            for row in found.rows
+        ],
+        **fields_of(found, "reproduced", "notes"),
+    }
+
+
+def _table_rows(found: Reproduction) -> Iterator[tuple[str, ...]]:
+    def cells(values: Sequence[float | None]) -> Iterator[str]:
+        return ("—" if value is None else plain(value, found.digits) for value in values)
+
+    for row in found.rows:
+        yield row.name, "published", *cells(row.published)
+        yield "", "computed", *cells(row.computed or (None,) * len(row.published))

@@ -1,0 +1,83 @@
+"""Text from outside made harmless in Markdown, CSV, HTML and SVG; each builds on `visible`.
+
+HTML and SVG are made with `tag`, `in_html` and `join` only, which escape all but their own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from html import escape
+
+from orthoglide_cal.errors import visible
+
+# What Markdown obeys anywhere in a line; other signs matter only at its beginning, where no text
+# from outside stands. Addresses become links by themselves unless they are written so.
+_MARKDOWN = re.compile(r"([\\`*_\[\]<|~&$])")
+_ADDRESS = (("://", ":&#47;&#47;"), ("www.", "www&#46;"), ("@", "&#64;"))
+_FORMULA = tuple("=+-@\t\r\n")
+_VOID = frozenset(("br", "hr", "img", "link", "meta"))
+
+
+def in_markdown(text: str) -> str:
+    """The text so that Markdown shows it as it stands, on one line."""
+    escaped = _MARKDOWN.sub(r"\\\1", visible(text))
+    for plain, written in _ADDRESS:
+        escaped = escaped.replace(plain, written)
+    return escaped
+
+
+def in_csv(text: str) -> str:
+    """The text for a cell of a CSV; one that a spreadsheet would calculate gets a "'" in front.
+
+    Numbers are not passed through this function, so that "-0.53" stays a number.
+    """
+    dangerous = text.startswith(_FORMULA) or text.lstrip().startswith(("=", "+", "-", "@"))
+    return ("'" if dangerous else "") + visible(text)
+
+
+class Html(str):
+    """Markup; made by `tag`, `in_html` and `join` only."""
+
+    __slots__ = ()
+
+
+Child = str | Html | None
+Attribute = str | float | int | bool | None
+
+
+def in_html(content: str) -> Html:
+    """Plain text as markup; markup stays as it is."""
+    if isinstance(content, Html):
+        return content
+    return Html(escape(content if content.isprintable() else visible(content), quote=True))
+
+
+def join(parts: Iterable[Child], between: str = "") -> Html:
+    """Parts one after the other; plain strings among them are escaped, None is left out."""
+    return Html(between.join(in_html(part) for part in parts if part is not None))
+
+
+def tag(name: str, /, *children: Child, **attributes: Attribute) -> Html:
+    """An element.
+
+    Args:
+        name: of the element.
+        children: markup, or plain text that is escaped; None is left out.
+        attributes: a trailing "_" is dropped and others become "-" ("stroke_width", "class_");
+            None and False are left out, True stands without a value.
+    """
+    written = "".join(_attribute(key, value) for key, value in attributes.items())
+    if name in _VOID:
+        return Html(f"<{name}{written}>")
+    return Html(f"<{name}{written}>{join(children)}</{name}>")
+
+
+def _attribute(key: str, value: Attribute) -> str:
+    if value is None or value is False:
+        return ""
+    name = key.rstrip("_").replace("_", "-")
+    if value is True:
+        return f" {name}"
+    content = f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+    return f' {name}="{in_html(content)}"'

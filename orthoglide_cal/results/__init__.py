@@ -1,0 +1,35 @@
+"""What a technician is told: may the offsets be entered, which, how sure, what is left, history."""
+
+from orthoglide_cal.results.adjustment import Adjustment, CheckPosture, JointOffset
+from orthoglide_cal.results.calibration import (
+    Calibration,
+    Export,
+    Identity,
+    calibrate,
+    export,
+    identify,
+)
+from orthoglide_cal.results.history import Drift, Entry, History, history
+from orthoglide_cal.results.release import Release, Remedy, release
+from orthoglide_cal.results.residuals import Explained, Residuals
+
+__all__ = [
+    "Adjustment",
+    "Calibration",
+    "CheckPosture",
+    "Drift",
+    "Entry",
+    "Explained",
+    "Export",
+    "History",
+    "Identity",
+    "JointOffset",
+    "Release",
+    "Remedy",
+    "Residuals",
+    "calibrate",
+    "export",
+    "history",
+    "identify",
+    "release",
+]

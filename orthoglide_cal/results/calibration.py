@@ -1,0 +1,215 @@
+"""The result of `report` and of `export`: one input solved, diagnosed, judged, and what follows."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+
+from orthoglide_cal import __version__
+from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
+from orthoglide_cal.errors import PostureError, UnusableResultError
+from orthoglide_cal.estimation import Solution, solve
+from orthoglide_cal.files import Input
+from orthoglide_cal.model import Model
+from orthoglide_cal.model.workspace import WorkspaceError, workspace_error
+from orthoglide_cal.results.adjustment import Adjustment, adjust
+from orthoglide_cal.results.release import Release, Remedy, release
+from orthoglide_cal.results.residuals import Explained, Residuals, explained, residuals
+from orthoglide_cal.verification import Size, Verification
+
+# How the answer depends on the tolerances takes time, and says nothing of healthy data.
+_DOUBTFUL = tuple(each for each in Verdict if each is not Verdict.CONSISTENT)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What makes a report unique.
+
+    Attributes:
+        number: from the input's digest and the time of issue.
+        issued: time of issue, UTC.
+        software: name and version.
+    """
+
+    number: str
+    issued: datetime
+    software: str
+
+
+def identify(sha256: str, issued: datetime | None = None) -> Identity:
+    """A report's identity; two reports never share it, not even of the same input."""
+    moment = issued or datetime.now(UTC)
+    digest = hashlib.sha256(f"{sha256} {moment.isoformat()}".encode()).hexdigest()
+    number = f"OC-{moment:%Y%m%d-%H%M%S}-{digest[:8].upper()}"
+    return Identity(number, moment, f"orthocal {__version__}")
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What one input says; what follows from it is computed when it is asked for.
+
+    Attributes:
+        identity: number, time, software.
+        input: what was measured, on which machine, under which conditions.
+        release: may the solution's offsets be entered, and why not.
+        solution: of the offsets alone (with the causes accepted in the machine file); it can
+            check itself again. None if there is no result.
+        diagnosis: None also where these data cannot be diagnosed.
+        verification: of the session measured after the adjustment (as left); None without one.
+    """
+
+    identity: Identity
+    input: Input
+    release: Release
+    solution: Solution | None = None
+    diagnosis: Diagnosis | None = None
+    verification: Verification | None = None
+
+    @cached_property
+    def model(self) -> Model:
+        """The machine with the causes that the diagnosis finds in it, as if accepted now."""
+        known, diagnosis = self.input.model, self.diagnosis
+        if diagnosis is None or diagnosis.verdict is Verdict.AMBIGUOUS:
+            return known
+        day = self.identity.issued.date().isoformat()
+        return known.extended(
+            cause.effect.accepted(day, diagnosis.source.sha256)
+            for cause in diagnosis.causes
+            if cause.in_machine and cause.effect.cause.lasting
+        )
+
+    @cached_property
+    def adjustment(self) -> Adjustment | None:
+        """The offsets to enter, with their uncertainty; None without a result.
+
+        Those of the solution; of the diagnosis where it knows better and those are not released.
+        """
+        if self.solution is None:
+            return None
+        diagnosis = self.diagnosis
+        if self.release.usable or (diagnosis and diagnosis.verdict is Verdict.CONSISTENT):
+            diagnosis = None
+        return adjust(self.input.measured, self.solution, diagnosis, self.model)
+
+    @cached_property
+    def residuals(self) -> Residuals | None:
+        """Measured and predicted by the solution, entry by entry; None without a result."""
+        if self.solution is None:
+            return None
+        return residuals(self.input.measured, self.solution.predicted_mm)
+
+    @cached_property
+    def explained(self) -> Explained | None:
+        """What the diagnosis explains of the residuals; None without a diagnosis."""
+        if self.diagnosis is None or self.residuals is None:
+            return None
+        return explained(self.diagnosis, self.residuals)
+
+    @cached_property
+    def workspace(self) -> WorkspaceError | None:
+        """Tool-position error before and after the adjustment; None if it cannot be computed."""
+        found = self.adjustment
+        if found is None:
+            return None
+        try:
+            return workspace_error(self.model, found.offsets_mm, found.covariance_mm2, found.k)
+        except PostureError:
+            return None
+
+    @property
+    def as_found(self) -> Size | None:
+        """The differences as measured; None without any."""
+        table = self.adjustment.promised if self.adjustment else ()
+        return Size.of({row.difference: row.measured_mm for row in table}) if table else None
+
+    @property
+    def expected(self) -> Size | None:
+        """What should remain of them once the adjustment is entered; None without any."""
+        table = self.adjustment.promised if self.adjustment else ()
+        return Size.of({row.difference: row.expected_mm for row in table}) if table else None
+
+    @property
+    def as_left(self) -> Size | None:
+        """The differences as measured after the adjustment; None if they were not."""
+        return self.verification.as_left if self.verification else None
+
+
+def calibrate(
+    given: Input,
+    method: str | None = None,
+    *,
+    verification: Verification | None = None,
+    issued: datetime | None = None,
+) -> Calibration:
+    """Solve, diagnose and judge one input.
+
+    Args:
+        given: the input.
+        method: name of an estimator; the default for the data if None.
+        verification: of a later session, to be shown as left.
+        issued: time of issue; now if None.
+
+    Raises:
+        UsageError, InputError: as `solve`. A result that must not be used raises nothing: the
+            report says so.
+    """
+    measured, model = given.measured, given.model
+    identity = identify(measured.source.sha256, issued)
+    try:
+        solution = solve(measured, model, method)
+    except UnusableResultError as error:
+        remedies = (Remedy(error.remedy),) if error.remedy else ()
+        refused = Release(False, (error.what,), remedies)
+        return Calibration(identity, given, refused, verification=verification)
+    try:
+        diagnosis = diagnose(measured, model, sensitivity=_DOUBTFUL)
+    except UnusableResultError:
+        diagnosis = None
+    decision = release(solution, diagnosis)
+    return Calibration(identity, given, decision, solution, diagnosis, verification)
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """A calibration whose offsets may go to the controller, or are forced to.
+
+    Attributes:
+        calibration: the result.
+        adjustment: its adjustment.
+    """
+
+    calibration: Calibration
+    adjustment: Adjustment
+
+    @property
+    def forced(self) -> tuple[str, ...]:
+        """Why it must not be used, exported all the same; empty if it may be used."""
+        return self.calibration.release.reasons
+
+    @property
+    def status(self) -> str:
+        """ "released" or "FORCED"."""
+        return "FORCED" if self.forced else "released"
+
+
+def export(calibration: Calibration, force: bool = False) -> Export:
+    """Release the offsets for the controller.
+
+    Args:
+        calibration: solved, diagnosed and judged.
+        force: export a result that must not be used; it is marked in every format.
+
+    Raises:
+        UnusableResultError: the result must not be used, or there is none. What to do instead
+            stands in the release; the error adds how to export all the same.
+    """
+    decision, adjustment = calibration.release, calibration.adjustment
+    if adjustment is None or not (decision.usable or force):
+        force_it = "To export all the same, marked as forced: --force"
+        reasons = " ".join(decision.reasons)
+        raise UnusableResultError(
+            f"Export refused. {reasons}", "" if adjustment is None else force_it
+        )
+    return Export(calibration, adjustment)

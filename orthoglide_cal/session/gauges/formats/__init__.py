@@ -1,1 +1,0 @@
-"""One small file per serial gauge format; each defines `FORMAT` and is found by itself."""

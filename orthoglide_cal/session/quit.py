@@ -1,5 +1,0 @@
-"""How an operator leaves a session before its end."""
-
-
-class Quit(Exception):
-    """Saved; to be resumed later."""

@@ -1,0 +1,291 @@
+"""The readings so far as arrays: what the live result and the checks are computed from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
+from itertools import pairwise
+from statistics import median
+
+import numpy as np
+
+from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.estimation import Solution, solve
+from orthoglide_cal.estimation.forecast import PLACE, Forecast, Outlook
+from orthoglide_cal.model import (
+    Contact,
+    Floats,
+    Ints,
+    Machine,
+    Model,
+    Plan,
+    Posture,
+    Readings,
+    Series,
+    Source,
+    number_setups,
+)
+from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.session.events import Doubt, Questioned
+from orthoglide_cal.session.state import Accepted, State
+from orthoglide_cal.session.steps import SessionStep
+
+# Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
+_ENOUGH = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a session is measured with; the same from its first record to its last."""
+
+    model: Model
+    steps: tuple[SessionStep, ...]  # all of them, number k at index k − 1
+
+    @property
+    def machine(self) -> Machine:
+        """The nominal machine."""
+        return self.model.machine
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The readings of all N steps."""
+        return plan_of([step.planned for step in self.steps])
+
+    @cached_property
+    def outlook(self) -> Outlook:
+        """Of 2·N readings: the steps', and the same with the gauges of each leg exchanged."""
+        both = {item.name: np.tile(getattr(self.plan, item.name), 2) for item in fields(Plan)}
+        fixed = both["contact"] == Contact.FIXED
+        fixed[: len(self.plan)] = False
+        both["direction"][fixed] = (3 - both["leg"] - both["direction"])[fixed]
+        return Outlook(self.model, Plan(**both))
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingsSoFar:
+    """The n readings that count in a state of the session, from first to last."""
+
+    state: State
+    setting: Setting
+
+    @cached_property
+    def steps(self) -> tuple[SessionStep, ...]:
+        """What each reading is of."""
+        return tuple(self.setting.steps[number - 1] for number in self.state.accepted)
+
+    @cached_property
+    def value(self) -> Floats:
+        """The readings, shape (n,) [mm]."""
+        return np.array([item.take.value_mm for item in self.state.accepted.values()])
+
+    @cached_property
+    def minutes(self) -> Floats:
+        """Since the session began, shape (n,)."""
+        return np.array([item.take.file_minutes for item in self.state.accepted.values()])
+
+    @cached_property
+    def moved(self) -> tuple[int | None, ...]:
+        """For each reading the step at which its stand was moved last; None if it never was."""
+        items = zip(self.steps, self.state.accepted.values(), strict=True)
+        return tuple(self.moved_before(step, item.rank) for step, item in items)
+
+    def moved_before(self, step: SessionStep, rank: int) -> int | None:
+        """The step at which the stand of this gauge was moved last up to record `rank`."""
+        at = [
+            number
+            for number, moment in self.state.moved
+            if moment <= rank and self.setting.steps[number - 1].series == step.series
+        ]
+        return at[-1] if at else None
+
+    @cached_property
+    def doubted(self) -> tuple[bool, ...]:
+        """For each reading whether it was kept although it does not fit: it proves nothing."""
+        return tuple(self._is_doubted(item) for item in self.state.accepted.values())
+
+    def _is_doubted(self, item: Accepted) -> bool:
+        take, steps = item.take, self.setting.steps
+        if not isinstance(take, Questioned) or not take.doubt.compares:
+            return False
+        # A reading that showed that its stand was moved is right: only the zero before it is not.
+        if (take.step, item.rank) in self.state.moved:
+            return False
+        # A doubt about an earlier set-up says nothing of this one.
+        return take.about is None or steps[take.about - 1].setup == steps[take.step - 1].setup
+
+    @property
+    def settled(self) -> set[tuple[Doubt, int | None]]:
+        """Doubts of readings that were kept, with the step that they were about."""
+        takes = [item.take for item in self.state.accepted.values()]
+        return {(take.doubt, take.about) for take in takes if isinstance(take, Questioned)}
+
+    @cached_property
+    def labels(self) -> tuple[str | None, ...]:
+        """What each reading's gauge is called; a gauge that was moved has another label."""
+        given = [self.state.opened.gauge_id(step.stand) for step in self.steps]
+        return tuple(
+            label if moved is None else f"{label or ''} (moved at step {moved})".strip()
+            for label, moved in zip(given, self.moved, strict=True)
+        )
+
+    @cached_property
+    def measured(self) -> Readings:
+        """The readings as they will be read from the session file at the end."""
+        steps, n, value, hours = self.steps, len(self.steps), self.value, self.minutes / 60.0
+        index = np.array([step.number - 1 for step in steps], dtype=np.intp)
+        plan, temperature = self.setting.plan, self.state.opened.temperature_c
+        place = {name: getattr(plan, name)[index] for name in PLACE}
+        series, gauge = [step.series for step in steps], [label or "" for label in self.labels]
+        cycle, posture = [step.cycle for step in steps], [step.posture for step in steps]
+        setup = number_setups(series, gauge, range(n), ordered=True)
+        return Readings(
+            plan=Plan(**place, setup=setup, order=np.arange(n), hours=hours), value=value,
+            cycle=np.array(cycle),
+            posture=tuple(posture),
+            temperature=np.full(n, np.nan if temperature is None else temperature),
+            gauge=tuple(gauge), note=("",) * n, line=np.arange(1, n + 1), timed=True,
+            source=Source("", ""),
+        )  # fmt: skip
+
+    @cached_property
+    def solution(self) -> Solution | None:
+        """The offsets; None while the readings do not determine them."""
+        model = self.setting.model
+        # Readings longer than a leg will be refused when the session file is read.
+        if not self.steps or np.abs(self.value).max() > model.machine.leg_length_mm:
+            return None
+        try:
+            return solve(self.measured, model)
+        except OrthocalError:
+            return None
+
+    def is_known(self, until_mm: float) -> bool:
+        """True if the half-width of every offset's 95 % interval is at most `until_mm`."""
+        if self.solution is None:
+            return False
+        return bool((self.solution.expanded_mm <= until_mm).all())
+
+    def unneeded(self) -> list[SessionStep]:
+        """Steps that can be left out once the offsets are known.
+
+        Not one while some leg, gauge and posture was not measured: a model that was not compared
+        with all of them may be wrong. The closing isotropic posture of the leg in hand stays.
+        """
+        state, steps = self.state, self.setting.steps
+        done = {step.cell for step in steps if step.number in {*state.accepted, *state.skipped}}
+        if not self.steps or {step.cell for step in steps} - done:
+            return []
+        last = self.steps[-1]
+        left = [step for step in steps if state.is_open(step.number)]
+        if left and left[0].visit == last.visit:
+            return []  # the other gauge of this posture is still to be read
+        closing = [s for s in left if s.setup == last.setup and s.posture is Posture.ISO]
+        if last.posture is Posture.ISO or not closing:
+            return left
+        return [step for step in left if step.visit != closing[0].visit]
+
+    @property
+    def pace_min(self) -> float | None:
+        """Median time from one posture to the next within a set-up [min]; None at first."""
+        taken = list(zip(self.steps, self.minutes.tolist(), strict=True))
+        times = [
+            after - before
+            for (one, before), (other, after) in pairwise(taken)
+            if one.setup == other.setup and one.visit != other.visit
+        ]
+        return median(times) if len(times) >= 3 else None
+
+
+@dataclass(frozen=True, eq=False)
+class NextReading:
+    """A reading to come, beside the n readings so far."""
+
+    so_far: ReadingsSoFar
+    step: SessionStep
+    minutes: float  # when it is taken, since the session began
+
+    @cached_property
+    def steps(self) -> tuple[SessionStep, ...]:
+        """Of the readings in time order, then of the one to come (n + 1)."""
+        return (*self.so_far.steps, self.step)
+
+    @cached_property
+    def past(self) -> Ints:
+        """Indices of the readings to compare with: not those that were kept in doubt, (k,)."""
+        return np.flatnonzero(~np.array(self.so_far.doubted, dtype=bool))
+
+    @cached_property
+    def fresh(self) -> Ints:
+        """Not 0 where a reading that was kept in doubt began the zero anew, shape (n + 1,)."""
+        begun: dict[Series, int] = {}
+        fresh = []
+        for index, (step, doubted) in enumerate(
+            zip(self.steps, (*self.so_far.doubted, False), strict=True), start=1
+        ):
+            fresh.append(begun.get(step.series, 0))
+            if doubted:
+                begun[step.series] = index
+        return np.array(fresh)
+
+    @cached_property
+    def setup(self) -> Ints:
+        """Readings of one set-up share a zero, shape (n + 1,)."""
+        so_far, known = self.so_far, dict[object, int]()
+        moved = (*so_far.moved, so_far.moved_before(self.step, so_far.state.count))
+        keys = zip((step.series for step in self.steps), moved, self.fresh.tolist(), strict=True)
+        return np.array([known.setdefault(key, len(known)) for key in keys])
+
+    @cached_property
+    def partner(self) -> Ints:
+        """Set-up of the other gauge of the same leg, shape (n + 1,); −1 without one."""
+        setups = zip(self.steps, self.setup.tolist(), strict=True)
+        last = {(step.setup, step.leg, step.stand): setup for step, setup in setups}
+        return np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in self.steps])
+
+    @cached_property
+    def series(self) -> list[int]:
+        """Earlier readings by the same gauge in the same set-up, in time order."""
+        return [i for i in self.past.tolist() if self.setup[i] == self.setup[-1]]
+
+    @cached_property
+    def repeats(self) -> list[int]:
+        """Earlier readings of the same cell and gauge set-up, in time order."""
+        return [i for i in self.series if self.steps[i].cell == self.step.cell]
+
+    @cached_property
+    def forecast(self) -> Forecast:
+        """Of 2·(n + 1) readings: these, and the same with the gauges of each leg exchanged."""
+        setting, setup = self.so_far.setting, self.setup
+        rows = np.array([step.number - 1 for step in self.steps])
+        hours = np.append(self.so_far.minutes, self.minutes) / 60.0
+        return setting.outlook.forecast(
+            np.concatenate((rows, rows + len(setting.steps))),
+            np.concatenate((setup, np.where(self.partner >= 0, self.partner, setup))),
+            np.tile(np.arange(len(rows)), 2),
+            np.tile(hours, 2),
+            np.tile(self.fresh, 2),
+            self.scatter_mm,
+        )
+
+    def exchanged(self, rows: Ints) -> Ints:
+        """Rows of the forecast for readings taken by the other gauge of their leg."""
+        return rows + len(self.steps)
+
+    @property
+    def scatter_mm(self) -> float:
+        """Standard deviation of a reading from successive repeats; the median forgives blunders.
+
+        0 where there are too few to say so.
+        """
+        last: dict[object, float] = {}
+        jumps = []
+        readings = zip(self.so_far.steps, self.setup[:-1], self.so_far.value, strict=True)
+        for step, setup, value in readings:
+            if (step.cell, setup) in last:
+                jumps.append(abs(value - last[step.cell, setup]))
+            last[step.cell, setup] = value
+        if len(jumps) < _ENOUGH:
+            return 0.0
+        # For a normal x, σ is 1.4826 times the median of |x|; a jump has the noise of two readings.
+        return float(1.4826 * median(jumps) / math.sqrt(2.0))

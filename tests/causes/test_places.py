@@ -1,0 +1,275 @@
+"""Faults of the measurement, each at one of many places: where, how large, and what they add."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause, reading_label
+from orthoglide_cal.model import (
+    Cause,
+    Contact,
+    Floats,
+    Model,
+    Place,
+    Plan,
+    Series,
+    double_posture,
+    simulate,
+    zero_free,
+)
+from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from tests import truth
+from tests.causes.condition import MACHINES, as_plan, standard, state_of
+from tests.machines import NOMINAL, PROTOTYPE
+from tests.truth.effects import Effect, contact_shift, write_down
+
+PLAN = double_posture(PROTOTYPE)
+MIXED = PLAN.subset(np.random.default_rng(2).permutation(len(PLAN)))
+RELABELS = [cause for cause in CAUSES.values() if isinstance(cause, RelabelCause)]
+PATTERNS = [cause for cause in CAUSES.values() if isinstance(cause, PatternCause)]
+every_relabel = pytest.mark.parametrize("cause", RELABELS, ids=[c.id for c in RELABELS])
+every_pattern = pytest.mark.parametrize("cause", PATTERNS, ids=[c.id for c in PATTERNS])
+
+
+def relabel_cause(id: str) -> RelabelCause:
+    """A cause that exchanges readings or their signs."""
+    cause = CAUSES[id]
+    assert isinstance(cause, RelabelCause)
+    return cause
+
+
+def written(cause: Cause, size: float | None, place: Place, plan: Plan, values: Floats) -> Floats:
+    """What stands in the record of gauges that would show `values` without the cause."""
+    theta = np.zeros(0) if size is None else np.array([size])
+    heights = cause.contact(values, theta, place, np.full(len(plan), 0.5), plan, PROTOTYPE)
+    return cause.record(heights, theta, place, plan, PROTOTYPE)
+
+
+# --- against the independent simulator --------------------------------------------------------
+
+FAULTS = {
+    "gauge_drift": (Effect("gauge_drift", parameters=(0.17,), setup=4), Place((2, 0)), 0.17),
+    "stand_shift": (Effect("stand_shift", parameters=(-0.13,), setup=1, row=9), Place((9,)), -0.13),
+    "gauge_slip": (Effect("gauge_slip", parameters=(-2.0,), setup=2, row=27), Place((27, 0)), -2.0),
+    "misread": (Effect("misread", parameters=(0.31,), setup=3, row=29), Place((29,)), 0.31),
+    "sign_flip": (Effect("sign_flip", setup=5), Place((2, 1)), None),
+    "swapped_gauges": (Effect("swapped_gauges", leg=1), Place((1,)), None),
+}
+
+
+@pytest.mark.parametrize(("model", "hidden"), MACHINES.values(), ids=list(MACHINES))
+@pytest.mark.parametrize("id", FAULTS)
+def test_faults_of_the_measurement_are_those_of_the_truth(
+    model: Model, hidden: truth.Machine, id: str
+) -> None:
+    """At the same place and size, behind arbitrary zeros, and at no other reading."""
+    plan = standard(hidden)
+    effect, place, size = FAULTS[id]
+    offsets = np.array([0.75, 1.6, -1.9])
+    zeros = np.random.default_rng(5).uniform(-3.0, 3.0, 6)[plan.setup]
+    surface = truth.signals(plan, hidden, state_of(None, offsets))[0] + zeros
+    true = write_down(plan, truth.DIAL, surface + contact_shift(plan, (effect,)), (effect,))
+    mine = as_plan(plan)
+    record = written(CAUSES[id], size, place, mine, simulate(model, offsets, mine) + zeros)
+    assert np.abs(record - true).max() < 1e-9
+    assert np.abs(record - surface).max() > 0.05
+
+
+# --- what they add ----------------------------------------------------------------------------
+
+
+@every_pattern
+def test_what_is_added_is_the_pattern_of_the_place(cause: PatternCause) -> None:
+    """Times its size; all places at once are as each alone, and no two are alike."""
+    places = cause.places(MIXED, PROTOTYPE)
+    patterns = cause.patterns(MIXED, places)
+    assert patterns.shape == (len(MIXED), len(places))
+    assert np.unique(patterns, axis=1).shape == patterns.shape
+    nothing = np.zeros(len(MIXED))
+    for k in (0, len(places) // 3, len(places) - 1):
+        assert np.array_equal(cause.patterns(MIXED, (places[k],))[:, 0], patterns[:, k])
+        assert written(cause, -2.0, places[k], MIXED, nothing) == pytest.approx(
+            -2.0 * patterns[:, k], abs=1e-15
+        )
+
+
+def test_each_pattern_is_what_the_cause_says() -> None:
+    """In time, whatever the order of the rows; in one set-up alone."""
+    at = 17
+    same = MIXED.setup == MIXED.setup[at]
+    later = same & (MIXED.order >= MIXED.order[at])
+    series = MIXED.series[at]
+    expected = {
+        ("misread", (at,)): np.arange(60) == at,
+        ("gauge_slip", (at, 0)): np.arange(60) == at,
+        ("gauge_slip", (at, 1)): later,
+        ("stand_shift", (at,)): later,
+        ("gauge_drift", tuple(series)): same * MIXED.hours,
+    }
+    assert 1 < later.sum() < same.sum() == 10
+    for (id, index), pattern in expected.items():
+        cause = CAUSES[id]
+        assert isinstance(cause, PatternCause)
+        assert np.array_equal(cause.patterns(MIXED, (Place(index),))[:, 0], pattern), id
+
+
+def test_a_turn_is_as_long_as_the_dial_says() -> None:
+    inch = replace(PROTOTYPE, gauge=replace(PROTOTYPE.gauge, revolution_mm=2.54))
+    slip = CAUSES["gauge_slip"].at(np.array([-1.0]), Place((3, 0)))
+    change = simulate(Model(inch, (slip,)), np.zeros(3), PLAN)
+    assert change[3] == pytest.approx(-2.54)
+    assert np.count_nonzero(np.abs(change) > 1e-9) == 1
+
+
+def test_only_a_gauge_with_a_dial_has_turns_to_miscount() -> None:
+    slip = CAUSES["gauge_slip"]
+    plain = replace(PROTOTYPE, gauge=replace(PROTOTYPE.gauge, revolution_mm=None))
+    assert slip.possible(PROTOTYPE)
+    assert not slip.possible(plain)
+    assert not slip.possible(replace(PROTOTYPE, tolerances={}))
+    assert CAUSES["misread"].possible(plain)
+
+
+def test_turns_are_counted_in_whole_numbers() -> None:
+    counts = {cause.id: cause.counts for cause in PATTERNS if cause.counts}
+    assert list(counts) == ["gauge_slip"]
+    turns = counts["gauge_slip"]
+    assert sum(turns.values()) == pytest.approx(1.0)
+    assert {-size: weight for size, weight in turns.items()} == turns
+    assert 0 not in turns
+    assert {cause.id for cause in PATTERNS if cause.hides_reading} == {"misread"}
+
+
+# --- where they may act -----------------------------------------------------------------------
+
+
+def test_places_are_counted_from_the_plan() -> None:
+    count = {id: len(cause.places(PLAN, PROTOTYPE)) for id, cause in CAUSES.items()}
+    wide = {
+        id for id, cause in CAUSES.items() if not isinstance(cause, PatternCause | RelabelCause)
+    }
+    assert {count[id] for id in wide} == {1}
+    assert count["gauge_drift"] == count["sign_flip"] == 6
+    assert count["swapped_gauges"] == 3
+    assert count["misread"] == 60
+    assert count["stand_shift"] == 54
+    # Each reading alone, and all from the second to the last but one of each set-up.
+    assert count["gauge_slip"] == 60 + 6 * 8
+    half = PLAN.subset(np.flatnonzero((PLAN.leg != 1) & (PLAN.direction != 2)))
+    assert len(CAUSES["sign_flip"].places(half, PROTOTYPE)) == 3
+    assert [p.index for p in CAUSES["swapped_gauges"].places(half, PROTOTYPE)] == [(2,)]
+
+
+def test_no_stand_is_knocked_before_its_first_reading() -> None:
+    """First in time, not in the file; turns that last to the end are more than the last reading."""
+    first, last = (
+        {
+            int(pick([i for i in range(60) if MIXED.setup[i] == s], key=lambda i: MIXED.order[i]))
+            for s in range(6)
+        }
+        for pick in (min, max)
+    )
+    knocked = {place.index[0] for place in CAUSES["stand_shift"].places(MIXED, PROTOTYPE)}
+    assert knocked == set(range(60)) - first
+    slips = [place.index for place in CAUSES["gauge_slip"].places(MIXED, PROTOTYPE)]
+    assert {i for i, onward in slips if onward} == set(range(60)) - first - last
+    assert {i for i, onward in slips if not onward} == set(range(60))
+
+
+def test_labels_lead_a_technician_to_the_reading() -> None:
+    misread = CAUSES["misread"]
+    labels = {misread.label(place, PLAN, PROTOTYPE) for place in misread.places(PLAN, PROTOTYPE)}
+    assert len(labels) == 60
+    assert "leg y, direction x, min, cycle 2 (reading 31)" in labels
+    assert "leg z, direction y, iso, cycle 4 (reading 60)" in labels
+    words = {
+        ("stand_shift", (2,)): "from leg x, direction y, max, cycle 1 (reading 3) on",
+        ("gauge_slip", (2, 1)): "from leg x, direction y, max, cycle 1 (reading 3) on",
+        ("gauge_slip", (2, 0)): "leg x, direction y, max, cycle 1 (reading 3)",
+        ("gauge_drift", (2, 0)): "leg z, direction x",
+        ("sign_flip", (1, 2)): "leg y, direction z",
+        ("swapped_gauges", (1,)): "leg y",
+        ("axis_gap", ()): "",
+    }
+    for (id, index), label in words.items():
+        assert CAUSES[id].label(Place(index), PLAN, PROTOTYPE) == label
+
+
+def test_labels_count_in_time_and_name_any_displacement() -> None:
+    plan = plan_of([PlannedReading(1, 0, d, Contact.FIXED) for d in (30.0, 0.0, 30.0, 0.0)])
+    late_first = Plan(**{**vars(plan), "order": [3, 2, 1, 0]})
+    assert [reading_label(late_first, PROTOTYPE, k) for k in range(4)] == [
+        "leg y, direction x, 30 mm, cycle 2 (reading 4)",
+        "leg y, direction x, iso, cycle 2 (reading 3)",
+        "leg y, direction x, 30 mm, cycle 1 (reading 2)",
+        "leg y, direction x, iso, cycle 1 (reading 1)",
+    ]
+
+
+# --- readings under another sign or label -----------------------------------------------------
+
+
+@every_relabel
+@pytest.mark.parametrize("plan", [PLAN, MIXED], ids=["in time", "mixed"])
+def test_twice_is_not_at_all(cause: RelabelCause, plan: Plan) -> None:
+    values = np.random.default_rng(4).uniform(-2.0, 2.0, len(plan))
+    for place in cause.places(plan, PROTOTYPE):
+        assert cause.reversible(plan, place)
+        once = written(cause, None, place, plan, values)
+        assert np.abs(once - values).max() > 0.1
+        assert written(cause, None, place, plan, once) == pytest.approx(values, abs=0.0)
+
+
+@every_relabel
+def test_undoing_it_needs_no_gauge_zeros(cause: RelabelCause) -> None:
+    """On contrasts W of the record it acts as W T Wᵀ: zeros of any size have no part in it."""
+    rng, contrasts = np.random.default_rng(6), zero_free(PLAN)
+    clean = simulate(NOMINAL, np.array([0.6, -0.9, 0.3]), PLAN) + rng.normal(0.0, 0.1, len(PLAN))
+    for place in cause.places(PLAN, PROTOTYPE):
+        zeros = rng.uniform(-4.0, 4.0, 6)[PLAN.setup]
+        data = contrasts @ written(cause, None, place, PLAN, clean + zeros)
+        undone = contrasts @ written(cause, None, place, PLAN, contrasts.T @ data)
+        assert undone == pytest.approx(contrasts @ clean, abs=1e-12)
+        assert np.abs(data - contrasts @ clean).max() > 0.1
+
+
+def test_a_swap_pairs_readings_taken_at_the_same_time() -> None:
+    """Whatever the order of the rows."""
+    index, sign = relabel_cause("swapped_gauges").relabel(MIXED, Place((1,)))
+    assert np.all(sign == 1.0)
+    changed = index != np.arange(len(MIXED))
+    assert np.all(MIXED.leg[changed] == 1)
+    assert changed.sum() == 20
+    assert np.all(MIXED.hours[index] == MIXED.hours)
+    assert np.all(MIXED.direction[index][changed] != MIXED.direction[changed])
+
+
+def test_a_swap_that_does_not_pair_up_cannot_be_undone_in_the_readings() -> None:
+    """A reading short, or taken at another posture: nothing is exchanged; other legs are."""
+    swap = relabel_cause("swapped_gauges")
+    short = PLAN.subset(np.arange(1, 60))
+    moved = PLAN.displacement.copy()
+    moved[2] = 30.0
+    for plan in (short, replace(PLAN, displacement=moved)):
+        assert not swap.reversible(plan, Place((0,)))
+        assert np.array_equal(swap.relabel(plan, Place((0,)))[0], np.arange(len(plan)))
+        assert swap.reversible(plan, Place((1,)))
+    one = PLAN.subset(np.flatnonzero(PLAN.direction != 2))
+    assert not swap.reversible(one, Place((0,)))
+    none = PLAN.subset(np.flatnonzero(PLAN.leg != 0))
+    assert not swap.reversible(none, Place((0,)))
+
+
+def test_a_swap_puts_each_reading_under_the_direction_that_was_read() -> None:
+    """Leg y is read along x and z: exchanged; the other legs and all else stay."""
+    swapped = relabel_cause("swapped_gauges").really_read(PLAN, Place((1,)))
+    own = PLAN.leg == 1
+    assert np.array_equal(swapped.direction[own], 2 - PLAN.direction[own])
+    assert np.array_equal(swapped.direction[~own], PLAN.direction[~own])
+    assert np.array_equal(swapped.order, PLAN.order)
+    flip = relabel_cause("sign_flip")
+    assert flip.really_read(PLAN, Place((1, 2))) is PLAN
+    assert flip.relabel(PLAN, Place((1, 2)))[1].tolist() == [
+        -1.0 if series == Series(1, 2) else 1.0 for series in PLAN.series
+    ]

@@ -1,0 +1,177 @@
+"""From probabilities to a verdict and to offsets; the verdicts on probabilities made up."""
+
+from dataclasses import replace
+from math import exp, log
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis.assess import (
+    DISMISSED,
+    ODDS_TO_NAME,
+    Posterior,
+    assess,
+    judge,
+)
+from orthoglide_cal.diagnosis.explanations import UNLISTED, Candidates, Ids, Whitened
+from orthoglide_cal.diagnosis.result import Verdict
+from orthoglide_cal.files import read_input
+from orthoglide_cal.model import Model
+from tests import truth
+from tests.diagnosis.sessions import known
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
+
+FITS = 0.3  # chance of the misfit of an explanation that leaves no more than noise
+
+
+def posterior(unlisted: float = 0.0, **listed: float) -> Posterior:
+    """Shares by ids joined with "_and_"; "nothing" is (); normalised."""
+    keys = {
+        (): listed.pop("nothing", 1e-12),
+        **{tuple(sorted(k.split("_and_"))): v for k, v in listed.items()},
+    }
+    total = sum(keys.values()) + unlisted
+    return Posterior({k: v / total for k, v in keys.items()}, {"a pattern": unlisted / total})
+
+
+class TestVerdict:
+    def test_a_cause_that_stands_alone_is_named(self) -> None:
+        found = judge(posterior(axis_gap=1.0, bar_skew=0.5 * DISMISSED), FITS)
+        assert (found.verdict, found.accepted, found.ambiguous_with) == ("named", ("axis_gap",), ())
+
+    def test_a_rival_in_reach_makes_it_ambiguous(self) -> None:
+        found = judge(posterior(axis_gap=1.0, bar_skew=2.0 * DISMISSED, misread=0.3), FITS)
+        assert found.verdict == "ambiguous"
+        assert found.accepted == ("axis_gap",)
+        assert found.ambiguous_with == ("misread", "bar_skew")
+
+    def test_more_of_the_same_is_no_rival(self) -> None:
+        """A second cause beside the best one does not contradict it."""
+        found = judge(posterior(axis_gap=1.0, axis_gap_and_leg_length=0.2), FITS)
+        assert (found.verdict, found.accepted) == ("named", ("axis_gap",))
+        # Nor does a second one beside a rival say more than the rival itself.
+        found = judge(posterior(axis_gap=1.0, bar_skew=0.2, bar_skew_and_misread=0.1), FITS)
+        assert found.ambiguous_with == ("bar_skew",)
+
+    def test_of_a_pair_only_the_doubtful_part_is_doubted(self) -> None:
+        both = posterior(axis_gap_and_misread=1.0, axis_gap_and_stand_shift=0.8)
+        found = judge(both, FITS)
+        assert found.verdict == "ambiguous"
+        assert found.accepted == ("axis_gap", "misread")
+        assert found.ambiguous_with == ("stand_shift",)
+
+    def test_nothing_is_named_before_the_odds_are_reached(self) -> None:
+        below = posterior(nothing=1.0, axis_gap=0.5 * ODDS_TO_NAME, misread=0.4 * ODDS_TO_NAME)
+        found = judge(below, FITS)
+        assert (found.verdict, found.accepted) == ("consistent", ())
+        assert found.ambiguous_with == ("axis_gap", "misread")
+        assert judge(posterior(nothing=1.0, axis_gap=1.1 * ODDS_TO_NAME), FITS).verdict == "named"
+
+    def test_what_would_have_been_seen_is_not_mentioned(self) -> None:
+        found = judge(posterior(nothing=1.0, leg_length=0.06, axis_gap=1e-6), FITS)
+        assert found.ambiguous_with == ("leg_length",)
+
+    def test_a_pattern_beyond_the_list_wins(self) -> None:
+        found = judge(posterior(unlisted=2.0, axis_gap=1.0), FITS)
+        assert (found.verdict, found.accepted) == ("unexplained", ())
+        assert judge(posterior(unlisted=0.5, axis_gap=1.0), FITS).verdict == "named"
+
+    def test_the_best_of_bad_explanations_is_none(self) -> None:
+        found = judge(posterior(axis_gap=1.0), 1e-6)
+        assert (found.verdict, found.accepted) == ("unexplained", ())
+
+
+def test_bayes_rule_with_the_weights_of_the_candidates() -> None:
+    weights = {(): log(0.5), ("a",): log(0.2)}
+    found = Posterior.of({(): 3.0, ("a",): 5.0}, weights, {"p": 4.0, "q": 2.0})
+    parts = [
+        0.5 * exp(3.0), 0.2 * exp(5.0), 0.5 * UNLISTED * exp(4.0), 0.5 * UNLISTED * exp(2.0)
+    ]  # fmt: skip
+    got = [found.listed[()], found.listed["a",], found.unlisted["p"], found.unlisted["q"]]
+    assert got == pytest.approx([part / sum(parts) for part in parts])
+    assert found.best == ("a",)
+
+
+def tried(model: Model, ordered: bool = True) -> set[Ids]:
+    return set(Candidates.of(model, ordered).log_prior)
+
+
+class TestCandidates:
+    def test_two_machine_causes_never_stand_together(self) -> None:
+        measured = {id for id, cause in CAUSES.items() if not cause.in_machine}
+        pairs = [ids for ids in tried(NOMINAL) if len(ids) == 2]
+        assert all(measured & set(ids) for ids in pairs)
+        machine = set(CAUSES) - measured
+        # Every cause of the machine with every one of the contact or the record.
+        wanted = {tuple(sorted((a, b))) for a in machine for b in measured}
+        assert wanted <= set(pairs)
+        assert {(c,) for c in CAUSES} <= tried(NOMINAL)
+
+    def test_weights_are_probabilities(self) -> None:
+        weights = Candidates.of(NOMINAL, ordered=True).log_prior
+        assert sum(map(exp, weights.values())) + UNLISTED == pytest.approx(1.0)
+
+    def test_only_what_can_be_is_tried(self) -> None:
+        timed = {id for id, cause in CAUSES.items() if cause.timed}
+        assert timed >= {"backlash", "thermal_drift", "gauge_drift", "stand_shift"}
+        assert not any(timed & set(ids) for ids in tried(NOMINAL, ordered=False))
+        gauge = replace(PROTOTYPE.gauge, revolution_mm=None)
+        assert ("gauge_slip",) not in tried(Model(replace(PROTOTYPE, gauge=gauge)))
+        few = Model(replace(PROTOTYPE, tolerances={"axis_gap": 0.3, "misread": 0.1}))
+        assert tried(few) == {(), ("axis_gap",), ("misread",), ("axis_gap", "misread")}
+        assert tried(Model(replace(PROTOTYPE, tolerances={}))) == {()}
+
+    def test_what_is_known_of_the_machine_is_not_tried_again(self) -> None:
+        known_gap = extended(axis_gap=(0.1, 0.2, -0.1))
+        assert not any("axis_gap" in ids for ids in tried(known_gap))
+        assert any("bar_skew" in ids for ids in tried(known_gap))
+
+
+class TestOffsets:
+    def test_an_open_choice_is_part_of_the_uncertainty(self) -> None:
+        """Moments of the mixture, E(x xᵀ) − E(x) E(x)ᵀ, of the paper's third experiment.
+
+        Its explanations differ in the offsets by more than each leaves open: most of the
+        uncertainty lies between them.
+        """
+        measured = read_input(str(SAMPLES / "experiment3.csv")).measured
+        found = assess(Whitened.of(measured, NOMINAL))
+        assert found.judgement.verdict is Verdict.AMBIGUOUS
+        mean, square, within, total = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3)), 0.0
+        for ids in (found.judgement.accepted, *found.posterior.rivals()):
+            fit, weight = found.fit(ids), found.posterior.listed[ids]
+            own = fit.covariance[:3, :3]
+            mean += weight * fit.offsets
+            square += weight * (own + np.outer(fit.offsets, fit.offsets))
+            within += weight * own
+            total += weight
+        offsets, covariance = found.offsets
+        assert offsets == pytest.approx(mean / total, rel=1e-12)
+        expected = square / total - np.outer(offsets, offsets)
+        assert covariance == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        widened = np.diag(covariance) / np.diag(within / total)
+        assert np.sort(widened)[1] > 3.0
+
+    def test_one_explanation_has_its_own_uncertainty(self) -> None:
+        session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+        found = assess(Whitened.of(*known(session)))
+        assert found.judgement.verdict is Verdict.NAMED
+        offsets, covariance = found.offsets
+        assert offsets == pytest.approx(found.accepted.offsets, abs=1e-15)
+        assert covariance == pytest.approx(found.accepted.covariance[:3, :3], rel=1e-12)
+        assert np.abs(covariance - np.diag(np.diag(covariance))).max() > 0.0
+
+    @pytest.mark.parametrize("outside", truth.OUTSIDE)
+    def test_the_unexplained_widens_them_to_a_covariance(self, outside: str) -> None:
+        session = truth.clear_outside(1, truth.PROTOTYPE, truth.MICRON, outside)
+        found = assess(Whitened.of(*known(session)))
+        assert found.judgement.verdict is Verdict.UNEXPLAINED
+        _, covariance = found.offsets
+        assert covariance == pytest.approx(covariance.T)
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
+        fit, pattern = found.fit(()), max(found.unlisted, key=lambda one: one.log_evidence)
+        spread = pattern.sigma**2 * np.eye(len(fit.residual)) + pattern.columns @ pattern.columns.T
+        estimator = np.linalg.pinv(fit.columns[:, :3])
+        likeliest = np.sqrt(np.diag(estimator @ spread @ estimator.T))
+        assert np.all(np.sqrt(np.diag(covariance)) >= likeliest * (1.0 - 1e-12))

@@ -1,0 +1,88 @@
+"""Exchanged gauges where readings are missing: the data read under another plan."""
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES, RelabelCause
+from orthoglide_cal.diagnosis import diagnose
+from orthoglide_cal.diagnosis.assess import assess
+from orthoglide_cal.diagnosis.explanations import Candidates, Linearised, Whitened
+from orthoglide_cal.diagnosis.fit import fit_explanation
+from orthoglide_cal.diagnosis.scores import score_all
+from tests import truth
+from tests.diagnosis.sessions import known
+from tests.readings import some
+
+SWAP = CAUSES["swapped_gauges"]
+
+
+def swapped(seed: int, gauge: truth.Gauge, beside: tuple[str, ...] = ()) -> truth.Session:
+    return truth.make_session(seed, truth.PROTOTYPE, gauge, ("swapped_gauges", *beside))
+
+
+@pytest.mark.parametrize("gauge", [truth.MICRON, truth.DIAL], ids=lambda gauge: gauge.name)
+@pytest.mark.parametrize("seed", [1, 2, 4, 5])  # an exchange that shows
+def test_a_missing_reading_does_not_hide_them(seed: int, gauge: truth.Gauge) -> None:
+    session = swapped(seed, gauge)
+    readings, model = known(session)
+    whole = diagnose(readings, model)
+    assert [cause.id for cause in whole.causes] == ["swapped_gauges"]
+    own = readings.plan.leg == "xyz".index(whole.causes[0].where[-1])
+    dropped = np.arange(len(readings)) == np.random.default_rng(seed).choice(np.flatnonzero(own))
+    found = diagnose(some(readings, ~dropped), model)
+    assert [cause.id for cause in found.causes] == ["swapped_gauges"]
+    assert found.causes[0].where == whole.causes[0].where
+    assert np.all(np.abs(found.offsets_mm - session.offsets) < 4.5 * found.std_mm)
+    # One reading in sixty moves the offsets by a fraction of their uncertainty.
+    assert np.all(np.abs(found.offsets_mm - whole.offsets_mm) < whole.std_mm)
+    assert found.causes[0].heldout_after_mm == pytest.approx(gauge.sigma, rel=0.4)
+    left = found.measured_mm - found.explained_mm
+    assert np.sqrt(np.mean(left**2)) < 1.3 * gauge.sigma
+
+
+def test_nor_does_a_cause_of_the_machine_beside_it() -> None:
+    session = swapped(2, truth.MICRON, ("axis_squareness",))
+    readings, model = known(session)
+    whole = diagnose(readings, model)
+    assert {cause.id for cause in whole.causes} == {"swapped_gauges", "axis_squareness"}
+    (where,) = (cause.where for cause in whole.causes if cause.id == "swapped_gauges")
+    own = readings.plan.leg == "xyz".index(where[-1])
+    found = diagnose(some(readings, ~(own & (readings.cycle == 2))), model)
+    assert {cause.id for cause in found.causes} == {"swapped_gauges", "axis_squareness"}
+    third = own & (readings.cycle == 3) & (readings.plan.direction == readings.plan.direction.max())
+    found = diagnose(some(readings, ~third), model)
+    assert {cause.id for cause in found.causes} == {"swapped_gauges", "axis_squareness"}
+
+
+def test_healthy_sessions_with_gaps_are_healthy() -> None:
+    for seed in range(1, 7):
+        readings, model = known(truth.make_session(seed, truth.PROTOTYPE, truth.DIAL))
+        dropped = np.random.default_rng(seed).random(len(readings)) < 0.1
+        assert diagnose(some(readings, ~dropped), model).verdict == "consistent"
+
+
+def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Evidence, offsets and residuals of each leg's exchange, by either way."""
+    assert isinstance(SWAP, RelabelCause)
+    readings, model = known(swapped(3, truth.MICRON))
+    white = Whitened.of(readings, model)
+    candidates = Candidates.of(model, ordered=True)
+    score = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
+    assert score.replanned is None
+    undone = fit_explanation(score)
+    monkeypatch.setattr(type(SWAP), "reversible", lambda *_: False)
+    other = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
+    under = fit_explanation(other)
+    assert other.replanned is not None
+    assert other.extra is not None
+    assert score.extra is not None
+    assert other.extra.place == score.extra.place
+    assert [effect.cause for effect in under.effects] == [SWAP]
+    assert under.log_evidence == pytest.approx(undone.log_evidence, abs=0.05)
+    assert under.offsets == pytest.approx(undone.offsets, abs=1e-5)
+    spread = under.joint_covariance()
+    assert np.diag(spread) == pytest.approx(np.diag(undone.joint_covariance()), rel=2e-3)
+    assert under.residual @ under.residual == pytest.approx(undone.residual @ undone.residual)
+    assert assess(white).judgement.accepted == ("swapped_gauges",)

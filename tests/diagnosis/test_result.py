@@ -1,0 +1,216 @@
+"""What a diagnosis holds: read-only, in the order of the file, one form of a cause."""
+
+from dataclasses import FrozenInstanceError, replace
+from datetime import date
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import Diagnosis, Explanation, Verdict, diagnose, extend
+from orthoglide_cal.diagnosis.assess import assess
+from orthoglide_cal.diagnosis.explanations import Whitened
+from orthoglide_cal.files import read_input
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    DataKind,
+    Differences,
+    Effect,
+    Source,
+    ideal_plan,
+    reduction,
+    simulate,
+    without_zeros,
+)
+from orthoglide_cal.paper.published import EXPERIMENTS
+from tests import truth
+from tests.diagnosis.sessions import known
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
+
+NOWHERE = Source("-", "")
+SIX = DIFFERENCES[DataKind.SIX]
+
+
+@pytest.fixture(scope="module")
+def named() -> Diagnosis:
+    session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+    return diagnose(*known(session), sensitivity=tuple(Verdict))
+
+
+def test_nothing_of_it_can_be_written_to(named: Diagnosis) -> None:
+    for name in ("offsets_mm", "covariance_mm2", "measured_mm", "nominal_mm", "explained_mm"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(named, name)[0] = 0.0
+    for array in (named.causes[0].effect.theta, named.causes[0].effect.covariance):
+        assert array is not None
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    for mapping in (named.ranking, named.sensitivity):
+        with pytest.raises(TypeError):
+            mapping["x"] = 0.0  # type: ignore[index]
+    with pytest.raises(FrozenInstanceError):
+        named.verdict = Verdict.CONSISTENT  # type: ignore[misc]
+
+
+def test_the_uncertainty_is_that_of_the_covariance(named: Diagnosis) -> None:
+    assert named.std_mm == pytest.approx(np.sqrt(np.diag(named.covariance_mm2)))
+    assert named.machine == named.model.machine.name == "truth-prototype"
+    apart = named.covariance_mm2 / np.outer(named.std_mm, named.std_mm) - np.eye(3)
+    assert np.abs(apart).max() > 0.05
+
+
+def test_the_ranking_holds_every_explanation_once(named: Diagnosis) -> None:
+    assert sum(named.ranking.values()) == pytest.approx(1.0)
+    assert list(named.ranking.values()) == sorted(named.ranking.values(), reverse=True)
+    best = next(iter(named.ranking))
+    assert best == Explanation(("axis_gap",)) == ((named.causes[0].id,), None)
+    assert named.ranking[best] == named.causes[0].probability
+    assert Explanation() in named.ranking
+    patterns = [explanation for explanation in named.ranking if explanation.pattern is not None]
+    assert len(patterns) == 6
+    assert all(explanation.causes == () for explanation in patterns)
+
+
+def test_a_named_cause_speaks_for_its_effect(named: Diagnosis) -> None:
+    (cause,) = named.causes
+    gap = CAUSES["axis_gap"]
+    assert cause.effect.cause is gap
+    assert (cause.id, cause.advice, cause.in_machine) == (gap.id, gap.advice, True)
+    stds = np.sqrt(np.diag(cause.effect.covariance))
+    for k, (name, estimate) in enumerate(cause.parameters.items()):
+        assert name == gap.names[k]
+        assert estimate == (pytest.approx(cause.effect.theta[k]), pytest.approx(stds[k]), "mm")
+
+
+def test_what_is_accepted_is_what_was_named() -> None:
+    """One effect from the fit into the model, with its correlations, date and digest."""
+    session = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("backlash",))
+    readings, model = known(session)
+    (cause,) = diagnose(readings, model).causes
+    extended = extend(readings, model, "backlash", date(2024, 5, 6))
+    (effect,) = extended.accepted
+    assert extended.machine is model.machine
+    assert (effect.date, effect.data_sha256) == ("2024-05-06", readings.source.sha256)
+    for name, estimate in cause.parameters.items():
+        value, std, unit = estimate
+        assert effect.estimates[name] == (pytest.approx(value), pytest.approx(std), unit)
+    assert effect.covariance is not None
+    assert cause.effect.covariance is not None
+    widths = np.s_[:3, :3]
+    assert effect.covariance[widths] == pytest.approx(cause.effect.covariance[widths], rel=1e-12)
+    # Where the carriages stood first belongs to that session alone.
+    assert np.all(effect.theta[3:] == 0.0)
+    assert np.all(effect.covariance[3:] == 0.0)
+    # Accepted on top of another: after it, and both are simulated.
+    twice = extend(
+        readings,
+        model.extended([CAUSES["leg_length"].at(np.zeros(3))]),
+        "backlash",
+        date(2024, 5, 7),
+    )
+    assert [one.cause.id for one in twice.accepted] == ["leg_length", "backlash"]
+
+
+def test_what_is_known_is_simulated() -> None:
+    """A long leg in the model moves the offset that the same readings give by its excess."""
+    readings, model = known(truth.make_session(21, truth.PROTOTYPE, truth.MICRON))
+    leg = CAUSES["leg_length"]
+    longer = model.extended([leg.at(np.array([0.2, 0.0, 0.0]))])
+    plain, told = diagnose(readings, model), diagnose(readings, longer)
+    assert told.model is longer
+    assert told.offsets_mm - plain.offsets_mm == pytest.approx([0.2, 0.0, 0.0], abs=3e-3)
+    unsure = model.extended([Effect(leg, np.zeros(3), covariance=np.diag([0.02, 0.0, 0.0]) ** 2)])
+    assert diagnose(readings, unsure).std_mm == pytest.approx(
+        np.hypot(told.std_mm, [0.02, 0.0, 0.0]), rel=0.03
+    )
+
+
+def test_differences_are_shown_in_the_order_of_the_file() -> None:
+    values = dict(zip(SIX, EXPERIMENTS[2].measured, strict=True))
+    straight, reverse = (
+        diagnose(
+            Differences(DataKind.SIX, order, np.array([values[each] for each in order]), NOWHERE),
+            NOMINAL,
+        )
+        for order in (SIX, SIX[::-1])
+    )
+    assert straight.measured_mm.tolist() == [values[each] for each in SIX]
+    assert reverse.measured_mm.tolist() == [values[each] for each in SIX[::-1]]
+    np.testing.assert_allclose(reverse.nominal_mm[::-1], straight.nominal_mm, atol=1e-9)
+    np.testing.assert_allclose(reverse.explained_mm[::-1], straight.explained_mm, atol=1e-6)
+    assert np.ptp(straight.nominal_mm) > 0.5
+
+
+@pytest.mark.parametrize(
+    "hidden", [("axis_gap",), ("sign_flip",), ("swapped_gauges",), ("gauge_slip", "axis_gap")]
+)
+def test_readings_are_explained_by_the_whole_model(hidden: tuple[str, ...]) -> None:
+    """What all effects together simulate, but for the gauges' zeros; tenths of a micrometre."""
+    readings, model = known(truth.make_session(3, truth.PROTOTYPE, truth.MICRON, hidden))
+    found = diagnose(readings, model)
+    assert {cause.id for cause in found.causes} == set(hidden)
+    effects = [cause.effect for cause in found.causes]
+    simulated = simulate(model.extended(effects), found.offsets_mm, readings.plan)
+    left = without_zeros(readings.plan, found.explained_mm - simulated)
+    assert np.abs(left).max() < 2e-4
+    assert np.abs(without_zeros(readings.plan, found.nominal_mm - simulated)).max() > 0.02
+
+
+def test_differences_are_explained_under_the_label_that_was_written_down() -> None:
+    """The paper's third experiment, for which exchanged gauges are likeliest."""
+    measured = read_input(str(SAMPLES / "experiment3.csv")).measured
+    found = diagnose(measured, NOMINAL)
+    assert "swapped_gauges" in {cause.id for cause in found.causes}
+    fit = assess(Whitened.of(measured, NOMINAL)).accepted
+    plan = ideal_plan(DataKind.TWELVE, PROTOTYPE)
+    simulated = simulate(NOMINAL.extended(fit.effects), fit.offsets, plan)
+    expected = reduction(DataKind.SIX, SIX, PROTOTYPE, plan) @ simulated
+    assert found.explained_mm == pytest.approx(expected, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [(), ("backlash",), ("misread",), ("gauge_slip",), ("swapped_gauges",), ("gauge_drift",)],
+)
+def test_it_checks_its_own_optimum(hidden: tuple[str, ...]) -> None:
+    found = diagnose(*known(truth.make_session(1, truth.PROTOTYPE, truth.MICRON, hidden)))
+    assert found.converged
+    assert not replace(found, offsets_mm=found.offsets_mm + found.std_mm).converged
+    (share, fit), *others = found.left_open
+    std = np.sqrt(np.diag(fit.covariance)[:3])
+    moved = replace(fit, offsets=fit.offsets + std)
+    settled = replace(
+        found,
+        left_open=((share, moved), *others),
+        offsets_mm=found.offsets_mm + share * std,
+    )
+    assert not settled.converged
+
+
+@pytest.mark.parametrize("hidden", ["axis_gap", "backlash", "misread", "gauge_slip"])
+def test_a_moved_parameter_is_not_the_optimum(hidden: str) -> None:
+    found = diagnose(*known(truth.make_session(1, truth.PROTOTYPE, truth.MICRON, (hidden,))))
+    (cause,) = found.causes
+    effect = cause.effect
+    std = 1.0 if effect.covariance is None else np.sqrt(np.diag(effect.covariance))
+    moved = replace(cause, effect=replace(effect, theta=effect.theta + 2.0 * std))
+    assert found.converged
+    assert not replace(found, causes=(moved,)).converged
+
+
+def test_differences_check_their_optimum_too() -> None:
+    found = diagnose(read_input(str(SAMPLES / "experiment3.csv")).measured, NOMINAL)
+    assert found.causes
+    assert found.converged
+    assert not replace(found, offsets_mm=found.offsets_mm + found.std_mm).converged
+
+
+def test_the_offsets_of_unexplained_data_are_those_of_the_nominal_fit() -> None:
+    readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.MICRON))
+    wild = np.random.default_rng(5).normal(0.0, 0.5, len(readings))
+    found = diagnose(replace(readings, value=readings.value + wild), model)
+    assert found.verdict is Verdict.UNEXPLAINED
+    ((share, fit),) = found.left_open
+    assert (share, fit.effects) == (1.0, ())
+    assert found.converged
+    assert not replace(found, offsets_mm=found.offsets_mm + found.std_mm).converged

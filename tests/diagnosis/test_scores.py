@@ -1,0 +1,323 @@
+"""Scores and fits of explanations: by brute force, by another linearisation, by samples."""
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.assess import Assessment, assess
+from orthoglide_cal.diagnosis.evidence import NoiseGrid
+from orthoglide_cal.diagnosis.explanations import Ids, Whitened
+from orthoglide_cal.diagnosis.scores import all_or_one
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.model import Cause, Floats, Plan, simulate
+from tests import truth
+from tests.diagnosis.sessions import known
+from tests.diagnosis.test_evidence import dense
+
+# What is assumed before any reading is seen, stated once more: one standard deviation of an
+# offset, sizes of a blunder in tolerances, in how many cases all parameters of a cause act, sizes
+# of a pattern beyond the list in standard deviations of one reading.
+OFFSET_MM = 10.0
+BLUNDERS = (1.0, 6.0)
+ALL = 0.5
+PATTERN_SIZES = (5.0, 30.0)
+NOISIER = (2.0, 4.0, 8.0)
+
+
+@cache
+def assessed(hidden: tuple[str, ...], seed: int) -> Assessment:
+    session = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, hidden)
+    return assess(Whitened.of(*known(session)))
+
+
+def averaged(noise: NoiseGrid, columns: Floats, residual: Floats) -> float:
+    """Evidence with a dense covariance for each σ."""
+    logs = [dense(columns, sigma, residual) for sigma in noise.sigma.tolist()]
+    return float(np.logaddexp.reduce(noise.log_weight + logs))
+
+
+def linear_model(found: Assessment, base: tuple[Cause, ...]) -> tuple[Floats, Floats]:
+    """Residual of the offsets-only fit and B of the base, by finite differences of simulate."""
+    white = found.at.white
+    model, plan = white.problem.model, white.plan
+    start = found.at.offsets[0]
+    assert white.problem.remaining_step(white.data, start) < 1e-9
+    step = 1e-4
+    columns = [
+        (simulate(model, start + d, plan) - simulate(model, start - d, plan))
+        / (2.0 * step)
+        * OFFSET_MM
+        for d in step * np.eye(3)
+    ]
+    for cause in base:
+        for k, std in enumerate(cause.prior_std(model.machine)):
+            d = step * cause.scale * np.eye(cause.unknowns)[k]
+            up = simulate(model.extended([cause.at(d)]), start, plan)
+            down = simulate(model.extended([cause.at(-d)]), start, plan)
+            columns.append((up - down) / (2.0 * step * cause.scale) * std)
+    residual = white.data - white.matrix @ simulate(model, start, plan)
+    return residual, white.matrix @ np.stack(columns, axis=1)
+
+
+def one_alone(noise: NoiseGrid, cause: Cause, columns: Floats, residual: Floats) -> float:
+    """Evidence of one parameter acting alone, whichever it is; columns: offsets, then the cause."""
+    ends = 3, 3 + len(cause.names)
+    always = np.hstack((columns[:, : ends[0]], columns[:, ends[1] :]))
+    each = [
+        averaged(noise, np.column_stack((always, one)), residual)
+        for one in columns[:, ends[0] : ends[1]].T
+    ]
+    return float(np.logaddexp.reduce(each) - np.log(len(each)))
+
+
+def either(together: float, single: float) -> float:
+    return float(np.logaddexp(np.log(ALL) + together, np.log(1.0 - ALL) + single))
+
+
+def by_brute_force(found: Assessment, ids: Ids) -> float:
+    """Evidence of a set, every σ, place and size one by one with a dense covariance."""
+    white, noise = found.at.white, found.at.noise
+    plan, machine = white.plan, white.machine
+    extra = next((CAUSES[id] for id in ids if len(CAUSES[id].places(plan, machine)) > 1), None)
+    base = tuple(CAUSES[id] for id in ids if extra is None or id != extra.id)
+    residual, columns = linear_model(found, base)
+    if extra is None:
+        together = averaged(noise, columns, residual)
+        if not base:
+            return together
+        if len(base) > 1:
+            return together + float(np.log(ALL))
+        return either(together, one_alone(noise, base[0], columns, residual))
+    parts = []
+    for weight, sigma in zip(noise.log_weight, noise.sigma.tolist(), strict=True):
+        covariance = sigma**2 * np.eye(len(white)) + columns @ columns.T
+        inverse, log_det = np.linalg.inv(covariance), np.linalg.slogdet(covariance)[1]
+        places = extra.places(plan, machine)
+        share = weight - np.log(len(places))
+        for place in places:
+            if isinstance(extra, RelabelCause):
+                version = found.at.extras[extra.id].own.start + places.index(place)
+                fitted = found.at.residuals[version]
+                parts.append(share - 0.5 * (fitted @ inverse @ fitted + log_det))
+                continue
+            assert isinstance(extra, PatternCause)
+            one, still = np.ones(1), np.zeros(len(plan))
+            pattern = extra.contact(still, one, place, still, plan, machine)
+            pattern = white.matrix @ extra.record(pattern, one, place, plan, machine)
+            if extra.id == "gauge_slip":
+                for turns, chance in extra.counts.items():
+                    left = residual - turns * pattern
+                    square = left @ inverse @ left
+                    parts.append(share + np.log(chance) - 0.5 * (square + log_det))
+                continue
+            for scale in BLUNDERS:
+                size = scale * machine.tolerances[extra.id]
+                wider = covariance + size**2 * np.outer(pattern, pattern)
+                square = residual @ np.linalg.solve(wider, residual)
+                log = -0.5 * (square + np.linalg.slogdet(wider)[1])
+                parts.append(share - np.log(len(BLUNDERS)) + log)
+    return float(np.logaddexp.reduce(parts)) + (float(np.log(ALL)) if base else 0.0)
+
+
+@pytest.mark.parametrize(
+    "ids",
+    [
+        (),
+        ("axis_gap",),
+        ("backlash",),
+        ("gauge_drift",),
+        ("gauge_slip",),
+        ("sign_flip",),
+        ("axis_squareness", "bar_skew"),
+        ("axis_gap", "stand_shift"),
+        ("encoder_scale", "swapped_gauges"),
+    ],
+    ids="+".join,
+)
+def test_scores_are_brute_force_by_another_way(ids: Ids) -> None:
+    """With all places, all sizes and all σ of the grid, the derivatives by finite differences."""
+    found = assessed(("axis_gap", "stand_shift"), 5)
+    score = found.scores[ids].log_evidence
+    assert score == pytest.approx(by_brute_force(found, ids), abs=2e-3, rel=1e-6)
+
+
+def test_evidence_is_the_mean_over_all_and_each() -> None:
+    """By dense covariances; the first positions of backlash are always free."""
+    rng = np.random.default_rng(3)
+    noise, cause = NoiseGrid.around(0.004), CAUSES["backlash"]
+    others, own = rng.normal(0.0, 0.02, (20, 3)), rng.normal(0.0, 0.02, (20, 6))
+    residual = own[:, 1] + rng.normal(0.0, 0.004, 20)
+    together = averaged(noise, np.hstack((others, own)), residual)
+    each = [
+        averaged(noise, np.column_stack((others, own[:, 3:], own[:, k])), residual)
+        for k in range(3)
+    ]
+    expected = np.log(ALL * np.exp(together) + (1.0 - ALL) * np.mean(np.exp(each)))
+    gap = rng.normal(0.0, 0.02, (20, 3))
+    alone = all_or_one([(cause, own, together)], others, residual, noise)
+    both = [(CAUSES["axis_gap"], gap, 0.0), (cause, own, together)]
+    assert alone == pytest.approx([expected], abs=1e-6)
+    assert all_or_one(both, others, residual, noise)[1] == pytest.approx(expected, abs=1e-6)
+    assert each[1] == max(*each, together)
+
+
+def patterns(plan: Plan) -> Iterator[Floats]:
+    """Covariances (n, n) of patterns beyond the list, for one unit of their size squared.
+
+    Independent of each other from cell to cell; a random walk within each set-up that has come to
+    one unit at the end of the longest; independent readings of one leg.
+    """
+    n = len(plan)
+    cell = list(zip(plan.leg, plan.direction, plan.displacement, strict=True))
+    yield np.array([[float(cell[i] == cell[j]) for j in range(n)] for i in range(n)])
+    rank = [sum(plan.order[plan.setup == plan.setup[i]] <= plan.order[i]) for i in range(n)]
+    walk = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            walk[i, j] = min(rank[i], rank[j]) if plan.setup[i] == plan.setup[j] else 0.0
+    yield walk / max(rank)
+    for leg in range(3):
+        yield np.diag((plan.leg == leg).astype(float))
+
+
+def test_patterns_beyond_the_list_are_brute_force_by_another_way() -> None:
+    """Each pattern's covariance built reading by reading, at both sizes and for every σ."""
+    found = assessed(("axis_gap", "stand_shift"), 5)
+    white, noise = found.at.white, found.at.noise
+    residual, columns = linear_model(found, ())
+    stated = white.machine.gauge.noise_mm
+
+    def log(spread: Floats, scale: float) -> float:
+        logs = []
+        for weight, sigma in zip(noise.log_weight, scale * noise.sigma, strict=True):
+            full = sigma**2 * np.eye(len(white)) + columns @ columns.T + spread
+            square = residual @ np.linalg.solve(full, residual)
+            logs.append(weight - 0.5 * (square + np.linalg.slogdet(full)[1]))
+        return float(np.logaddexp.reduce(logs))
+
+    expected = []
+    for pattern in patterns(white.plan):
+        spread = white.matrix @ pattern @ white.matrix.T
+        each = [log((size * stated) ** 2 * spread, 1.0) for size in PATTERN_SIZES]
+        expected.append(np.logaddexp.reduce(each) - np.log(len(each)))
+    each = [log(np.zeros((len(white), len(white))), scale) for scale in NOISIER]
+    expected.append(np.logaddexp.reduce(each) - np.log(len(each)))
+    got = [pattern.log_evidence for pattern in found.unlisted]
+    assert got == pytest.approx(expected, abs=2e-3, rel=1e-6)
+    assert np.ptp(expected) > 10.0
+
+
+def test_the_places_found_are_those_of_the_truth() -> None:
+    session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL, ("axis_gap", "stand_shift"))
+    found = assessed(("axis_gap", "stand_shift"), 5)
+    extra = found.scores["axis_gap", "stand_shift"].extra
+    assert extra is not None
+    hidden = next(effect for effect in session.effects if effect.id == "stand_shift")
+    assert extra.place.index == (hidden.row,)
+
+
+@pytest.mark.parametrize("cause", ["axis_gap", "axis_squareness", "bar_skew", "backlash"])
+def test_refined_evidence_against_weighted_samples_of_the_full_model(cause: str) -> None:
+    """∫ likelihood · prior over offsets and parameters, by importance sampling.
+
+    8,000 samples from the Gaussian around the fit, a little wider; their own standard error
+    is computed and stays below 0.03. The fit's evidence is exact for a linear model; backlash
+    also has the three widths' bounds, which it treats one by one.
+    """
+    found = assessed((cause,), 3)
+    fit, white, noise = found.fit((cause,)), found.at.white, found.at.noise
+    kind, rng = CAUSES[cause], np.random.default_rng(9)
+    mean = np.concatenate((fit.offsets, fit.effects[0].theta))
+    root = 1.15 * np.linalg.cholesky(fit.covariance)
+    normal = rng.standard_normal((8_000, mean.size))
+    samples = mean + normal @ root.T
+    offsets, theta = samples[:, :3], samples[:, 3:]
+    model = white.problem.model.extended([kind.at(theta)])
+    readings = simulate(model, offsets, white.plan)
+    square = ((white.data - readings @ white.matrix.T) ** 2).sum(axis=1)
+    likelihood = np.logaddexp.reduce(
+        noise.log_weight
+        - 0.5 * square[:, None] / noise.sigma**2
+        - len(white) * np.log(noise.sigma),
+        axis=1,
+    )
+    stds = np.concatenate((np.full(3, OFFSET_MM), kind.prior_std(white.machine)))
+    standard = np.hstack((offsets - found.at.offsets[0], theta)) / stds
+    prior = -0.5 * (standard**2).sum(axis=1) - np.log(stds).sum()
+    if kind.positive:
+        inside = np.all(theta[:, : len(kind.names)] >= 0.0, axis=1)
+        prior = np.where(inside, prior + len(kind.names) * np.log(2.0), -np.inf)
+    proposal = -0.5 * (normal**2).sum(axis=1) - np.log(np.diag(root)).sum()
+    logs = likelihood + prior - proposal
+    weights = np.exp(logs - logs.max())
+    sampled = logs.max() + np.log(weights.mean())
+    error = weights.std() / weights.mean() / np.sqrt(len(weights))
+    assert error < 0.03
+    # Or one of its parameters acts alone.
+    residual, columns = linear_model(found, (kind,))
+    sampled = either(sampled, one_alone(noise, kind, columns, residual))
+    tolerance = 0.5 if kind.positive else 0.05
+    assert fit.log_evidence == pytest.approx(sampled, abs=tolerance + 3.0 * error)
+
+
+def test_the_offsets_only_fit_is_that_of_solve() -> None:
+    """The prior on offsets (10 mm) moves them by less than a nanometre's fraction of σ."""
+    readings, model = known(truth.make_session(3, truth.LARGE, truth.MICRON))
+    found = assess(Whitened.of(readings, model))
+    solution = solve(readings, model)
+    assert found.fit(()).offsets == pytest.approx(solution.offsets_mm, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ids", "sized"),
+    [
+        (("axis_gap", "bar_skew"), (3, 6)),
+        (("backlash", "stand_shift"), (6, 1)),
+        (("axis_squareness", "gauge_slip"), (3, None)),
+        (("bar_skew", "swapped_gauges"), (6, None)),
+    ],
+    ids=lambda value: "+".join(value) if isinstance(value[0], str) else "",
+)
+def test_each_effect_has_its_own_block_of_the_covariance(
+    ids: Ids, sized: tuple[int | None, ...]
+) -> None:
+    """Against the inverse of JᵀJ/σ² + 1/prior², J by finite differences of the whole model."""
+    found = assessed(("axis_gap", "stand_shift"), 5)
+    fit, white = found.fit(ids), found.at.white
+    assert tuple(effect.cause.id for effect in fit.effects) == ids
+    model, free = white.problem.model, [e for e in fit.effects if e.covariance is not None]
+    given = [e for e in fit.effects if e.covariance is None]
+    sizes = [len(e.theta) if e.covariance is not None else None for e in fit.effects]
+    assert sizes == list(sized)
+    start = np.concatenate([fit.offsets, *(effect.theta for effect in free)])
+    prior = [np.full(3, OFFSET_MM)]
+    for effect in free:
+        blunder = max(BLUNDERS) if isinstance(effect.cause, PatternCause) else 1.0
+        prior.append(blunder * effect.cause.prior_std(white.machine))
+
+    def predicted(unknowns: Floats) -> Floats:
+        parts = np.split(unknowns, np.cumsum([3, *(len(e.theta) for e in free)])[:-1])
+        moved = [e.cause.at(part, e.place) for e, part in zip(free, parts[1:], strict=True)]
+        readings = simulate(model.extended([*moved, *given]), parts[0], white.plan)
+        return np.asarray(white.matrix @ readings)
+
+    stds = np.concatenate(prior)
+    steps = 1e-4 * np.minimum(stds, 0.1)
+    slope = np.stack(
+        [(predicted(start + d) - predicted(start - d)) / (2.0 * d.sum()) for d in np.diag(steps)],
+        axis=1,
+    )
+    expected = np.linalg.inv(slope.T @ slope / fit.sigma**2 + np.diag(1.0 / stds**2))
+    scale = np.sqrt(np.diag(expected))
+    error = (fit.joint_covariance(free) - expected) / np.outer(scale, scale)
+    assert np.abs(error).max() < 2e-3
+    at = 3
+    for effect in free:
+        own = slice(at, at + len(effect.theta))
+        at = own.stop
+        assert effect.covariance is not None
+        error = (effect.covariance - expected[own, own]) / np.outer(scale[own], scale[own])
+        assert np.abs(error).max() < 2e-3

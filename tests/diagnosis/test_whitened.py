@@ -1,0 +1,83 @@
+"""The data as combinations of readings with equal, independent noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES, RelabelCause
+from orthoglide_cal.diagnosis.explanations import Whitened
+from orthoglide_cal.files import read_input
+from orthoglide_cal.model import DIFFERENCES, DataKind, Series, double_posture, simulate
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
+from tests.readings import readings_of
+
+RELABELS = [cause for cause in CAUSES.values() if isinstance(cause, RelabelCause)]
+
+
+def sample(name: str) -> Whitened:
+    return Whitened.of(read_input(str(SAMPLES / name)).measured, NOMINAL)
+
+
+@pytest.mark.parametrize(
+    "name", ["experiment2.csv", "double_posture_session.csv", "single_posture_session.csv"]
+)
+def test_noise_of_the_whitened_data_is_white(name: str) -> None:
+    white = sample(name)
+    assert white.matrix @ white.matrix.T == pytest.approx(np.eye(len(white)), abs=1e-12)
+    assert np.abs(white.matrix @ white.plan.zeros).max() < 1e-12
+    residual = np.linspace(-0.3, 0.7, len(white))
+    assert white.rms(residual) == pytest.approx(np.sqrt(np.mean(white.plain(residual) ** 2)))
+
+
+def test_six_differences_pass_the_isotropic_posture() -> None:
+    """max − min alone would have the carriages go straight from limit to limit."""
+    white = sample("experiment2.csv")
+    assert set(white.plan.displacement.tolist()) == {0.0, 60.0, -100.0}
+    readings = simulate(NOMINAL, np.array([0.3, -0.5, 0.2]), white.plan)
+    differences = white.root @ white.matrix @ readings
+
+    def at(series: Series, displacement: float) -> float:
+        (value,) = readings[white.plan.of(series) & (white.plan.displacement == displacement)]
+        return float(value)
+
+    expected = [
+        at(each.series, 60.0) - at(each.series, -100.0) for each in DIFFERENCES[DataKind.SIX]
+    ]
+    assert white.in_file.tolist() == list(range(6))
+    assert differences == pytest.approx(expected, abs=1e-12)
+    assert white.plain(white.matrix @ readings) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("cause", RELABELS, ids=[cause.id for cause in RELABELS])
+def test_undoing_it_in_the_data_is_undoing_it_in_the_readings(cause: RelabelCause) -> None:
+    """On the whitened data it acts as W T Wᵀ: zeros of any size have no part in it."""
+    plan = double_posture(PROTOTYPE)
+    rng = np.random.default_rng(6)
+    clean = simulate(NOMINAL, np.array([0.6, -0.9, 0.3]), plan) + rng.normal(0.0, 0.1, len(plan))
+    for place in cause.places(plan, PROTOTYPE):
+        zeros = rng.uniform(-4.0, 4.0, 6)[plan.setup]
+        written = cause.record(clean + zeros, np.zeros(0), place, plan, PROTOTYPE)
+        white = Whitened.of(readings_of(PROTOTYPE, plan, written), NOMINAL)
+        undone = white.relabelled(white.data, cause, place)
+        assert undone == pytest.approx(white.matrix @ clean, abs=1e-12)
+        assert white.relabelled(undone, cause, place) == pytest.approx(white.data, abs=1e-12)
+        assert np.abs(white.data - white.matrix @ clean).max() > 0.1
+
+
+def test_a_clock_that_was_only_assumed_leaves_rates_three_times_as_open() -> None:
+    readings = readings_of(PROTOTYPE, double_posture(PROTOTYPE), np.linspace(0.0, 1.0, 60))
+    sure = Whitened.of(readings, NOMINAL).machine.tolerances
+    assumed = Whitened.of(replace(readings, timed=False), NOMINAL).machine.tolerances
+    assert sure == PROTOTYPE.tolerances
+    assert {id for id in sure if assumed[id] != sure[id]} == {"thermal_drift", "gauge_drift"}
+    assert all(assumed[id] == 3.0 * sure[id] for id in ("thermal_drift", "gauge_drift"))
+
+
+def test_scaling_changes_the_tolerances_and_nothing_else() -> None:
+    white = sample("double_posture_session.csv")
+    half = white.scaled(0.5)
+    assert half.machine.tolerances == {id: 0.5 * t for id, t in PROTOTYPE.tolerances.items()}
+    assert replace(half.machine, tolerances=PROTOTYPE.tolerances) == PROTOTYPE
+    assert np.array_equal(half.data, white.data)
+    assert half.plan is white.plan

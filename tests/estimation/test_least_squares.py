@@ -1,0 +1,269 @@
+"""Eq. (25): optimality, convergence, and agreement with another solver."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.estimation import Problem, fit_offsets, solve
+from orthoglide_cal.estimation.least_squares import OPTIMAL_MM, normal_step
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    DataKind,
+    Floats,
+    Machine,
+    Model,
+    double_posture,
+    simulate,
+    simulate_with_jacobian,
+    zero_free,
+)
+from orthoglide_cal.paper.tables import experiment
+from tests.estimation.sessions import BENT, READINGS, SIX, TWELVE, of_values, problem_of
+from tests.machines import NOMINAL, both_models, extended
+from tests.model import table2
+
+EXPERIMENT_1 = experiment(1).value
+
+
+def problem_for(kind: DataKind, model: Model) -> Problem:
+    """Of one cycle of differences, or of all readings of three cycles."""
+    if kind is not READINGS:
+        return problem_of(kind, model)
+    plan = double_posture(model.machine)
+    return Problem(model, plan, zero_free(plan))
+
+
+def noisy(problem: Problem, offsets: Floats, sigma: float, seed: int) -> Floats:
+    """Data with noise in every reading, not in every difference."""
+    signal = simulate(problem.model, offsets, problem.plan)
+    noise = sigma * np.random.default_rng(seed).standard_normal(signal.shape)
+    return np.asarray((signal + noise) @ problem.matrix.T)
+
+
+nonlinear = pytest.mark.parametrize("kind", [SIX, TWELVE, READINGS])
+
+
+@both_models
+@nonlinear
+def test_exact_data_give_the_true_offsets(model: Model, kind: DataKind) -> None:
+    problem = problem_for(kind, model)
+    offsets = np.random.default_rng(3).uniform(-8.0, 8.0, (50, 3))
+    fit = fit_offsets(problem, noisy(problem, offsets, 0.0, 1))
+    assert np.all(fit.converged)
+    assert np.abs(fit.offsets_mm - offsets).max() < OPTIMAL_MM
+
+
+@both_models
+@pytest.mark.parametrize("kind", [SIX, TWELVE])
+def test_all_of_100_000_random_offsets_converge_from_zero(model: Model, kind: DataKind) -> None:
+    """Also of those near ±20 mm; all of them can be reached, or `noisy` would raise."""
+    problem = problem_for(kind, model)
+    offsets = np.random.default_rng(7).uniform(-20.0, 20.0, (100_000, 3))
+    fit = fit_offsets(problem, noisy(problem, offsets, 0.0, 0))
+    assert np.all(fit.converged)
+    assert np.abs(fit.offsets_mm - offsets).max() < OPTIMAL_MM
+    assert fit.iterations.max() < 10
+
+
+@both_models
+def test_coarse_data_still_reach_an_optimum(model: Model) -> None:
+    """Differences that no offsets explain: 5 mm of scatter, a blunder in every reading."""
+    problem = problem_of(SIX, model)
+    fit = fit_offsets(problem, np.random.default_rng(1).normal(0.0, 5.0, (2000, 6)))
+    assert np.all(fit.converged)
+
+
+def test_steps_that_go_astray_are_damped() -> None:
+    """At 40 mm of scatter plain Gauss–Newton steps lose 5 % of these sets, damped ones 0.2 %."""
+    problem = problem_of(SIX, NOMINAL)
+    data = np.random.default_rng(2).normal(0.0, 40.0, (2000, 6))
+    fit = fit_offsets(problem, data)
+    assert np.mean(fit.converged) > 0.99
+    # No step was taken that makes it worse than at zero offsets.
+    assert np.all((fit.residuals_mm**2).sum(axis=-1) <= (data**2).sum(axis=-1))
+
+
+def by_scipy(problem: Problem, data: Floats) -> Floats:
+    """The same least squares by scipy, from zero."""
+
+    def residual(x: Floats) -> Floats:
+        return problem.predict(x) - data
+
+    def slope(x: Floats) -> Floats:
+        return problem.predict_with_jacobian(x)[1]
+
+    found = least_squares(
+        residual, np.zeros(3), jac=slope, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
+    return np.asarray(found.x)
+
+
+@both_models
+@nonlinear
+def test_agrees_with_another_solver(model: Model, kind: DataKind) -> None:
+    """At 2 µm of noise; the other solver compares sums of squares, so its own error grows with
+    the residuals: rounding of F hides a step of about |r|·1e-7."""
+    problem = problem_for(kind, model)
+    offsets = np.random.default_rng(11).uniform(-5.0, 5.0, (12, 3))
+    data = noisy(problem, offsets, 0.002, 2)
+    fit = fit_offsets(problem, data)
+    for row, found in zip(data, fit.offsets_mm, strict=True):
+        assert np.abs(by_scipy(problem, row) - found).max() < 1e-9
+
+
+@both_models
+@nonlinear
+def test_agrees_with_another_solver_on_large_residuals(model: Model, kind: DataKind) -> None:
+    """At 0.3 mm of noise, with the other solver's answer refined as a root of ∂F/∂Δρ."""
+    problem = problem_for(kind, model)
+    offsets = np.random.default_rng(12).uniform(-5.0, 5.0, (6, 3))
+    data = noisy(problem, offsets, 0.3, 3)
+
+    def gradient(x: Floats, row: Floats) -> Floats:
+        predicted, slope = problem.predict_with_jacobian(x)
+        return np.asarray(slope.T @ (predicted - row))
+
+    for row, found in zip(data, fit_offsets(problem, data).offsets_mm, strict=True):
+        near = by_scipy(problem, row)
+        other = least_squares(gradient, near, args=(row,), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        assert np.abs(near - found).max() < 1e-5
+        assert np.abs(other.x - found).max() < 1e-9
+
+
+def six_by_table_2(machine: Machine, offsets: Floats) -> Floats:
+    low, high = machine.joint_limits_mm
+    return np.array(
+        [
+            table2.gauge_reading(machine, offsets, *series, high)
+            - table2.gauge_reading(machine, offsets, *series, low)
+            for series, _ in DIFFERENCES[SIX]
+        ]
+    )
+
+
+@both_models
+def test_the_optimum_is_one_by_an_independent_derivative(model: Model) -> None:
+    """∂F/∂Δρ = 0 with F of eq. (25) from Table 2 written anew, by central differences."""
+    found = solve(experiment(1), model).offsets_mm
+
+    def half_sum_of_squares(offsets: Floats) -> float:
+        misfit = six_by_table_2(model.machine, offsets) - EXPERIMENT_1
+        return 0.5 * float((misfit**2).sum())
+
+    step = 1e-3
+    gradient = [
+        (half_sum_of_squares(found + move) - half_sum_of_squares(found - move)) / (2.0 * step)
+        for move in step * np.eye(3)
+    ]
+    # F curves by about 0.5 per mm²: a gradient of 1e-8 is an offset of 2e-8 mm.
+    assert np.abs(gradient).max() < 1e-8
+    for move in 0.01 * np.random.default_rng(2).normal(size=(20, 3)):
+        assert half_sum_of_squares(found + move) > half_sum_of_squares(found)
+
+
+def test_the_remaining_step_is_how_far_the_optimum_is() -> None:
+    problem = problem_of(SIX, NOMINAL)
+    fit = fit_offsets(problem, EXPERIMENT_1)
+    assert problem.remaining_step(EXPERIMENT_1, fit.offsets_mm) < OPTIMAL_MM
+    wrong = fit.offsets_mm + np.array([0.0, 1e-6, 0.0])
+    assert problem.remaining_step(EXPERIMENT_1, wrong) == pytest.approx(1e-6, rel=0.01)
+
+
+def test_a_fit_says_what_it_left() -> None:
+    problem = problem_of(SIX, NOMINAL)
+    data = np.stack((EXPERIMENT_1, experiment(2).value))
+    fit = fit_offsets(problem, data)
+    assert fit.residuals_mm == pytest.approx(data - problem.predict(fit.offsets_mm), abs=1e-12)
+    assert np.sqrt(np.mean(fit.residuals_mm**2, axis=1)) == pytest.approx([0.74, 0.20], abs=0.01)
+    remaining = problem.remaining_step(data, fit.offsets_mm)
+    assert fit.remaining_mm == pytest.approx(remaining, abs=1e-12)
+    moved = replace(fit, remaining_mm=np.array([2e-9, np.nan]))
+    assert not np.any(moved.converged)
+
+
+def test_a_batch_may_have_any_shape() -> None:
+    problem = problem_of(SIX, NOMINAL)
+    offsets = np.random.default_rng(5).uniform(-2.0, 2.0, (2, 3, 3))
+    data = noisy(problem, offsets, 0.01, 4)
+    fit = fit_offsets(problem, data)
+    assert fit.offsets_mm.shape == (2, 3, 3)
+    assert fit.residuals_mm.shape == (2, 3, 6)
+    assert fit.converged.shape == fit.iterations.shape == (2, 3)
+    alone = fit_offsets(problem, data[1, 2])
+    assert fit.offsets_mm[1, 2] == pytest.approx(alone.offsets_mm, abs=1e-10)
+    assert fit_offsets(problem, np.zeros((0, 6))).offsets_mm.shape == (0, 3)
+
+
+def test_blocks_in_parallel_give_the_same_answers() -> None:
+    problem = problem_of(SIX, NOMINAL)
+    data = np.random.default_rng(8).normal(0.0, 0.5, (9000, 6))
+    starts = np.random.default_rng(9).uniform(-3.0, 3.0, (9000, 3))
+    for start in (None, starts):
+        parts = [None] * 9 if start is None else np.split(start, 9)
+        together = fit_offsets(problem, data, start).offsets_mm
+        apart = [
+            fit_offsets(problem, part, begin).offsets_mm
+            for part, begin in zip(np.split(data, 9), parts, strict=True)
+        ]
+        assert np.abs(together - np.concatenate(apart)).max() < 1e-9
+    # Each begins at its own start: at the optimum there is nothing left to do.
+    assert fit_offsets(problem, data, together).iterations.max() == 0
+
+
+def test_a_start_elsewhere_leads_to_the_same_optimum() -> None:
+    problem = problem_for(READINGS, NOMINAL)
+    data = noisy(problem, np.array([1.0, -2.0, 0.5]), 0.01, 6)
+    here = fit_offsets(problem, data)
+    there = fit_offsets(problem, data, np.array([15.0, -18.0, 12.0]))
+    assert np.abs(here.offsets_mm - there.offsets_mm).max() < 1e-9
+    assert fit_offsets(problem, data, here.offsets_mm).iterations == 0
+    assert there.iterations > here.iterations
+
+
+def test_data_out_of_all_reach_never_look_converged() -> None:
+    """What converges is an optimum by its own recomputed check; the rest says that it is not."""
+    problem = problem_of(SIX, NOMINAL)
+    data = np.random.default_rng(2).normal(0.0, 100.0, (500, 6))
+    fit = fit_offsets(problem, data)
+    assert not np.all(fit.converged)
+    again = problem.remaining_step(data, fit.offsets_mm)
+    assert np.array_equal(again <= OPTIMAL_MM, fit.converged)
+
+
+def test_not_converged_is_an_error_not_a_number() -> None:
+    problem = problem_of(SIX, NOMINAL)
+    data = np.random.default_rng(2).normal(0.0, 100.0, (500, 6))
+    row = data[np.flatnonzero(~fit_offsets(problem, data).converged)[0]]
+    with pytest.raises(NotConvergedError, match="No offsets fit these data") as caught:
+        solve(of_values(SIX, row), NOMINAL)
+    assert caught.value.exit_code == 4
+
+
+def test_step_by_cofactors_solves_the_damped_normal_equations() -> None:
+    rng = np.random.default_rng(3)
+    slope, residual = rng.normal(size=(4, 7, 3)), rng.normal(size=(4, 7))
+    damping = np.array([0.0, 0.1, 2.0, 30.0])
+    step = normal_step(slope, residual, damping)
+    for j, r, d, s in zip(slope, residual, damping, step, strict=True):
+        normal = j.T @ j
+        expected = np.linalg.solve(normal + d * np.diag(np.diag(normal)), j.T @ r)
+        assert s == pytest.approx(expected, rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [NOMINAL, BENT, extended(thermal_drift=(0.1, -0.2, 0.15))],
+    ids=["nominal", "gap", "drift"],
+)
+def test_repeated_readings_are_predicted_as_each_of_them(model: Model) -> None:
+    """Once where they are equal, apart where a cause tells them apart."""
+    problem = problem_for(READINGS, model)
+    offsets = np.array([[0.7, -0.2, 1.9], [-1.1, 0.4, 0.3]])
+    readings, slopes = simulate_with_jacobian(problem.model, offsets, problem.plan)
+    predicted, slope = problem.predict_with_jacobian(offsets)
+    assert predicted == pytest.approx(readings @ problem.matrix.T, abs=1e-12)
+    assert slope == pytest.approx(problem.matrix @ slopes, abs=1e-12)
+    assert problem.predict(offsets) == pytest.approx(predicted, abs=1e-12)

@@ -1,0 +1,51 @@
+"""Shared by the tests of files: text in, faults out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.files import default_machine, read_input
+from orthoglide_cal.files.text import Document, document_from_bytes
+from orthoglide_cal.model import Differences, Measured, Readings
+
+MODEL = default_machine()
+MACHINE = MODEL.machine
+PROTOTYPE = Path(__file__).parents[2] / "configs" / "orthoglide_prototype.yaml"
+
+
+def document(text: str | bytes, path: str = "data.csv") -> Document:
+    return document_from_bytes(text if isinstance(text, bytes) else text.encode(), path)
+
+
+def measured(folder: Path, text: str | bytes, name: str = "data.csv") -> Measured:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_input(str(path), MODEL).measured
+
+
+def readings(folder: Path, text: str | bytes, name: str = "data.csv") -> Readings:
+    result = measured(folder, text, name)
+    assert isinstance(result, Readings)
+    return result
+
+
+def differences(folder: Path, text: str | bytes) -> Differences:
+    result = measured(folder, text)
+    assert isinstance(result, Differences)
+    return result
+
+
+def problems(call, *args) -> list[InputError]:
+    """What a reader says is wrong."""
+    try:
+        call(*args)
+    except InvalidFileError as error:
+        return list(error.problems)
+    except InputError as error:
+        return [error]
+    raise AssertionError("nothing was wrong")
+
+
+def places(faults: list[InputError]) -> list[tuple[int | None, str | None, str | None]]:
+    return [(fault.line, fault.column, fault.value) for fault in faults]

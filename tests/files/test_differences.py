@@ -1,0 +1,98 @@
+"""Files of differences: kinds by their names, and every fault."""
+
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.files import read_input
+from orthoglide_cal.model import DIFFERENCES, DataKind
+
+from .helpers import MODEL, differences, measured, places, problems
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+
+
+def table(names, value="0.1"):
+    return "difference,value_mm\n" + "".join(f"{name},{value}\n" for name in names)
+
+
+@pytest.mark.parametrize("kind", DIFFERENCES)
+@pytest.mark.parametrize("d", ["d", "", "D", "Δ"])
+def test_kinds_are_recognised_by_name(tmp_path, kind, d):
+    which = DIFFERENCES[kind][::-1]
+    read = differences(tmp_path, table([d + each.name for each in which]))
+    assert read.kind is kind
+    assert read.which == which
+    assert read.value.tolist() == [0.1] * len(which)
+    assert read.remarks == ()
+
+
+def test_the_papers_experiments():
+    """Table 4, with Δx_z = +1.48 in experiment 1 as its r.m.s. of 1.19 demands."""
+    expected = {
+        1: ([0.52, 1.48, 2.37, -0.25, -0.57, -0.04], 1.19),
+        2: ([-0.43, -0.37, 0.42, -0.18, -1.14, -0.70], 0.62),
+        3: ([-0.23, 0.27, 0.34, -0.10, -0.09, 0.11], 0.21),
+    }
+    for number, (values, rms) in expected.items():
+        read = read_input(str(SAMPLES / f"experiment{number}.csv"), MODEL).measured
+        assert (read.kind, read.which) == (DataKind.SIX, DIFFERENCES[DataKind.SIX])
+        assert read.value.tolist() == values
+        assert round(float((read.value**2).mean() ** 0.5), 2) == rms
+
+
+def test_other_ways_to_write_the_same(tmp_path):
+    read = differences(
+        tmp_path, "Difference ; Value_in\r\n# c\r\ndX_Y+;\u22120,01\r\n\r\n d x_y\u2212 ;0.02\r\n"
+    )
+    assert [each.name for each in read.which] == ["x_y+", "x_y-"]
+    assert read.value.tolist() == [-0.254, 0.508]
+
+
+def test_missing_ones_are_allowed_and_said(tmp_path):
+    (remark,) = differences(tmp_path, table(["x_y", "x_z", "y_x", "z_x"])).remarks
+    assert "six differences these are missing: dy_z, dz_y" in remark
+
+
+def test_single_without_its_own_names_is_said(tmp_path):
+    read = differences(tmp_path, table(["z_x+", "z_y-"]))
+    assert read.kind is DataKind.TWELVE
+    assert any("single-posture" in remark for remark in read.remarks)
+
+
+def test_other_columns_are_said(tmp_path):
+    read = differences(tmp_path, "difference,value_mm,who\nx_y,1,me\n")
+    assert "not used: who" in read.remarks[0]
+
+
+BAD = [
+    (table(["x_x"]), 2, "difference", "x_x", "not the name", "Known: six (max − min): dx_y"),
+    (table(["x_y", "foo"]), 3, "difference", "foo", "not the name", "dz_y+, dz_y-; single"),
+    (table(["x_y", ""]), 3, "difference", None, "empty", "Direction first"),
+    (table(["x_y", "x_z", "x_y"]), 4, "difference", "x_y", "line 2", "once"),
+    (table(["x_y", "x_z", "dx_y+"]), 4, "difference", "dx_y+", "others, which are six", "one kind"),
+    (table(["x_y+", "x_z-", "dz_x"]), 4, "difference", "dz_x", "which are twelve", "one kind"),
+    (table(["z_x0", "z_x+", "dx_y+"]), 4, "difference", "dx_y+", "which are single", "one kind"),
+    (table(["x_y"], "1..2"), 2, "value_mm", "1..2", "not a number", "plain"),
+    (table(["x_y"], ""), 2, "value_mm", None, "empty", "remove the row"),
+    (table(["x_y"], "400"), 2, "value_mm", "400", "larger than the leg", "mm"),
+    (table([]), None, None, None, "no difference", "one row"),
+    ("difference,value\nx_y,1\n", 1, "value_mm", None, "missing", "value_mm or value_in"),
+    ("difference,value_mm,value_in\nx_y,1,\n", 1, "value_in", None, "both", "one column"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "column", "value", "what", "remedy"), BAD)
+def test_faults_name_place_and_remedy(tmp_path, text, line, column, value, what, remedy):
+    found = problems(measured, tmp_path, text)
+    assert places(found) == [(line, column, value)]
+    assert what in found[0].what
+    assert remedy in found[0].remedy
+
+
+def test_everything_is_collected(tmp_path):
+    text = "difference,value_mm\nx_y,a\nbad,b\nx_y,1\n"
+    assert places(problems(measured, tmp_path, text)) == [
+        (2, "value_mm", "a"), (3, "difference", "bad"), (3, "value_mm", "b"),
+        (4, "difference", "x_y"),
+    ]  # fmt: skip

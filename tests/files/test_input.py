@@ -1,0 +1,117 @@
+"""What read_input gives beside the readings, and the sessions of a folder."""
+
+import os
+from datetime import UTC, datetime
+
+import pytest
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files import (
+    Conditions,
+    GaugeIdentity,
+    latest_session,
+    machine_text,
+    machine_values,
+    read_input,
+    session_text,
+    sessions_in,
+)
+from orthoglide_cal.files.input import check_file
+
+from .helpers import MACHINE, MODEL
+
+READINGS = [{"leg": "x", "posture": "iso", "direction": "y", "reading_mm": 0.1}]
+
+
+def write(folder, name, **given):
+    values = {"machine": machine_values(MODEL), "readings": READINGS, **given}
+    (folder / name).write_text(session_text(values))
+
+
+def touch(path, year):
+    moment = datetime(year, 1, 1, tzinfo=UTC).timestamp()
+    os.utime(path, (moment, moment))
+
+
+def test_the_conditions_of_a_table_are_those_of_its_columns(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text(
+        "leg,posture,direction,reading_mm,temperature_c,gauge,note\n"
+        "x,iso,y,0.1,21.5,B,\nx,max,y,0.2,,A,shaken\nx,min,y,0.3,20.25,B,\n"
+    )
+    given = read_input(str(path))
+    assert not given.is_session
+    assert given.model is MODEL
+    assert given.conditions == Conditions(
+        temperature_c=(20.25, 21.5),
+        gauges=(GaugeIdentity("B"), GaugeIdentity("A")),
+        notes=((3, "shaken"),),
+    )
+
+
+def test_differences_have_no_conditions(tmp_path):
+    path = tmp_path / "d.csv"
+    path.write_text("difference,value_mm\ndx_y,0.1\n")
+    assert read_input(str(path)).conditions == Conditions()
+
+
+def test_nothing_is_invented_for_a_bare_session(tmp_path):
+    write(tmp_path, "bare.yaml")
+    given = read_input(str(tmp_path / "bare.yaml"))
+    assert given.is_session
+    assert given.conditions == Conditions()
+
+
+def test_the_latest_session_by_content_and_time(tmp_path):
+    with pytest.raises(InputError, match="no session"):
+        latest_session(tmp_path)
+    write(tmp_path, "old.yaml", started="2025-05-01T10:00:00+00:00")
+    write(
+        tmp_path, "new.yaml",
+        started="2025-04-01T10:00:00+00:00", finished="2025-06-01T10:00:00+00:00",
+    )  # fmt: skip
+    write(tmp_path, "undated.yml")
+    (tmp_path / "machine.yaml").write_text(machine_text(MODEL))
+    (tmp_path / "broken.yaml").write_bytes(b"machine:\nreadings:\n\0")
+    (tmp_path / "folder.yaml").mkdir()
+    for year, order in (
+        (2020, ["undated.yml", "old.yaml", "new.yaml"]),
+        (2030, ["old.yaml", "new.yaml", "undated.yml"]),
+    ):
+        touch(tmp_path / "undated.yml", year)
+        found = sessions_in(tmp_path)
+        assert [session.path.name for session in found] == order
+        assert {session.path.name: session.dated for session in found}["undated.yml"] is False
+        assert latest_session(tmp_path).name == order[-1]
+    moment = datetime(2025, 6, 1, 10, tzinfo=UTC).timestamp()
+    assert next(s for s in found if s.path.name == "new.yaml").moment == moment
+
+
+def test_no_folder(tmp_path):
+    with pytest.raises(InputError, match="no such folder"):
+        sessions_in(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "kind", "count"),
+    [
+        ("r.csv", "leg,posture,direction,reading_mm\nx,iso,y,0.1\n", "readings", 1),
+        ("d.csv", "difference,value_mm\ndx_y,0.1\ndx_z,0.1\n", "six", 2),
+        ("m.yaml", machine_text(MODEL), "machine", 0),
+        ("s.yaml", session_text({"machine": machine_values(MODEL), "readings": READINGS}),
+         "session", 1),
+    ],
+)  # fmt: skip
+def test_a_check_names_the_kind(tmp_path, name, text, kind, count):
+    (tmp_path / name).write_text(text)
+    check = check_file(str(tmp_path / name))
+    assert check.valid
+    assert (check.kind, check.count, check.name) == (kind, count, MACHINE.name)
+
+
+def test_a_machine_file_that_lacks_its_first_key_is_still_checked_as_one(tmp_path):
+    path = tmp_path / "m.yaml"
+    path.write_text(machine_text(MODEL).replace("leg_length_mm", "leg_lenght_mm"))
+    check = check_file(str(path))
+    assert check.kind is check.name is None
+    assert [problem.column for problem in check.problems] == ["leg_length_mm", "leg_lenght_mm"]

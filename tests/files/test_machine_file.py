@@ -1,0 +1,403 @@
+"""The machine file: what is accepted, what is refused and how, round trips."""
+
+import dataclasses
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files import (
+    default_machine,
+    machine_from_text,
+    machine_text,
+    machine_values,
+    read_machine,
+    write_text,
+)
+from orthoglide_cal.model import Effect, Estimate, Gauge, Model
+
+from .helpers import MACHINE, MODEL, PROTOTYPE, places, problems
+
+DIGEST = "0123456789abcdef" * 4
+
+
+def test_the_prototype_is_the_default():
+    machine = default_machine().machine
+    assert machine.kind == "orthoglide"
+    assert machine.leg_length_mm == 310.25
+    assert machine.parallelogram_width_mm == 80.0
+    assert machine.tool_offset_mm == 31.0
+    assert machine.joint_limits_mm == (-100.0, 60.0)
+    assert machine.gauge == Gauge(0.01, 10.0, 1.0, 0.006)
+    assert set(machine.tolerances) == set(CAUSES)
+    for model in (read_machine(PROTOTYPE), read_machine(None)):
+        assert (model.machine, model.accepted) == (machine, ())
+
+
+def test_a_different_machine():
+    machine = read_machine(PROTOTYPE.with_name("orthoglide_large.yaml")).machine
+    assert machine.leg_length_mm == 420.0
+    assert machine.joint_limits_mm == (-140.0, 90.0)
+    assert machine.gauge.resolution_mm == 0.001
+
+
+def changed(tmp_path: Path, *pairs: tuple[str, str]) -> Path:
+    text = PROTOTYPE.read_text()
+    for old, new in pairs:
+        assert old in text, old
+        text = text.replace(old, new)
+    path = tmp_path / "m.yaml"
+    path.write_text(text)
+    return path
+
+
+L = "leg_length_mm: 310.25"
+
+BAD = [
+    # replaced, by, line, path, value, words of the message, words of the remedy
+    (L, "leg_length_mm: 012", 7, "leg_length_mm", "012", "octal", "leading zero"),
+    (L, "leg_length_mm: 5:10", 7, "leg_length_mm", "5:10", "not a number", "plain number"),
+    (L, "leg_length_mm: yes", 7, "leg_length_mm", "yes", "not a number", "plain number"),
+    (L, "leg_length_mm: .nan", 7, "leg_length_mm", ".nan", "not a number", "plain number"),
+    (L, "leg_length_mm: .inf", 7, "leg_length_mm", ".inf", "not a number", "plain number"),
+    (L, "leg_length_mm: 1_000", 7, "leg_length_mm", "1_000", "not a number", "plain number"),
+    (L, "leg_length_mm: 310,25", 7, "leg_length_mm", "310,25", "decimal comma", "decimal point"),
+    (L, "leg_length_mm: -310", 7, "leg_length_mm", "-310", "greater than zero", "size"),
+    (L, "leg_length_mm:", 7, "leg_length_mm", None, "number is wanted", "plain number"),
+    (L, "leg_length_mm: [1]", 7, "leg_length_mm", None, "number is wanted", "plain number"),
+    (L, "leg_lenght_mm: 310.25", 3, "leg_length_mm", None, "missing", "leg_length_mm: …"),
+    (L, L + "\nkind: orthoglied", 8, "kind", "orthoglied", "kind of machine",
+     "'orthoglide'? Known: orthoglide."),
+    (L, L + "\nkind:", 8, "kind", None, "text is wanted", "word"),
+    (L, L + "\nL: 3", 8, "L", "3", "not known", "Known here: schema_version"),
+    (L, L + "\n" + L, 8, "leg_length_mm", "310.25", "stands twice", "Remove"),
+    ("[-100, 60]", "[60, -100]", 10, "joint_limits_mm", None, "ordered", "displacements"),
+    ("[-100, 60]", "[10, 60]", 10, "joint_limits_mm", None, "isotropic", "displacements"),
+    ("[-100, 60]", "[-100, 370.25]", 10, "joint_limits_mm[1]", "370.25", "beyond", "not the joint"),
+    ("[-100, 60]", "[-100]", 10, "joint_limits_mm[1]", None, "too short", "Add"),
+    ("[-100, 60]", "[-100, 0, 60]", 10, "joint_limits_mm", None, "too many", "Remove"),
+    ("resolution_mm: 0.01", "resolution_mm: 0", 15, "gauge.resolution_mm", "0", "zero", "size"),
+    ("{x: 0, y: 0, z: 0}", "{x: }", 21, "offsets_mm.x", None, "number is wanted", "plain number"),
+    ("{x: 0, y: 0, z: 0}", "{x: 0, q: 1}", 21, "offsets_mm.q", "1", "not known", "x, y, z"),
+    ("misread: 0.1", "misred: 0.1", 36, "tolerances.misred", "misred", "not a cause id",
+     "'misread'? Known: axis_gap"),
+    ("backlash: 0.02", "backlash: 0", 30, "tolerances.backlash", "0", "greater than zero", "size"),
+    ("schema_version: 1", "schema_version: 2", 3, "schema_version", "2", "version", "Write 1"),
+    ("name: Orthoglide prototype", "name: ''", 4, "name", "", "empty", "word"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "line", "path", "value", "what", "remedy"), BAD)
+def test_faults_name_place_and_remedy(tmp_path, old, new, line, path, value, what, remedy):
+    found = problems(read_machine, changed(tmp_path, (old, new)))
+    at_place = [fault for fault in found if fault.column == path]
+    assert places(at_place) == [(line, path, value)]
+    assert what in at_place[0].what
+    assert remedy in at_place[0].remedy
+    assert at_place[0].file.endswith("m.yaml")
+
+
+def test_all_faults_at_once_in_the_order_of_lines(tmp_path):
+    path = changed(tmp_path, (L, "leg_length_mm: x"), ("range_mm: 10", "rang_mm: 10"))
+    assert places(problems(read_machine, path)) == [
+        (7, "leg_length_mm", "x"), (14, "gauge.range_mm", None), (16, "gauge.rang_mm", "10"),
+    ]  # fmt: skip
+
+
+def test_exponents_and_quotes_are_numbers(tmp_path):
+    path = changed(tmp_path, ("misread: 0.1", "misread: 1e-1"), (L, 'leg_length_mm: "300"'))
+    machine = read_machine(path).machine
+    assert machine.tolerances["misread"] == 0.1
+    assert machine.leg_length_mm == 300.0
+
+
+def test_optional_parts(tmp_path):
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        "schema_version: 1\nname: bare\nleg_length_mm: 300\nparallelogram_width_mm: 80\n"
+        "tool_offset_mm: 0\njoint_limits_mm: [-90, 50]\nworkspace_mm: 200\ntolerances:\n"
+        "identified: ~\ngauge: {resolution_mm: 1e-3, range_mm: 12, revolution_mm: null,"
+        " repeatability_mm: 0.002}\n"
+    )
+    model = read_machine(path)
+    machine = model.machine
+    assert machine.kind == "orthoglide"
+    assert machine.gauge.revolution_mm is None
+    assert machine.offsets_mm == (0.0, 0.0, 0.0)
+    assert dict(machine.tolerances) == {}
+    assert model.accepted == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [("- a\n", "not a machine file"), ("leg,posture\n", "not a machine file"),
+     ("machine: {}\nreadings: []\n", "is a session")],
+)  # fmt: skip
+def test_other_files_are_told_apart(tmp_path, text, what):
+    path = tmp_path / "m.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=what):
+        read_machine(path)
+
+
+# Of no scale, and of a positive cause with nuisance parameters.
+VALUES = {
+    "axis_gap": ((0.31, 1 / 3), (-1e-5, 0.02), (0.07, 0.004)),
+    "axis_squareness": ((1.1, 0.7), (-0.3, 0.2), (0.9, 0.0013)),
+    "backlash": ((0.031, 0.004), (0.0, 0.003), (0.012, 0.0021)),
+    "encoder_scale": ((0.0403, 0.9055), (-1.1537, 1.4668), (-0.9618, 1.0724)),
+}
+CORRELATION = np.array([[1.0, -0.4, 0.123456], [-0.4, 1.0, 0.3], [0.123456, 0.3, 1.0]])
+
+
+def accepted(id: str = "axis_gap", correlation: np.ndarray = CORRELATION) -> Effect:
+    cause = CAUSES[id]
+    estimates = {
+        name: Estimate(value, std, cause.unit)
+        for name, (value, std) in zip(cause.names, VALUES[id], strict=True)
+    }
+    return cause.estimated(estimates, correlation).accepted("2025-03-01", DIGEST)
+
+
+def text_with(*effects: Effect) -> str:
+    return machine_text(MODEL.extended(effects))
+
+
+def assert_same(one: Effect, other: Effect) -> None:
+    assert one.cause is other.cause
+    assert one.place == other.place
+    assert (one.date, one.data_sha256) == (other.date, other.data_sha256)
+    np.testing.assert_allclose(one.theta, other.theta, rtol=1e-11, atol=0)
+    np.testing.assert_allclose(one.std, other.std, rtol=1e-11, atol=0)
+    np.testing.assert_allclose(one.correlation, other.correlation, rtol=0, atol=1e-6)
+
+
+def test_round_trip_is_exact(tmp_path):
+    machine = dataclasses.replace(
+        MACHINE,
+        name="no: 7 # \u00e9 'x'",
+        leg_length_mm=1000 / 3,
+        offsets_mm=(0.1, -1e-7, 123.456),
+        gauge=Gauge(0.001, 12.0, None, 0.002),
+    )
+    model, path = Model(machine, (accepted(),)), tmp_path / "new.yaml"
+    write_text(path, machine_text(model))
+    read = read_machine(path)
+    assert read.machine == machine
+    assert machine_values(read) == machine_values(model)
+    assert path.read_text() == machine_text(model)
+
+
+def test_the_file_holds_every_key_in_order():
+    content = yaml.safe_load(text_with(accepted()))
+    assert list(content) == [
+        "schema_version", "kind", "name", "leg_length_mm", "parallelogram_width_mm",
+        "tool_offset_mm", "joint_limits_mm", "workspace_mm", "gauge", "offsets_mm", "tolerances",
+        "identified",
+    ]  # fmt: skip
+    assert content["kind"] == "orthoglide"
+    (entry,) = content["identified"]
+    assert list(entry) == ["cause", "where", "parameters", "date", "data_sha256", "correlation"]
+    assert entry["where"] == ""
+    assert entry["parameters"]["xy"] == {"value": 0.31, "std": 0.333333333333, "unit": "mm"}
+
+
+def test_a_file_without_a_kind_is_an_orthoglides():
+    old = text_with(accepted()).replace("kind: orthoglide\n", "")
+    assert machine_values(machine_from_text(old, "m.yaml")) == machine_values(
+        MODEL.extended([accepted()])
+    )
+
+
+@pytest.mark.parametrize("id", VALUES)
+def test_an_accepted_cause_survives_the_file(id):
+    before = accepted(id)
+    (after,) = machine_from_text(text_with(before), "m.yaml").accepted
+    assert_same(after, before)
+    for name, (value, std) in zip(before.cause.names, VALUES[id], strict=True):
+        assert after.estimates[name] == (
+            pytest.approx(value, rel=1e-11),
+            pytest.approx(std, rel=1e-11),
+            before.cause.unit,
+        )
+    np.testing.assert_allclose(after.correlation, CORRELATION, rtol=0, atol=1e-6)
+    (again,) = machine_from_text(text_with(after), "m.yaml").accepted
+    assert_same(again, before)
+
+
+@pytest.mark.parametrize("id", VALUES)
+def test_a_file_read_and_written_again_says_the_same(id):
+    """Sessions of one machine are told apart by these values, to the last digit."""
+    text = text_with(accepted(id))
+    for _ in range(3):
+        read = machine_from_text(text, "m.yaml")
+        assert machine_values(read) == yaml.safe_load(text)
+        text = machine_text(read)
+
+
+def test_several_causes_keep_their_order():
+    text = text_with(*map(accepted, VALUES))
+    assert [each.cause.id for each in machine_from_text(text, "m.yaml").accepted] == list(VALUES)
+
+
+def test_where_a_carriage_started_is_zero_and_sure():
+    cause = CAUSES["backlash"]
+    names = len(cause.names)
+    covariance = np.diag([0.01, 0.02, 0.03, 0.1, 0.1, 0.1]) ** 2
+    covariance[0, 4] = covariance[4, 0] = 2e-4
+    found = Effect(cause, np.array([0.03, 0.02, 0.01, 0.3, -0.2, 0.1]), covariance=covariance)
+    lasting = found.accepted("2025-03-01", DIGEST)
+    (read,) = machine_from_text(text_with(lasting), "m.yaml").accepted
+    for effect in (lasting, read):
+        assert effect.theta.tolist() == [0.03, 0.02, 0.01, 0.0, 0.0, 0.0]
+        np.testing.assert_allclose(effect.covariance[:names, :names], covariance[:names, :names])
+        assert not effect.covariance[names:].any()
+        assert not effect.covariance[:, names:].any()
+
+
+def test_parameters_in_another_order_keep_their_correlations():
+    content = yaml.safe_load(text_with(accepted()))
+    (entry,) = content["identified"]
+    order = [2, 0, 1]
+    names = [list(entry["parameters"])[k] for k in order]
+    entry["parameters"] = {name: entry["parameters"][name] for name in names}
+    entry["correlation"] = CORRELATION[np.ix_(order, order)].tolist()
+    text = yaml.safe_dump(content, sort_keys=False)
+    (read,) = machine_from_text(text, "m.yaml").accepted
+    assert_same(read, accepted())
+
+
+def wrong(text: str, old: str, new: str) -> tuple[InputError, int]:
+    """The only fault after a change, and the line of the change."""
+    assert old in text
+    changed = text.replace(old, new, 1)
+    (fault,) = problems(machine_from_text, changed, "m.yaml")
+    pairs = zip(text.split("\n"), changed.split("\n"), strict=False)
+    return fault, [a == b for a, b in pairs].index(False) + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "value", "what"),
+    [
+        (DIGEST, "abc", "data_sha256", "abc", "not a SHA-256"),
+        ("2025-03-01", "yesterday", "date", "yesterday", "not a date"),
+        ("cause: axis_gap", "cause: gap", "cause", "gap", "not a cause id"),
+        ("std: 0.02", "std: -1", "parameters.yz.std", "-1", "not be negative"),
+        ("value: 0.07", "value: x", "parameters.zx.value", "x", "not a number"),
+        ("unit: mm}", "unit: mrad}", "parameters.xy.unit", "mrad", "measured in mm, not 'mrad'"),
+        ("where: ''", "whre: ''", "whre", "", "not known"),
+        ("where: ''", "where: leg x", "where", "leg x", "the whole machine"),
+    ],
+)
+def test_accepted_causes_are_checked(old, new, path, value, what):
+    fault, line = wrong(text_with(accepted()), old, new)
+    assert places([fault]) == [(line, f"identified[0].{path}", value)]
+    assert what in fault.what
+
+
+def test_only_lasting_causes_are_part_of_a_machine():
+    """Whatever its parameters are: a knock against the stand is of one session."""
+    text = text_with(accepted("encoder_scale"), accepted())
+    fault, line = wrong(text, "cause: axis_gap", "cause: misread")
+    assert places([fault]) == [(line, "identified[1].cause", "misread")]
+    assert "cannot be part of a machine" in fault.what
+    lasting = [id for id, cause in CAUSES.items() if cause.lasting]
+    assert fault.remedy == f"Use one of {', '.join(lasting)}."
+    assert "axis_gap" in lasting
+    assert not {"stand_shift", "swapped_gauges", "gauge_drift"} & set(lasting)
+
+
+@pytest.mark.parametrize("new", ["yy: {", "g_yz: {"])
+def test_the_parameters_are_those_of_the_cause(new):
+    text = text_with(accepted())
+    fault, line = wrong(text, "yz: {", new)
+    assert places([fault]) == [(line - 2, "identified[0].parameters", None)]
+    assert "axis_gap has the parameters xy, yz, zx" in fault.what
+
+
+@pytest.mark.parametrize("change", [{"zx": None}, {"yy": {"value": 1, "std": 1, "unit": "mm"}}])
+def test_no_parameter_is_missing_or_too_many(change):
+    content = yaml.safe_load(text_with(accepted()))
+    (entry,) = content["identified"]
+    del entry["correlation"]
+    parameters = {**entry["parameters"], **change}
+    entry["parameters"] = {name: given for name, given in parameters.items() if given}
+    (fault,) = problems(machine_from_text, yaml.safe_dump(content), "m.yaml")
+    assert fault.column == "identified[0].parameters"
+    assert "xy, yz, zx" in fault.what
+
+
+def test_a_width_is_not_negative():
+    """Nobody's number is changed silently."""
+    fault, line = wrong(text_with(accepted("backlash")), "value: 0.031", "value: -0.031")
+    assert places([fault]) == [(line, "identified[0].parameters.x.value", "-0.031")]
+
+
+@pytest.mark.parametrize("text", ["k{}: 1\n", "tolerances:\n", "name: x\n", "machine: 1\n"])
+def test_many_faults_are_found_quickly(tmp_path, text):
+    path = tmp_path / "m.yaml"
+    body = "".join(f"  misread{i}: 1\n" for i in range(25_000)) if "tol" in text else ""
+    path.write_text("".join(text.format(i) for i in range(1 if body else 25_000)) + body)
+    start = time.process_time()
+    assert len(problems(read_machine, path)) <= 1001
+    assert time.process_time() - start < 3.0
+
+
+@pytest.mark.slow
+def test_an_installed_wheel_finds_its_machine(tmp_path):
+    """The wheel's files unpacked outside the repository, run from elsewhere."""
+    import os
+    import subprocess
+    import sys
+
+    pytest.importorskip("hatchling")
+    root = Path(__file__).parents[2]
+    build = f"from hatchling.build import build_wheel; build_wheel({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", build], cwd=root, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    script = (
+        "import orthoglide_cal, sys\n"
+        "from orthoglide_cal.files import default_machine\n"
+        "print(orthoglide_cal.__file__, default_machine().machine.leg_length_mm)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(site)},
+        check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout.split() == [str(site / "orthoglide_cal" / "__init__.py"), "310.25"]
+
+
+def test_correlations_may_be_missing():
+    content = yaml.safe_load(text_with(accepted()))
+    del content["identified"][0]["correlation"]
+    (read,) = machine_from_text(yaml.safe_dump(content), "m.yaml").accepted
+    assert_same(read, accepted(correlation=np.eye(3)))
+
+
+@pytest.mark.parametrize(
+    ("rows", "what"),
+    [
+        ([[1.0]], "3 rows of 3"),
+        ([[1.0, 0.1, 0.0], [0.1, 1.0], [0.0, 0.0, 1.0]], "3 rows of 3"),
+        ([[1.0, 0.1, 0.0], [0.2, 1.0, 0.0], [0.0, 0.0, 1.0]], "not correlations"),
+        ([[0.9, 0.1, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]], "not correlations"),
+        ([[1.0, 1.1, 0.0], [1.1, 1.0, 0.0], [0.0, 0.0, 1.0]], "not correlations"),
+    ],
+)
+def test_correlations_are_checked(rows, what):
+    content = yaml.safe_load(text_with(accepted()))
+    content["identified"][0]["correlation"] = rows
+    text = yaml.safe_dump(content)
+    (fault,) = problems(machine_from_text, text, "m.yaml")
+    assert fault.column == "identified[0].correlation"
+    assert text.split("\n")[fault.line - 1].strip().endswith("correlation:")
+    assert what in fault.what

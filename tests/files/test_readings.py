@@ -1,0 +1,370 @@
+"""Readings: what is accepted, every fault with its place, what shows across rows, set-ups; written
+as CSV they come back exactly."""
+
+import dataclasses
+import math
+import time
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.files import read_input, readings_csv
+from orthoglide_cal.model import Contact, Readings, double_posture, single_posture
+from tests.readings import readings_of, some
+
+from .helpers import MACHINE, MODEL, measured, places, problems, readings
+
+HEAD = "leg,posture,direction,reading_mm"
+GOOD = f"{HEAD}\nx,iso,y,0.12\nx,max,y,-0.25\nz,-20.5,x,1\n"
+
+
+def test_the_required_columns_are_enough(tmp_path):
+    read = readings(tmp_path, GOOD)
+    assert read.value.tolist() == [0.12, -0.25, 1.0]
+    assert read.plan.leg.tolist() == [0, 0, 2]
+    assert read.plan.direction.tolist() == [1, 1, 0]
+    assert read.plan.displacement.tolist() == [0.0, 60.0, -20.5]
+    assert read.posture == ("iso", "max", "-20.5")
+    assert read.plan.gauge_at.tolist() == [0.5] * 3
+    assert read.plan.contact.tolist() == [Contact.FIXED] * 3
+    assert read.plan.setup.tolist() == [0, 0, 1]
+    assert read.plan.order.tolist() == [0, 1, 2]
+    assert read.cycle.tolist() == [1, 1, 1]
+    assert read.line.tolist() == [2, 3, 4]
+    assert np.isnan(read.temperature).all()
+    assert not read.timed
+    np.testing.assert_allclose(read.plan.hours * 60, [0.0, 0.4, 0.8])
+    assert read.remarks == ("Times were not given; 0.4 minutes per reading were assumed.",)
+
+
+def test_all_columns(tmp_path):
+    text = (
+        "Seq, Cycle ,minutes,temperature_c,gauge,gauge_at,note,leg,posture,direction,reading_mm\n"
+        '2,1,3.5,21.5,B,0.25,"a, ""b""",x,iso,y,0.1\n1,1,0.5,,A,,,x,min,z,-0.2\n'
+    )
+    read = readings(tmp_path, text)
+    assert read.plan.order.tolist() == [1, 0]
+    assert read.plan.in_time.tolist() == [1, 0]
+    assert read.plan.hours.tolist() == [3.5 / 60, 0.5 / 60]
+    assert read.plan.gauge_at.tolist() == [0.25, 0.5]
+    assert read.temperature[0] == 21.5
+    assert math.isnan(read.temperature[1])
+    assert read.gauge == ("B", "A")
+    assert read.note == ('a, "b"', "")
+    assert read.timed
+    assert read.remarks == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff" + GOOD,
+        GOOD.replace("\n", "\r\n"),
+        GOOD.replace("\n", "\r"),
+        GOOD.rstrip("\n"),
+        GOOD.replace(",", ";").replace(".", ","),
+        GOOD.replace(",", "\t").replace(".", ","),
+        GOOD.replace(",", ";"),
+        "sep=;\n" + GOOD.replace(",", ";"),
+        GOOD.replace("-", "\u2212"),
+        GOOD.replace("x", "X").replace("iso", "ISO"),
+        GOOD.replace(",", " , "),
+        GOOD.replace(HEAD, HEAD.upper()),
+        GOOD.replace(HEAD, '"leg","posture","direction","reading_mm"'),
+        GOOD.replace("0.12", '"0.12"'),
+        GOOD.replace("\n", ",,\n"),
+        "# made by hand, with a \" in it\n\n" + GOOD.replace("x,max", "\n # why\n,,,\nx,max"),
+        GOOD.replace("0.12", "12e-2"),
+        GOOD.replace("0.12", "+000.120"),
+        GOOD.replace("-20.5", "-020.50"),
+    ],
+)  # fmt: skip
+def test_other_ways_to_write_the_same(tmp_path, text):
+    same, read = readings(tmp_path, GOOD), readings(tmp_path, text)
+    assert read.value.tolist() == same.value.tolist()
+    for name in ("leg", "direction", "displacement", "setup", "order", "hours"):
+        assert getattr(read.plan, name).tolist() == getattr(same.plan, name).tolist()
+    assert read.posture == same.posture
+    assert read.remarks == same.remarks
+
+
+def test_inches(tmp_path):
+    read = readings(tmp_path, "leg;posture;direction;reading_in\nx;iso;y;-0,01\n")
+    assert read.value.tolist() == [-0.254]
+
+
+def test_thousands_are_not_guessed(tmp_path):
+    read = readings(tmp_path, "leg;posture;direction;reading_mm\nx;iso;y;1,234\n")
+    assert read.value.tolist() == [1.234]
+
+
+def row(cells: str, extra: str = "") -> str:
+    return f"{HEAD}{extra}\nx,iso,y,0.1{',' * extra.count(',')}\n{cells}\n"
+
+
+BAD = [
+    # file, line, column, value, words of the message, words of the remedy
+    (row("q,iso,y,0"), 3, "leg", "q", "not an axis", "x, y or z"),
+    (row(",iso,y,0"), 3, "leg", None, "empty", "x, y or z"),
+    (row("x,iso,w,0"), 3, "direction", "w", "not an axis", "x, y or z"),
+    (row("x,iso,x,0"), 3, "direction", "x", "own axis", "across the leg: y or z"),
+    (row("x,mid,y,0"), 3, "posture", "mid", "not a posture", "iso, max, min"),
+    (row("x,,y,0"), 3, "posture", None, "empty", "iso, max, min"),
+    (row("x,60.01,y,0"), 3, "posture", "60.01", "joint limits", "-100 to 60 mm"),
+    (row("x,-310.25,y,0"), 3, "posture", "-310.25", "joint limits", "-100 to 60 mm"),
+    (row("x,nan,y,0"), 3, "posture", "nan", "not a posture", "iso, max, min"),
+    (row("x,iso,y,"), 3, "reading_mm", None, "missing", "remove the row"),
+    (row("x,iso,y,nan"), 3, "reading_mm", "nan", "not a number", "plain number"),
+    (row("x,iso,y,inf"), 3, "reading_mm", "inf", "not a number", "plain number"),
+    (row("x,iso,y,1_000"), 3, "reading_mm", "1_000", "not a number", "plain number"),
+    (row("x,iso,y,0.1 mm"), 3, "reading_mm", "0.1 mm", "not a number", "plain number"),
+    (row('x,iso,y,"0,1"'), 3, "reading_mm", "0,1", "decimal comma", "semicolons"),
+    (row("x,iso,y,1e300"), 3, "reading_mm", "1e300", "larger than the leg", "mm"),
+    (row("x,iso,y,1e999"), 3, "reading_mm", "1e999", "too large", "plain number"),
+    (row("x,iso,y,0,1"), 3, None, "x,iso,y,0,1", "5 cells, the header 4", "semicolons"),
+    (row('x,iso,y,"0.1'), 3, None, 'x,iso,y,"0.1', "never closed", "Close it"),
+    (row('x,iso,"y"z,0.1'), 3, None, 'x,iso,"y"z,0.1', "cannot be split", "Close it"),
+    (row("x,iso,y,0,1.5", ",gauge_at"), 3, "gauge_at", "1.5", "outside 0 … 1", "Check"),
+    (row("x,iso,y,0,-0.1", ",gauge_at"), 3, "gauge_at", "-0.1", "outside 0 … 1", "Check"),
+    (row("x,iso,y,0,400", ",temperature_c"), 3, "temperature_c", "400", "outside", "Check"),
+    (f"{HEAD},end\nx,iso,y,0,top\n", 2, "end", "top", "not an end", "joint or tool"),
+    (row("x,iso,y,0,tool", ",end"), 2, "end", None, "empty here", "every row or in none"),
+    (row("x,iso,y,0,1", ",cycle"), 2, "cycle", None, "empty here", "every row or in none"),
+    (row("x,iso,y,0,1", ",minutes"), 2, "minutes", None, "empty here", "every row or in none"),
+    (row("x,iso,y,0,1", ",seq"), 2, "seq", None, "empty here", "every row or in none"),
+    (f"{HEAD},cycle\nx,iso,y,0,0\n", 2, "cycle", "0", "whole number from 1", "Write 1"),
+    (f"{HEAD},cycle\nx,iso,y,0,1.5\n", 2, "cycle", "1.5", "whole number from 1", "Write 1"),
+    (f"{HEAD},seq\nx,iso,y,0,-1\n", 2, "seq", "-1", "whole number from 0", "Write 0"),
+    (f"{HEAD},seq\nx,iso,y,0,1\nx,max,y,0,1\n", 3, "seq", "1", "line 2", "Number the readings"),
+    (f"{HEAD},minutes\nx,iso,y,0,-1\n", 2, "minutes", "-1", "outside", "Check"),
+    (f"{HEAD},minutes\nx,iso,y,0,2\nx,max,y,0,1\n", 3, "minutes", "1", "backwards: line 2", "seq"),
+    (f"{HEAD},reading_in\nx,iso,y,0,\n", 1, "reading_in", None, "both in mm", "Keep one"),
+    (f"{HEAD},leg\nx,iso,y,0,x\n", 1, "leg", None, "twice", "Rename"),
+    ("leg,postur,direction,reading_mm\nx,iso,y,0\n", 1, "posture", None, "missing", "'postur'"),
+    ("leg,posture,direction,reading\nx,iso,y,0\n", 1, "reading_mm", None, "missing", "'reading'"),
+    (HEAD + "\n", None, None, None, "no reading", "one row"),
+    (f"{HEAD},note\nx,iso,y,0,12\nx,max,y,1,5\n", 2, "reading_mm", "0,12", "decimal commas?",
+     "semicolons"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "line", "column", "value", "what", "remedy"), BAD)
+def test_faults_name_place_and_remedy(tmp_path, text, line, column, value, what, remedy):
+    found = problems(measured, tmp_path, text)
+    assert places(found) == [(line, column, value)]
+    assert what in found[0].what
+    assert remedy in found[0].remedy
+    assert found[0].file == str(tmp_path / "data.csv")
+
+
+def test_everything_is_collected_in_the_order_of_lines(tmp_path):
+    text = f"{HEAD},seq\nq,iso,w,x,1\nx,iso,y,0.1,1\nx,99,x,,1\n"
+    assert places(problems(measured, tmp_path, text)) == [
+        (2, "leg", "q"), (2, "direction", "w"), (2, "reading_mm", "x"),
+        (4, "direction", "x"), (4, "posture", "99"), (4, "reading_mm", None),
+    ]  # fmt: skip
+
+
+def test_a_file_without_a_header(tmp_path):
+    found = problems(measured, tmp_path, "x,iso,y,0.1\n")
+    assert {fault.column for fault in found} == {"leg", "posture", "direction", "reading_mm"}
+    assert "the header has: x, iso, y, 0.1" in found[0].remedy
+
+
+def test_the_line_is_where_a_row_begins(tmp_path):
+    text = f'{HEAD},note\nx,iso,y,0.1,"two\nlines"\n\nx,max,y,bad,\n'
+    assert [fault.line for fault in problems(measured, tmp_path, text)] == [5]
+    assert readings(tmp_path, text.replace("bad", "1")).line.tolist() == [2, 5]
+
+
+def test_a_note_that_starts_with_a_hash_is_a_reading(tmp_path):
+    read = readings(tmp_path, f"note,{HEAD}\n#3 again,x,iso,y,0.1\n,x,max,y,0.2\n")
+    assert read.note == ("#3 again", "")
+
+
+def test_cycles_are_counted_in_time(tmp_path):
+    rows = ["x,iso,y,0.1,3", "x,iso,z,0.1,2", "x,0,y,0.3,1", "x,max,y,0.5,4"]
+    read = readings(tmp_path, f"{HEAD},seq\n" + "\n".join(rows))
+    assert read.cycle.tolist() == [2, 1, 1, 1]
+    explicit = readings(tmp_path, f"{HEAD},cycle\nx,iso,y,0.1,7\n")
+    assert explicit.cycle.tolist() == [7]
+
+
+def test_both_ends_share_a_zero(tmp_path):
+    rows = [f"x,{p},z,0.1,{e}" for p in ("iso", "max") for e in ("joint", "tool")]
+    read = readings(tmp_path, f"{HEAD},end\n" + "\n".join(rows))
+    assert read.plan.setup.tolist() == [0, 0, 0, 0]
+    assert read.plan.contact.tolist() == [Contact.JOINT, Contact.TOOL] * 2
+    assert read.cycle.tolist() == [1, 1, 1, 1]
+
+
+REMARKS = [
+    (f"{HEAD},minutes,Comment\nx,iso,y,0,0,hi\n", "not used: comment"),
+    (f"{HEAD},minutes,nots\nx,iso,y,0,0,hi\n", "Did you mean 'note'?"),
+    (f"{HEAD},minutes\nx,iso,y,12.5,0\n", "beyond the gauge's range of 10 mm (first: line 2"),
+    (f"{HEAD},minutes,end,gauge_at\nx,iso,z,1,0,tool,0.3\n", "gauge_at was not used"),
+    (f"{HEAD},minutes\nx,iso,y,1,0\nx,iso,y,1,0\n", "Line 3 repeats line 2"),
+    ("leg;posture;direction;reading_mm;minutes\nx;iso;y;0,5;0\nx;iso;y;0.5;1\n", "are mixed"),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), REMARKS)
+def test_remarks(tmp_path, text, words):
+    (remark,) = readings(tmp_path, text).remarks
+    assert words in remark
+
+
+def test_equal_rows_without_cycle_or_minutes_are_plain_repeats(tmp_path):
+    read = readings(tmp_path, f"{HEAD}\nx,iso,y,1\nx,iso,y,1\n")
+    assert len(read) == 2
+    assert not any("repeats" in remark for remark in read.remarks)
+
+
+def test_postures_follow_the_machine(tmp_path):
+    assert MACHINE.joint_limits_mm == (-100.0, 60.0)
+    read = readings(tmp_path, f"{HEAD}\nx,-100,y,1\nx,60.000,y,1\nx,min,y,1\n")
+    assert read.plan.displacement.tolist() == [-100.0, 60.0, -100.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (HEAD + "\n" + "x,iso,y,0.1\n" * 150_000, "more than 100000 rows"),
+        (HEAD + "\n" + "q,iso,y,0.1\n" * 20_000, "more faults like these"),
+        (HEAD + "\nx,iso,y," + "1" * 1_000_000, "field larger"),
+        (HEAD + '\nx,iso,y,"' + "\n" * 1_000_000, "field larger"),
+        ("," * 1_000_000 + "\n1\n", "more than 100 columns"),
+        (",".join(f"c{i}" for i in range(300_000)) + "\n1\n", "more than 100 columns"),
+    ],
+)
+def test_hostile_tables_are_refused(tmp_path, text, what):
+    start = time.process_time()
+    found = problems(measured, tmp_path, text)
+    assert time.process_time() - start < 10.0
+    assert max(len(str(fault)) for fault in found) < 1000
+    assert len(found) <= 1001
+    assert any(what in fault.what for fault in found)
+
+
+LABELLED = "leg,posture,direction,gauge,reading_mm"
+ROWS = ["x,iso,y,A,0.1", "x,max,y,A,0.2", "y,iso,z,A,0.3", "x,iso,y,A,0.4"]
+
+
+def test_only_a_stated_order_tells_of_a_return(tmp_path):
+    assert readings(tmp_path, "\n".join([LABELLED, *ROWS])).plan.setup.tolist() == [0, 0, 1, 0]
+    for column in ("seq", "minutes"):
+        stated = [f"{LABELLED},{column}", *(f"{row},{k}" for k, row in enumerate(ROWS))]
+        read = readings(tmp_path, "\n".join(stated))
+        assert read.plan.setup.tolist() == [0, 0, 1, 2]
+        assert any("came back" in remark for remark in read.remarks)
+
+
+def test_the_order_is_that_of_seq(tmp_path):
+    stated = [f"{LABELLED},seq", *(f"{row},{k}" for row, k in zip(ROWS, (0, 1, 3, 2), strict=True))]
+    assert readings(tmp_path, "\n".join(stated)).plan.setup.tolist() == [0, 0, 1, 0]
+
+
+def test_another_position_along_the_leg_is_another_setup(tmp_path):
+    text = "leg,posture,direction,gauge_at,reading_mm\nx,iso,y,0.3,1\nx,iso,y,,1\nx,max,y,0.5,2\n"
+    assert readings(tmp_path, text).plan.setup.tolist() == [0, 1, 1]
+
+
+def made(plan, **changes) -> Readings:
+    n = len(plan)
+    value = np.random.default_rng(7).normal(0.0, 1.0, n)
+    readings = readings_of(MACHINE, plan, value)
+    return dataclasses.replace(readings, cycle=1 + np.arange(n) // 6, **changes)
+
+
+def again(tmp_path, readings: Readings) -> Readings:
+    path = tmp_path / "r.csv"
+    path.write_text(readings_csv(readings))
+    return read_input(str(path), MODEL).measured
+
+
+def assert_same(one: Readings, other: Readings) -> None:
+    for field in dataclasses.fields(one.plan):
+        if field.name == "hours":
+            np.testing.assert_allclose(one.plan.hours, other.plan.hours, rtol=0, atol=1e-8)
+        elif field.name != "gauge_at":
+            a, b = getattr(one.plan, field.name), getattr(other.plan, field.name)
+            np.testing.assert_array_equal(a, b, field.name)
+    fixed = one.plan.contact == 0
+    np.testing.assert_array_equal(one.plan.gauge_at[fixed], other.plan.gauge_at[fixed])
+    for name in ("value", "cycle", "temperature"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
+    for name in ("posture", "note", "timed"):
+        assert getattr(one, name) == getattr(other, name)
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [double_posture(MACHINE), double_posture(MACHINE, cycles=1, gauge_at=0.3),
+     single_posture(MACHINE, cycles=2)],
+)  # fmt: skip
+def test_protocols_come_back_exactly(tmp_path, plan):
+    readings = made(plan)
+    read = again(tmp_path, readings)
+    assert_same(readings, read)
+    assert read.gauge == readings.gauge
+    assert read.remarks == ()
+
+
+def test_every_column(tmp_path):
+    plan = double_posture(MACHINE, cycles=1)
+    n = len(plan)
+    readings = made(
+        plan,
+        temperature=np.where(np.arange(n) % 2, np.nan, 20 + np.arange(n) / 7),
+        gauge=tuple("AB"[k % 2] for k in range(n)),
+        note=('#1, "x";\ty', "two\nlines", *[""] * (n - 2)),
+    )
+    read = again(tmp_path, readings)
+    assert_same(readings, read)
+    assert read.gauge == readings.gauge
+
+
+def test_order_in_time_other_than_the_order_of_rows(tmp_path):
+    plan = double_posture(MACHINE, cycles=1)
+    shuffled = np.random.default_rng(3).permutation(len(plan))
+    readings = some(made(plan), shuffled)
+    read = again(tmp_path, dataclasses.replace(readings, line=np.arange(len(plan)) + 2))
+    np.testing.assert_array_equal(read.plan.order, readings.plan.order)
+    np.testing.assert_allclose(read.plan.hours, readings.plan.hours, rtol=0, atol=1e-8)
+    pairs = set(zip(read.plan.setup.tolist(), readings.plan.setup.tolist(), strict=True))
+    assert len(pairs) == read.plan.setups == readings.plan.setups
+
+
+def test_setups_that_only_the_plan_tells_apart(tmp_path):
+    plan = double_posture(MACHINE, cycles=2)
+    moved = plan.setup + np.where(plan.order < 5, 0, plan.setups)
+    moved = np.unique(moved, return_inverse=True)[1]
+    read = again(tmp_path, made(dataclasses.replace(plan, setup=moved)))
+    pairs = set(zip(read.plan.setup.tolist(), moved.tolist(), strict=True))
+    assert len(pairs) == read.plan.setups == moved.max() + 1
+
+
+def test_assumed_times_are_not_written(tmp_path):
+    plan = double_posture(MACHINE, cycles=1)
+    read = again(tmp_path, made(plan, timed=False))
+    assert not read.timed
+    assert "minutes" not in readings_csv(made(plan, timed=False))
+
+
+def test_columns_without_content_are_left_out():
+    text = readings_csv(made(double_posture(MACHINE, cycles=1)))
+    assert text.split("\n")[0] == "seq,leg,posture,direction,reading_mm,cycle,minutes"
+
+
+def test_the_place_of_a_gauge_at_an_end_is_not_written(tmp_path):
+    plan = single_posture(MACHINE, cycles=1)
+    read = again(tmp_path, made(plan))
+    assert set(read.plan.gauge_at.tolist()) == {0.0, 1.0}
+    assert "gauge_at" not in readings_csv(read)
+
+
+def test_minutes_are_short():
+    text = readings_csv(made(double_posture(MACHINE, cycles=1)))
+    minutes = [line.split(",")[6] for line in text.splitlines()[1:]]
+    assert minutes[::2] == ["0", "0.4", "0.8", "1.2", "5.6", "6", "6.4", "6.8", "11.2", "11.6",
+                            "12", "12.4"]  # fmt: skip

@@ -1,0 +1,350 @@
+"""Session files: round trips, recognition by content, faults, and the machine inside."""
+
+import dataclasses
+
+import pytest
+import yaml
+
+from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.files import (
+    Conditions,
+    GaugeIdentity,
+    machine_from_text,
+    machine_text,
+    machine_values,
+    read_input,
+    read_machine,
+    session_json,
+    session_of_readings,
+    session_text,
+    write_session,
+)
+from orthoglide_cal.files import session_file as module
+from tests.machines import extended
+
+from .helpers import MODEL, PROTOTYPE, places, problems
+
+LARGE = read_machine(PROTOTYPE.with_name("orthoglide_large.yaml"))
+
+
+def values(model=MODEL, **changes) -> dict:
+    steps = [("x", "iso", "y"), ("x", "max", "z"), ("y", "-20.5", "x"), ("z", "min", "y")]
+    content = {
+        "machine": machine_values(model),
+        "protocol": "double-posture",
+        "operator": "M. Muster: # 'quoted'",
+        "gauges": [{"id": "012", "certificate": "1e-3", "resolution": 0.01}],
+        "started": "2025-03-01T09:00:00+01:00",
+        "environment": {"temperature_c": "20.5", "note": "null"},
+        "readings": [
+            {
+                "leg": leg, "posture": posture, "direction": direction, "end": None, "cycle": 1,
+                "reading_mm": k / 3 - 0.4, "seq": k + 1, "minutes": 0.37 * k,
+                "temperature_c": 20 + k / 7, "gauge": "012", "gauge_at": 0.45,
+                "note": "" if k else "yes: 1", "timestamp": f"2025-03-01T09:0{k}:30.250+01:00",
+            }
+            for k, (leg, posture, direction) in enumerate(steps)
+        ],
+        "retaken": [
+            {"leg": "x", "posture": "iso", "direction": "y", "reading_mm": 9.9, "reason": "slipped"}
+        ],
+        "skipped": [{"leg": "z", "posture": "iso", "direction": "x", "reason": "no access"}],
+    }  # fmt: skip
+    return {**content, **changes}
+
+
+def save(tmp_path, text, name="session.yaml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return str(path)
+
+
+def test_the_file_holds_every_key_in_order_and_no_blanks(tmp_path):
+    path = tmp_path / "s.yaml"
+    write_session(values(), path)
+    content = yaml.safe_load(path.read_text())
+    assert list(content) == [
+        "schema_version", "machine", "protocol", "operator", "gauges", "started", "finished",
+        "environment", "readings", "retaken", "skipped",
+    ]  # fmt: skip
+    assert content["finished"] is None
+    assert list(content["readings"][1]) == [
+        "leg", "posture", "direction", "cycle", "reading_mm", "seq", "minutes", "temperature_c",
+        "gauge", "gauge_at", "timestamp",
+    ]  # fmt: skip
+    assert content == session_json(values())
+    assert path.read_text() == session_text(values())
+
+
+def test_the_conditions_are_those_of_the_file(tmp_path):
+    given = read_input(save(tmp_path, session_text(values()))).conditions
+    assert given == Conditions(
+        protocol="double-posture",
+        operator="M. Muster: # 'quoted'",
+        started="2025-03-01T09:00:00+01:00",
+        temperature_c=(20.0, 20 + 3 / 7),
+        environment=(("temperature_c", "20.5"), ("note", "null")),
+        gauges=(GaugeIdentity("012", "1e-3", 0.01),),
+        retaken=1,
+        skipped=1,
+        notes=((given.notes[0][0], "yes: 1"),),
+    )
+    assert (
+        (tmp_path / "session.yaml")
+        .read_text()
+        .split("\n")[given.notes[0][0] - 1]
+        .startswith("- {leg: x, posture: iso")
+    )
+
+
+def test_labels_without_an_entry_are_gauges_too(tmp_path):
+    other = values(gauges=[{"id": "7"}], environment="a foggy day")
+    given = read_input(save(tmp_path, session_text(other))).conditions
+    assert given.gauges == (GaugeIdentity("7"), GaugeIdentity("012"))
+    assert given.environment == (("note", "a foggy day"),)
+
+
+def test_readings_come_back_exactly(tmp_path):
+    path = save(tmp_path, session_text(values()))
+    read = read_input(path, MODEL).measured
+    assert read.value.tolist() == [k / 3 - 0.4 for k in range(4)]
+    assert read.plan.hours.tolist() == [0.37 * k / 60 for k in range(4)]
+    assert read.plan.gauge_at.tolist() == [0.45] * 4
+    assert read.temperature.tolist() == [20 + k / 7 for k in range(4)]
+    assert read.posture == ("iso", "max", "-20.5", "min")
+    assert read.gauge == ("012",) * 4
+    assert read.note == ("yes: 1", "", "", "")
+    assert read.timed
+    assert len(read.source.sha256) == 64
+
+
+def test_readings_in_memory_become_a_session(tmp_path):
+    path = save(tmp_path, session_text(values()))
+    read = read_input(path).measured
+    again = session_of_readings(read, MODEL, {"source": "memory"})
+    assert again["protocol"] == "double-posture"
+    other = read_input(save(tmp_path, session_text(again), "again.yaml")).measured
+    for field in dataclasses.fields(read.plan):
+        mine, theirs = getattr(other.plan, field.name), getattr(read.plan, field.name)
+        assert mine.tolist() == pytest.approx(theirs.tolist(), abs=1e-8)
+    for name in ("value", "cycle", "temperature"):
+        assert getattr(other, name).tolist() == getattr(read, name).tolist()
+    for name in ("posture", "gauge", "note", "timed"):
+        assert getattr(other, name) == getattr(read, name)
+
+
+def test_each_file_and_its_machine_are_read_once(tmp_path, monkeypatch):
+    path = save(tmp_path, session_text(values(LARGE)))
+    read = []
+    real = module.machine_in
+    monkeypatch.setattr(module, "machine_in", lambda file: read.append(file) or real(file))
+    for model in (None, MODEL):
+        read_input(path, model)
+    assert len(read) == 2
+
+
+@pytest.mark.parametrize("name", ["session.yaml", "session", "data.csv", "x.txt"])
+@pytest.mark.parametrize("before", ["", "# a comment, with commas\n\n", "---\n", "\ufeff"])
+def test_recognised_by_content(tmp_path, name, before):
+    path = save(tmp_path, before + session_text(values()), name)
+    assert len(read_input(path, MODEL).measured) == 4
+
+
+def test_json_is_yaml(tmp_path):
+    import json
+
+    content = json.dumps(session_json(values()))
+    assert len(read_input(save(tmp_path, content, "s.json"), MODEL).measured) == 4
+
+
+def test_an_unfinished_session_without_readings(tmp_path):
+    empty = values(readings=(), finished=None)
+    path = save(tmp_path, session_text(empty))
+    assert "no reading" in problems(read_input, path, MODEL)[0].what
+
+
+def test_the_machine_inside_is_used_unless_another_is_named(tmp_path):
+    path = save(tmp_path, session_text(values(LARGE)))
+    given = read_input(path)
+    assert given.is_session
+    assert given.model.machine == LARGE.machine
+    assert given.measured.plan.displacement.tolist() == [0.0, 90.0, -20.5, -140.0]
+    assert given.measured.remarks == ()
+    given = read_input(path, MODEL)
+    assert given.model is MODEL
+    assert given.measured.plan.displacement.tolist() == [0.0, 60.0, -20.5, -100.0]
+    assert "differs from the machine given" in given.measured.remarks[0]
+    assert "leg_length_mm" in given.measured.remarks[0]
+
+
+def test_accepted_causes_belong_to_the_machine_inside(tmp_path):
+    """Machines are told apart by their causes, but not by the last digit of one."""
+    found = extended(encoder_scale=(0.0403, -1.1537, -0.9618), axis_gap=(1 / 3, 0.2, -0.1))
+    same = machine_from_text(machine_text(found), "m.yaml")
+    path = save(tmp_path, session_text(values(same)))
+    alone, given, other = read_input(path), read_input(path, same), read_input(path, MODEL)
+    assert machine_values(alone.model) == machine_values(same)
+    assert [each.cause.id for each in alone.model.accepted] == ["encoder_scale", "axis_gap"]
+    assert given.model is same
+    assert given.measured.remarks == ()
+    assert other.model.accepted == ()
+    (remark,) = other.measured.remarks
+    assert remark.endswith("in: identified. The machine given was used.")
+
+
+def test_a_fault_of_a_cause_inside_has_its_place(tmp_path):
+    text = session_text(values(extended(axis_gap=(0.3, 0.2, -0.1))))
+    changed = text.replace("cause: axis_gap", "cause: sign_flip")
+    (fault,) = problems(read_input, save(tmp_path, changed))
+    line = changed.split("\n").index("  - cause: sign_flip") + 1
+    assert places([fault]) == [(line, "machine.identified[0].cause", "sign_flip")]
+
+
+def test_the_default_machine_for_a_table(tmp_path):
+    path = save(tmp_path, "leg,posture,direction,reading_mm\nx,max,y,1\n", "d.csv")
+    given = read_input(path)
+    assert not given.is_session
+    assert given.model is MODEL
+    assert given.measured.plan.displacement.tolist() == [60.0]
+
+
+def without(text: str, *keys: str) -> str:
+    import re
+
+    for key in keys:
+        text = re.sub(rf" {key}: [^,}}]*,", "", text)
+    return text
+
+
+def test_minutes_from_timestamps(tmp_path):
+    path = save(tmp_path, without(session_text(values()), "minutes"))
+    read = read_input(path, MODEL).measured
+    assert read.timed
+    assert (read.plan.hours * 3600).tolist() == pytest.approx([30.25, 90.25, 150.25, 210.25])
+
+
+def test_timestamps_without_a_start(tmp_path):
+    text = without(session_text(values(started=None)), "minutes")
+    read = read_input(save(tmp_path, text), MODEL).measured
+    assert (read.plan.hours * 3600).tolist() == pytest.approx([0.0, 60.0, 120.0, 180.0])
+
+
+def test_timestamps_before_the_start_or_out_of_order(tmp_path):
+    text = without(session_text(values(started="2025-03-01T09:01:00+01:00")), "minutes")
+    (early,) = problems(read_input, save(tmp_path, text), MODEL)
+    assert (early.column, early.value) == ("readings[0].timestamp", "2025-03-01T09:00:30.250+01:00")
+    text = without(session_text(values()), "minutes").replace("T09:02", "T09:00")
+    (back,) = problems(read_input, save(tmp_path, text), MODEL)
+    assert (back.column, back.what[:19]) == ("readings[2].timestamp", "Time runs backwards")
+
+
+def test_mixed_time_zones(tmp_path):
+    text = without(session_text(values(started="2025-03-01T09:00:00")), "minutes")
+    found = problems(read_input, save(tmp_path, text), MODEL)
+    assert "time zone" in found[0].what
+
+
+def test_resolution_with_its_unit_and_inches(tmp_path):
+    text = session_text(values()).replace("resolution: 0.01", "resolution_mm: 0.001")
+    text = text.replace("reading_mm: -0.4,", "reading_in: -0.01,")
+    path = save(tmp_path, text)
+    given = read_input(path, MODEL)
+    assert given.conditions.gauges[0].resolution_mm == 0.001
+    assert given.measured.value[0] == -0.254
+
+
+BAD = [
+    ("leg: x", "leg: w", "readings[0].leg", "w", "not an axis"),
+    ("direction: y, cycle", "direction: x, cycle", "readings[0].direction", "x", "own axis"),
+    ("posture: max", "posture: 99", "readings[1].posture", "99", "joint limits"),
+    ("posture: max", "posture: [a]", "readings[1].posture", None, "One value"),
+    ("reading_mm: -0.4", "reading_mm: 1:30", "readings[0].reading_mm", "1:30", "not a number"),
+    ("reading_mm: -0.4", "reading_mm: on", "readings[0].reading_mm", "on", "not a number"),
+    ("reading_mm: -0.4", "reading_mm: 012", "readings[0].reading_mm", "012", "octal"),
+    ("reading_mm: -0.4, ", "", "readings[0].reading_mm", None, "missing"),
+    ("seq: 2", "seq: 1", "readings[1].seq", "1", "line"),
+    ("minutes: 0.74", "minutes: 0.1", "readings[2].minutes", "0.1", "backwards"),
+    ("09:00:30.250", "soon", "readings[0].timestamp", "2025-03-01Tsoon+01:00", "not a time"),
+    ("started: '2025-03-01T09:00:00+01:00'", "started: early", "started", "early", "not a time"),
+    ("leg_length_mm: 310.25", "leg_length_mm: -1", "machine.leg_length_mm", "-1", "zero"),
+    ("id: '012'", "id: ''", "gauges[0].id", "", "empty"),
+    ("leg: z, posture: iso", "leg: q, posture: iso", "skipped[0].leg", "q", "not an axis"),
+    ("reading_mm: 9.9", "reading_in: x", "retaken[0].reading_in", "x", "not a number"),
+    ("retaken:\n- {leg: x", "retaken:\n- {lag: x", "retaken[0].leg", None, "missing"),
+    ("retaken:\n- {", "retaken: {a: b}\nretake:\n- {", "retaken", None, "list is wanted"),
+    ("schema_version: 1\nmachine", "schema_version: 9\nmachine", "schema_version", "9", "version"),
+    ("protocol: double", "machine: 2\nprotocol: double", "machine", "2", "twice"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "column", "value", "what"), BAD)
+def test_faults_name_place_and_remedy(tmp_path, old, new, column, value, what):
+    text = session_text(values())
+    assert old in text
+    changed = text.replace(old, new, 1)
+    found = problems(read_input, save(tmp_path, changed), MODEL)
+    assert [(fault.column, fault.value) for fault in found] == [(column, value)]
+    assert what in found[0].what
+    assert found[0].remedy
+    same = [a == b for a, b in zip(text.split("\n"), changed.split("\n"), strict=False)]
+    assert found[0].line == same.index(False) + 1
+    assert places(problems(read_input, save(tmp_path, changed))) == places(found)
+
+
+def test_entries_that_are_no_readings(tmp_path):
+    text = session_text(values())
+    head = text[: text.index("readings:")]
+    found = problems(read_input, save(tmp_path, head + "readings: [a, {leg: x}]\n"), MODEL)
+    assert [fault.column for fault in found] == [
+        "readings[0]", "readings[1].direction", "readings[1].posture", "readings[1].reading_mm",
+    ]  # fmt: skip
+    found = problems(read_input, save(tmp_path, head + "readings: {a: b}\n"), MODEL)
+    assert found[0].column == "readings"
+
+
+def test_faults_of_all_parts_are_found_at_once(tmp_path):
+    text = session_text(values(operator="Ada"))
+    for old, new in (
+        ("operator: Ada", "operator: [a]"),
+        ("posture: max, direction: z", "posture: [a], direction: z"),
+        ("leg: y", "leg: q"),
+        ("reading_mm: -0.4", "reading_mm: x"),
+        ("reason: slipped", "reason: {}"),
+        ("leg: z, posture: iso", "leg: z"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    found = problems(read_input, save(tmp_path, text))
+    assert [fault.column for fault in found] == [
+        "operator", "readings[0].reading_mm", "readings[1].posture", "readings[2].leg",
+        "retaken[0].reason", "skipped[0].posture",
+    ]  # fmt: skip
+
+
+def test_unknown_keys_are_said(tmp_path):
+    text = session_text(values()).replace("operator:", "weather: rain\noperator:")
+    text = text.replace("leg: x,", "leg: x, colour: red,")
+    remarks = read_input(save(tmp_path, text), MODEL).measured.remarks
+    assert any("weather" in remark for remark in remarks)
+    assert any("colour" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [(PROTOTYPE.read_text(), "machine file"), ("a: 1\n", "neither"), ("- 1\n", "neither"),
+     ("readings: []\n", "missing")],
+)  # fmt: skip
+def test_other_yaml_is_told_apart(tmp_path, text, what):
+    with pytest.raises(InputError, match=what) as caught:
+        read_input(save(tmp_path, text), MODEL)
+    assert caught.value.remedy
+
+
+def test_an_existing_session_is_not_overwritten_silently(tmp_path):
+    path = tmp_path / "s.yaml"
+    write_session(values(), path)
+    with pytest.raises(UsageError, match="not overwritten"):
+        write_session(values(operator="other"), path)
+    assert path.read_text() == session_text(values())
+    write_session(values(operator="other"), path, overwrite=True)
+    assert read_input(str(path)).conditions.operator == "other"

@@ -1,0 +1,193 @@
+"""Bytes to text and back (sizes, encodings, complete or not there); numbers by a strict pattern."""
+
+import doctest
+import hashlib
+import io
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.files import text as module
+from orthoglide_cal.files.text import (
+    UnreadableError,
+    document_from_bytes,
+    number_text,
+    parse_count,
+    parse_number,
+    parse_yaml_number,
+    read_document,
+    write_text,
+)
+
+
+def test_bom_and_line_ends():
+    data = "\ufeffa,b\r\nc,d\re,f\n".encode()
+    read = document_from_bytes(data, "x")
+    assert read.text == "a,b\nc,d\ne,f\n"
+    assert read.sha256 == hashlib.sha256(data).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("data", "what", "line"),
+    [
+        ("leg\n".encode("utf-16"), "UTF-16", 1),
+        (b"leg\r\nx\0y\n", "NUL", 2),
+        ("leg\n\nµ\n".encode("latin-1"), "not UTF-8", 3),
+        (b"PK\x03\x04rest", "spreadsheet", None),
+        (b"", "empty", None),
+        (b" \n\n", "empty", None),
+        (b"a\nb\x1b[31m\n", "control character", 2),
+    ],
+)
+def test_refused_with_a_remedy(data, what, line):
+    with pytest.raises(InputError, match=what) as caught:
+        document_from_bytes(data, "f.csv")
+    assert (caught.value.file, caught.value.line) == ("f.csv", line)
+    assert caught.value.remedy
+
+
+def test_unreadable(tmp_path):
+    with pytest.raises(UnreadableError, match="no such file"):
+        read_document(str(tmp_path / "none.csv"))
+    with pytest.raises(UnreadableError, match="folder"):
+        read_document(str(tmp_path))
+    with pytest.raises(UnreadableError, match="cannot be read"):
+        read_document("a\0b")
+
+
+def test_too_large_is_not_read_to_its_end(tmp_path):
+    path = tmp_path / "large.csv"
+    with path.open("wb") as file:
+        file.truncate(10**12)  # sparse
+    with pytest.raises(InputError, match="larger than 50 MB"):
+        read_document(str(path))
+
+
+def test_standard_input(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"a\n")))
+    read = read_document("-")
+    assert (read.path, read.text) == ("-", "a\n")
+
+
+def test_written_once(tmp_path):
+    path = tmp_path / "a.txt"
+    write_text(path, "grün\n")
+    assert path.read_bytes() == "grün\n".encode()
+    with pytest.raises(UsageError):
+        write_text(path, "other")
+    write_text(path, "other", overwrite=True)
+    assert path.read_text() == "other"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_permissions_follow_the_umask(tmp_path):
+    old = os.umask(0o022)
+    try:
+        write_text(tmp_path / "a", "x")
+    finally:
+        os.umask(old)
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o644
+
+
+def test_a_failure_leaves_nothing_behind(tmp_path, monkeypatch):
+    path = tmp_path / "a.txt"
+    path.write_text("before")
+
+    def full(handle):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_text(path, "after", overwrite=True)
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_folder(tmp_path):
+    with pytest.raises(InputError, match="cannot be written") as caught:
+        write_text(tmp_path / "none" / "a", "x")
+    assert caught.value.file.endswith("a")
+
+
+def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):
+    path = tmp_path / "a"
+    path.write_text("theirs")
+    monkeypatch.setattr(Path, "exists", lambda self: False)
+    with pytest.raises(UsageError):
+        write_text(path, "mine")
+    assert path.read_text() == "theirs"
+
+
+def test_a_file_system_without_links(tmp_path, monkeypatch):
+    def refused(self, target):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "hardlink_to", refused)
+    write_text(tmp_path / "a", "x")
+    assert (tmp_path / "a").read_text() == "x"
+    with pytest.raises(UsageError):
+        write_text(tmp_path / "a", "y")
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("0.12", 0.12), ("-0.12", -0.12), ("+0000.123", 0.123), ("\u22121.5", -1.5),
+        (".5", 0.5), ("5.", 5.0), ("1e-3", 1e-3), ("1E+2", 100.0), (" 7 ", 7.0), ("-0", 0.0),
+    ],
+)  # fmt: skip
+def test_numbers(text, value):
+    assert parse_number(text) == value
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "nan", "inf", "-Infinity", "1_000", "0x1F", "1:30", "on", "true", "1 000", "1.2.3", "--1",
+     "1e", "e5", "٣", "½", "1.234,5", "12mm", "1" * 41, "ERR6", "01A+0000.123"],
+)  # fmt: skip
+def test_not_numbers(text):
+    with pytest.raises(InputError, match="not a number") as caught:
+        parse_number(text, decimal_comma=True)
+    assert caught.value.remedy
+    assert len(caught.value.value) <= 40
+
+
+def test_decimal_comma_only_where_allowed():
+    assert parse_number("-0,125", decimal_comma=True) == -0.125
+    with pytest.raises(InputError, match="decimal comma") as caught:
+        parse_number("-0,125")
+    assert "semicolons" in caught.value.remedy
+
+
+def test_too_large():
+    with pytest.raises(InputError, match="too large"):
+        parse_number("1e999")
+
+
+@pytest.mark.parametrize("text", ["012", "-007", "00"])
+def test_yaml_octal_is_ambiguous(text):
+    with pytest.raises(InputError, match="octal"):
+        parse_yaml_number(text)
+    assert parse_yaml_number("0.12") == 0.12
+    assert parse_yaml_number("0") == 0.0
+
+
+def test_counts():
+    assert parse_count(" 3 ", 1) == 3
+    for text in ("0", "-1", "1.0", "1e2", "x", "", "9" * 30):
+        with pytest.raises(InputError, match="whole number"):
+            parse_count(text, 1)
+
+
+@pytest.mark.parametrize("value", [60.0, -0.1, 1 / 3, 1e-12, 123456789.125, 1e300, -20.5, 2.0**60])
+def test_number_text_reads_back_exactly(value):
+    assert float(number_text(value)) == value
+    assert number_text(60.0) == "60"
+
+
+def test_docstrings():
+    assert doctest.testmod(module).failed == 0

@@ -1,0 +1,142 @@
+"""Reductions of readings to the paper's differences, and contrasts that no gauge zero enters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    Contact,
+    DataKind,
+    Difference,
+    Machine,
+    Model,
+    Plan,
+    Posture,
+    Series,
+    cell_contrasts,
+    double_posture,
+    ideal_plan,
+    reduction,
+    simulate_with_jacobian,
+    single_posture,
+    without_zeros,
+    zero_free,
+)
+from tests.machines import LARGE, PROTOTYPE, both_machines
+from tests.model.geometries import mixed_plan
+
+OFFSETS = np.array([0.4, -0.9, 0.6])
+KINDS = (DataKind.SIX, DataKind.TWELVE, DataKind.SINGLE)
+NAMES = {
+    DataKind.SIX: "x_y x_z y_x y_z z_x z_y",
+    DataKind.TWELVE: "x_y+ x_y- x_z+ x_z- y_x+ y_x- y_z+ y_z- z_x+ z_x- z_y+ z_y-",
+    DataKind.SINGLE: "z_x0 z_y0 z_x+ z_x- z_y+ z_y-",
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_differences_are_named_as_the_paper_prints_them(kind: DataKind) -> None:
+    """Direction first, leg second, in the order of Table 4."""
+    assert [difference.name for difference in DIFFERENCES[kind]] == NAMES[kind].split()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_reduction_subtracts_means_and_forgets_the_zeros(kind: DataKind) -> None:
+    plan = single_posture(PROTOTYPE, 3) if kind is DataKind.SINGLE else double_posture(PROTOTYPE)
+    matrix = reduction(kind, DIFFERENCES[kind], PROTOTYPE, plan)
+    assert np.abs(matrix @ plan.zeros).max() < 1e-15
+    assert np.abs(matrix).sum(axis=1) == pytest.approx(np.full(len(matrix), 2.0))
+
+
+@both_machines
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_ideal_plan_has_each_reading_that_is_needed_once(
+    machine: Machine, kind: DataKind
+) -> None:
+    plan = ideal_plan(kind, machine)
+    matrix = reduction(kind, DIFFERENCES[kind], machine, plan)
+    assert set(np.unique(matrix)) == {-1.0, 0.0, 1.0}
+    assert np.all(np.abs(matrix).sum(axis=0) > 0.0)
+    assert len(plan) == {DataKind.SIX: 12, DataKind.TWELVE: 18, DataKind.SINGLE: 12}[kind]
+
+
+@pytest.mark.parametrize(
+    ("kind", "posture", "ends"),
+    [
+        (DataKind.SIX, None, ((60.0, Contact.FIXED), (-100.0, Contact.FIXED))),
+        (DataKind.TWELVE, Posture.MAX, ((60.0, Contact.FIXED), (0.0, Contact.FIXED))),
+        (DataKind.TWELVE, Posture.MIN, ((-100.0, Contact.FIXED), (0.0, Contact.FIXED))),
+        (DataKind.SINGLE, Posture.ISO, ((0.0, Contact.TOOL), (0.0, Contact.JOINT))),
+        (DataKind.SINGLE, Posture.MIN, ((-100.0, Contact.TOOL), (-100.0, Contact.JOINT))),
+    ],
+)
+def test_what_each_difference_subtracts(
+    kind: DataKind, posture: Posture | None, ends: tuple[tuple[float, Contact], ...]
+) -> None:
+    """Max − min, that posture − iso, tool end − joint end: means of repeats."""
+    series = Series(0, 2) if kind is DataKind.SINGLE else Series(2, 1)
+    plan = single_posture(PROTOTYPE, 3) if kind is DataKind.SINGLE else double_posture(PROTOTYPE)
+    values = np.random.default_rng(5).normal(0.0, 1.0, len(plan))
+    first, second = (
+        values[plan.of(series) & (plan.displacement == moved) & (plan.contact == contact)].mean()
+        for moved, contact in ends
+    )
+    (row,) = reduction(kind, (Difference(series, posture),), PROTOTYPE, plan)
+    assert row @ values == pytest.approx(first - second, abs=1e-15)
+
+
+def test_readings_of_different_set_ups_are_never_subtracted() -> None:
+    """Max in one set-up, min in another: no difference; both in some: their mean."""
+    plan = double_posture(PROTOTYPE, cycles=3, closing=False, postures=(Posture.MAX, Posture.MIN))
+    apart = replace(plan, setup=np.arange(len(plan)))
+    wanted = DIFFERENCES[DataKind.SIX]
+    assert not reduction(DataKind.SIX, wanted, PROTOTYPE, apart).any()
+    # The gauge along y on leg x is set up three times: for max alone, for both, for both.
+    mine = np.flatnonzero(plan.of(Series(0, 1)))
+    setup = plan.setup.copy()
+    setup[mine] = [6, 7, 7, 7, 8, 8]
+    values = np.random.default_rng(6).normal(0.0, 1.0, len(plan))
+    values[mine] = [100.0, -5.0, 3.0, -7.0, 4.0, -2.0]
+    again = Plan(**{**vars(plan), "setup": np.unique(setup, return_inverse=True)[1]})
+    row = reduction(DataKind.SIX, (Difference(Series(0, 1)),), PROTOTYPE, again)[0]
+    assert row @ values == pytest.approx(((3.0 - (-6.0)) + (4.0 - (-2.0))) / 2.0)
+
+
+@pytest.mark.parametrize("plan", [double_posture(LARGE), single_posture(LARGE, 2)])
+def test_contrasts_are_orthonormal_and_complete(plan: Plan) -> None:
+    matrix = zero_free(plan)
+    assert matrix @ matrix.T == pytest.approx(np.eye(len(matrix)), abs=1e-12)
+    assert np.abs(matrix @ plan.zeros).max() < 1e-12
+    assert len(matrix) == len(plan) - plan.setups
+
+
+@both_machines
+@pytest.mark.parametrize("kind", ["few", "mixed", "ends"])
+def test_contrasts_of_cells_are_least_squares_on_all_readings(machine: Machine, kind: str) -> None:
+    """Unequal repeats, gauges that moved, ends of legs: the normal equations of all readings."""
+    rng = np.random.default_rng(8)
+    plan = double_posture(machine).subset(np.sort(rng.choice(60, 41, replace=False)))
+    if kind != "few":
+        once = mixed_plan(machine) if kind == "mixed" else single_posture(machine)
+        plan = once.subset(np.sort(rng.choice(len(once), 3 * len(once))))
+    slope = simulate_with_jacobian(Model(machine), OFFSETS, plan)[1]
+    values = rng.normal(0.0, 1.0, len(plan))
+    few, all_ = cell_contrasts(plan), zero_free(plan)
+    assert len(few) < len(all_)
+    assert few @ few.T == pytest.approx(np.eye(len(few)), abs=1e-12)
+    assert np.abs(few @ plan.zeros).max() < 1e-12
+    for one, other in ((slope, slope), (slope, values)):
+        mine, full = ((m @ one).T @ (m @ other) for m in (few, all_))
+        assert mine == pytest.approx(full, abs=1e-10)
+
+
+def test_removing_the_zeros_keeps_what_the_contrasts_see() -> None:
+    plan = double_posture(LARGE, 2)
+    values = np.random.default_rng(4).normal(0.0, 1.0, (5, len(plan)))
+    rest = without_zeros(plan, values)
+    assert (rest**2).sum(axis=1) == pytest.approx(
+        ((values @ zero_free(plan).T) ** 2).sum(axis=1), rel=1e-12
+    )
+    assert np.abs(rest @ plan.zeros).max() < 1e-12

@@ -1,0 +1,268 @@
+"""A model and its causes: order of stages, parameters from fit to file, values that stay as is."""
+
+from dataclasses import FrozenInstanceError, fields, replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.model import (
+    AXES,
+    DIFFERENCES,
+    Cause,
+    DataKind,
+    Differences,
+    Effect,
+    Estimate,
+    Floats,
+    Model,
+    Place,
+    Source,
+    Stage,
+    double_posture,
+    simulate,
+)
+from orthoglide_cal.model.cause import EVERYWHERE, Command
+from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.model.workspace import compensation, workspace_error
+from tests.machines import LARGE, NOMINAL, PROTOTYPE, extended
+from tests.model.geometries import bent_rails, on_rails
+
+OFFSETS = np.array([0.7, -1.1, 0.4])
+PLAN = double_posture(PROTOTYPE, 1)
+
+
+def covariance(size: int, scale: float, seed: int = 3) -> Floats:
+    """A full covariance matrix, no two entries alike."""
+    root = np.random.default_rng(seed).normal(0.0, scale, (size, size))
+    return root @ root.T
+
+
+# --- models -----------------------------------------------------------------------------------
+
+
+def test_a_model_keeps_its_causes_in_order() -> None:
+    gap, lean = CAUSES["axis_gap"].at(np.ones(3)), CAUSES["axis_squareness"].at(1e-3 * np.ones(3))
+    model = NOMINAL.extended([gap]).extended(iter([lean]))
+    assert model.accepted == (gap, lean)
+    assert model.machine is PROTOTYPE
+    moved = replace(model, machine=LARGE)
+    assert moved.machine is LARGE
+    assert moved.accepted == (gap, lean)
+    assert NOMINAL.accepted == ()
+    assert model.calibrated == AXES
+
+
+def test_causes_of_the_geometry_act_one_on_the_other() -> None:
+    """Rails that are given take the place of what was before, and bear what comes after."""
+    rails = bent_rails(PROTOTYPE)
+    longer = CAUSES["leg_length"].at(np.array([0.1, -0.2, 0.3]))
+    given = on_rails(PROTOTYPE, rails).accepted
+    before, after = (NOMINAL.extended(order) for order in ((longer, *given), (*given, longer)))
+    assert before.geometry.lengths == pytest.approx(rails.lengths, abs=0.0)
+    assert after.geometry.lengths == pytest.approx(rails.lengths + longer.theta, abs=1e-12)
+    assert after.geometry.points == pytest.approx(rails.points, abs=0.0)
+    nominal = NOMINAL.geometry
+    assert np.array_equal(nominal.directions, np.eye(3))
+    assert not nominal.points.any()
+    assert np.array_equal(nominal.lengths, [PROTOTYPE.leg_length_mm] * 3)
+
+
+def test_true_joints_are_the_indicated_ones_with_offsets_and_motion() -> None:
+    """q = L + (1 + k)(ρ − L) + Δρ + r t, many offsets at once."""
+    joints = np.array([[300.0, 310.0, 305.0], [340.0, 280.0, 310.25]])
+    hours = np.array([0.5, 1.5])
+    command = Command(joints, PROTOTYPE.leg_length_mm, hours, None)
+    scales, rates = np.array([1.0, -2.0, 0.5]) * 1e-3, np.array([0.1, 0.2, -0.3])
+    model = NOMINAL.extended(
+        [CAUSES["thermal_drift"].at(rates), CAUSES["encoder_scale"].at(scales)]
+    )
+    offsets = np.random.default_rng(2).normal(0.0, 1.0, (4, 3))
+    length = PROTOTYPE.leg_length_mm
+    expected = length + (1.0 + scales) * (joints - length) + rates * hours[:, None]
+    found = model.true_joints(command, offsets)
+    assert found.shape == (4, 2, 3)
+    assert found == pytest.approx(expected + offsets[:, None], abs=1e-12)
+
+
+def test_contact_comes_before_the_record_whatever_the_order_of_the_causes() -> None:
+    """A knocked stand under a gauge with the wrong sign: the step is written down with it."""
+    knocked = CAUSES["stand_shift"].at(np.array([0.2]), Place((4,)))
+    flipped = CAUSES["sign_flip"].at(np.zeros(0), Place((0, 1)))
+    clean = simulate(NOMINAL, OFFSETS, PLAN)
+    step = 0.2 * ((PLAN.setup == PLAN.setup[4]) & (PLAN.order >= 4))
+    sign = np.where(PLAN.of(PLAN.series[0]), -1.0, 1.0)
+    assert PLAN.setup[4] == PLAN.setup[0]
+    for order in ((knocked, flipped), (flipped, knocked)):
+        found = simulate(NOMINAL.extended(order), OFFSETS, PLAN)
+        assert found == pytest.approx(sign * (clean + step), abs=1e-12)
+
+
+@pytest.mark.parametrize("id", CAUSES)
+def test_what_a_cause_takes_from_the_model(id: str) -> None:
+    """Closed forms need a machine that stands still, shared readings one that repeats."""
+    cause = CAUSES[id]
+    place = cause.places(PLAN, PROTOTYPE)[0]
+    gap = CAUSES["axis_gap"].at(np.array([0.1, 0.2, 0.3]))
+    model = NOMINAL.extended([gap, cause.at(np.zeros(cause.unknowns), place)])
+    assert model.still == (cause.stage is Stage.GEOMETRY)
+    assert model.repeats == (
+        id in ("axis_gap", "axis_squareness", "leg_length", "encoder_scale", "bar_skew")
+    )
+    assert NOMINAL.still
+    assert NOMINAL.repeats
+
+
+def test_a_cause_is_possible_where_its_tolerance_says_so() -> None:
+    gap = CAUSES["axis_gap"]
+    assert gap.possible(PROTOTYPE)
+    assert not gap.possible(replace(PROTOTYPE, tolerances={"axis_gap": 0.0}))
+    assert not gap.possible(replace(PROTOTYPE, tolerances={}))
+
+
+# --- effects ----------------------------------------------------------------------------------
+
+
+def test_estimates_are_in_the_units_of_the_files() -> None:
+    """Internal rad → mrad; the square roots of the diagonal."""
+    spread = covariance(3, 1e-4)
+    effect = Effect(
+        CAUSES["axis_squareness"], np.array([1.2e-3, -0.7e-3, 0.4e-3]), covariance=spread
+    )
+    assert effect.std == pytest.approx(np.sqrt([spread[k, k] for k in range(3)]), rel=1e-12)
+    assert list(effect.estimates) == ["xy", "yz", "zx"]
+    for k, (estimate, value) in enumerate(
+        zip(effect.estimates.values(), (1.2, -0.7, 0.4), strict=True)
+    ):
+        assert isinstance(estimate, Estimate)
+        assert estimate.unit == "mrad"
+        assert estimate.value == pytest.approx(value, rel=1e-12)
+        assert estimate.std == pytest.approx(1e3 * np.sqrt(spread[k, k]), rel=1e-12)
+
+
+def test_what_is_known_exactly_has_no_uncertainty() -> None:
+    effect = CAUSES["leg_length"].at(np.array([0.05, -0.03, 0.11]))
+    assert effect.std.tolist() == [0.0, 0.0, 0.0]
+    assert effect.moved() == ()
+    assert [estimate.std for estimate in effect.estimates.values()] == [0.0] * 3
+    assert effect.place == EVERYWHERE
+    assert CAUSES["sign_flip"].at(np.zeros(0), Place((0, 1))).estimates == {}
+
+
+def test_a_width_is_not_negative_and_first_positions_are_not_told() -> None:
+    theta = np.array([0.03, -0.004, 0.02, 0.011, -0.007, 0.017])
+    effect = Effect(CAUSES["backlash"], theta, covariance=covariance(6, 0.01))
+    estimates = effect.estimates
+    assert list(estimates) == ["x", "y", "z"]
+    assert [estimate.value for estimate in estimates.values()] == [0.03, 0.0, 0.02]
+    assert CAUSES["axis_gap"].admissible(-0.3) == -0.3
+
+
+def test_accepting_keeps_the_named_parameters_with_their_correlations() -> None:
+    """Where the carriages started is forgotten; day and digest are remembered, the place too."""
+    theta = np.array([0.03, -0.004, 0.02, 0.011, -0.007, 0.017])
+    spread = covariance(6, 0.01)
+    found = Effect(CAUSES["backlash"], theta, covariance=spread)
+    kept = found.accepted("2026-03-04", "ab" * 32)
+    assert kept.theta.tolist() == [0.03, 0.0, 0.02, 0.0, 0.0, 0.0]
+    assert kept.covariance is not None
+    assert np.array_equal(kept.covariance[:3, :3], spread[:3, :3])
+    assert not kept.covariance[3:].any()
+    assert not kept.covariance[:, 3:].any()
+    assert (kept.date, kept.data_sha256) == ("2026-03-04", "ab" * 32)
+    assert kept.cause is found.cause
+    assert (found.date, found.data_sha256) == (None, None)
+    exact = CAUSES["stand_shift"].at(np.array([-0.2]), Place((4,))).accepted("2026-03-04", "0")
+    assert exact.covariance is None
+    assert exact.theta.tolist() == [-0.2]
+    assert exact.place == Place((4,))
+
+
+def test_moved_effects_span_the_uncertainty() -> None:
+    """Σ (θ' − θ)(θ' − θ)ᵀ over them is the covariance."""
+    theta, spread = np.array([0.3, -0.2, 0.5]), covariance(3, 0.02)
+    effect = Effect(CAUSES["axis_gap"], theta, Place((1, 2)), spread)
+    steps = np.array([moved.theta - theta for moved in effect.moved()])
+    assert steps.T @ steps == pytest.approx(spread, rel=1e-9)
+    assert steps @ steps.T == pytest.approx(np.diag((steps**2).sum(axis=1)), abs=1e-12)
+    assert {moved.place for moved in effect.moved()} == {Place((1, 2))}
+    flat = replace(effect, covariance=np.diag([4e-4, 0.0, 1e-4]))
+    assert sorted(np.abs(moved.theta - theta).max() for moved in flat.moved()) == pytest.approx(
+        [0.01, 0.02]
+    )
+
+
+def test_plausible_sizes_come_from_the_machine() -> None:
+    """Tolerances 0.02 mm and, of the first positions, 0.3 of that; 1 mrad as rad."""
+    assert CAUSES["backlash"].prior_std(PROTOTYPE) == pytest.approx([0.02] * 3 + [0.006] * 3)
+    assert CAUSES["axis_squareness"].prior_std(PROTOTYPE) == pytest.approx([1e-3] * 3)
+    assert CAUSES["sign_flip"].prior_std(PROTOTYPE).shape == (0,)
+
+
+def test_a_cause_does_nothing_where_it_does_not_act() -> None:
+    """The base of all causes: no place but everywhere, without a name, nothing changed."""
+
+    class Idle(Cause):
+        id, title, stage, advice = "idle", "idles", Stage.CONTACT, "Leave it."
+
+    idle = Idle()
+    assert idle.places(PLAN, PROTOTYPE) == (EVERYWHERE,)
+    assert idle.label(EVERYWHERE, PLAN, PROTOTYPE) == ""
+    assert idle.unknowns == 0
+    before, after = (
+        simulate(model, OFFSETS, PLAN)
+        for model in (NOMINAL, NOMINAL.extended([idle.at(np.zeros(0))]))
+    )
+    assert np.array_equal(before, after)
+
+
+# --- values that nobody can change ------------------------------------------------------------
+
+
+def test_values_are_frozen_to_the_last_array() -> None:
+    session = synthetic_session(NOMINAL, PLAN, OFFSETS, np.random.default_rng(1))
+    wanted = DIFFERENCES[DataKind.SIX]
+    known = extended(axis_gap=(0.1, 0.2, -0.1))
+    values = (
+        PLAN,
+        session,
+        Differences(DataKind.SIX, wanted, np.zeros(6), Source("six.csv", "")),
+        known.accepted[0],
+        Command.standing(np.ones((2, 3)), 1.0),
+        workspace_error(NOMINAL, OFFSETS, 1e-4 * np.eye(3), 2.0),
+        compensation(known, 2),
+        known.geometry,
+        NOMINAL.kind.command(PROTOTYPE, PLAN),
+    )
+    for value in values:
+        arrays = 0
+        for field in fields(value):
+            found = getattr(value, field.name)
+            if isinstance(found, np.ndarray):
+                arrays += 1
+                assert not found.flags.writeable, f"{type(value).__name__}.{field.name}"
+        assert arrays
+        with pytest.raises(FrozenInstanceError):
+            setattr(value, fields(value)[0].name, None)
+
+
+def test_values_hold_copies_of_what_they_are_given() -> None:
+    theta, spread, given = np.array([0.1, 0.2, 0.3]), covariance(3, 0.1), np.arange(6.0)
+    effect = Effect(CAUSES["axis_gap"], theta, covariance=spread)
+    data = Differences(DataKind.SIX, DIFFERENCES[DataKind.SIX], given, Source("six.csv", ""))
+    theta[0] = spread[0, 0] = given[0] = 99.0
+    assert effect.theta[0] == 0.1
+    assert effect.covariance is not None
+    assert effect.covariance[0, 0] != 99.0
+    assert data.value[0] == 0.0
+    assert len(data) == 6
+
+
+def test_tolerances_of_a_machine_cannot_be_changed() -> None:
+    given = {"axis_gap": 0.5}
+    machine = replace(PROTOTYPE, tolerances=given)
+    given["axis_gap"] = 9.0
+    assert machine.tolerances["axis_gap"] == 0.5
+    with pytest.raises(TypeError):
+        machine.tolerances["axis_gap"] = 1.0  # type: ignore[index]
+    assert Model(machine).kind is NOMINAL.kind

@@ -1,0 +1,219 @@
+"""Plans: read-only arrays, set-ups, time order, the paper's sessions, where carriages come from."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.model import (
+    Contact,
+    Floats,
+    Machine,
+    Plan,
+    Posture,
+    Series,
+    double_posture,
+    number_setups,
+    other_axes,
+    single_posture,
+)
+from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from tests.machines import NOMINAL, PROTOTYPE, both_machines
+
+
+def small_plan() -> Plan:
+    """Four readings, given out of their order in time."""
+    return Plan(
+        leg=[0, 0, 1, 0],
+        direction=[1, 1, 2, 2],
+        displacement=[60.0, 0.0, -100.0, 60.0],
+        contact=[Contact.FIXED] * 4,
+        gauge_at=[0.5, 0.5, 0.4, 0.5],
+        setup=[0, 0, 2, 1],
+        order=[1, 0, 3, 2],
+        hours=[0.1, 0.0, 0.3, 0.1],
+    )
+
+
+def approach(plan: Plan) -> Floats:
+    """Sign of each carriage's last motion before each reading."""
+    return NOMINAL.kind.command(PROTOTYPE, plan).approach
+
+
+def test_arrays_are_read_only_copies() -> None:
+    hours = np.zeros(4)
+    plan = replace(small_plan(), hours=hours)
+    hours[0] = 9.0
+    assert plan.hours[0] == 0.0
+    for array in (*vars(plan).values(), plan.in_time, plan.zeros, plan.cells, *plan.moments):
+        assert not array.flags.writeable
+
+
+def test_a_wrong_shape_names_the_array() -> None:
+    with pytest.raises(ValueError, match="hours has shape"):
+        replace(small_plan(), hours=[0.0])
+
+
+def test_order_in_time_and_set_ups() -> None:
+    plan = small_plan()
+    assert plan.in_time.tolist() == [1, 0, 3, 2]
+    assert plan.setups == 3
+    assert plan.zeros.tolist() == [[1, 0, 0], [1, 0, 0], [0, 0, 1], [0, 1, 0]]
+    assert plan.subset([]).setups == len(plan.subset([])) == 0
+
+
+def test_series_are_named_direction_first() -> None:
+    plan = small_plan()
+    assert plan.series == (Series(0, 1), Series(0, 1), Series(1, 2), Series(0, 2))
+    assert [series.name for series in plan.series] == ["y_x", "y_x", "z_y", "z_x"]
+    assert plan.series[2].words == "leg y, direction z"
+    assert plan.of(Series(0, 1)).tolist() == [True, True, False, False]
+    assert plan.of(Series(1, 0)).tolist() == [False] * 4
+    assert [other_axes(leg) for leg in range(3)] == [(1, 2), (0, 2), (0, 1)]
+
+
+def test_a_subset_renumbers_its_set_ups() -> None:
+    part = small_plan().subset(np.array([2, 3]))
+    assert part.setup.tolist() == [1, 0]
+    assert part.gauge_at.tolist() == [0.4, 0.5]
+    assert part.setups == 2
+
+
+def test_readings_alike_share_their_cell_and_their_moment() -> None:
+    """A cell is where and how is read; a moment where the carriages stand; iso is one for all."""
+    plan = plan_of(
+        [
+            PlannedReading(0, 1, 0.0, Contact.FIXED),
+            PlannedReading(0, 1, 60.0, Contact.FIXED),
+            PlannedReading(0, 2, 60.0, Contact.FIXED),
+            PlannedReading(1, 2, 0.0, Contact.FIXED),
+            PlannedReading(1, 2, 60.0, Contact.FIXED),
+            PlannedReading(1, 2, 60.0, Contact.TOOL),
+            PlannedReading(0, 1, 60.0, Contact.FIXED),
+        ]
+    )
+    plan = replace(plan, gauge_at=[0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.3])
+
+    def groups(kind: np.ndarray) -> list[list[int]]:
+        return sorted(np.flatnonzero(kind == k).tolist() for k in np.unique(kind))
+
+    assert groups(plan.cells) == [[0], [1, 6], [2], [3], [4], [5]]
+    assert groups(plan.distinct[1]) == [[0], [1], [2], [3], [4], [5], [6]]
+    assert groups(plan.moments[1]) == [[0, 3], [1, 2, 6], [4, 5]]
+    for first, kind in (plan.distinct, plan.moments):
+        assert kind[first].tolist() == list(range(len(first)))
+
+
+def test_contacts_name_the_end_that_is_touched() -> None:
+    assert [contact.end for contact in Contact] == [None, "joint", "tool"]
+    assert small_plan().fixed
+    assert not replace(small_plan(), contact=[0, 0, 2, 0]).fixed
+
+
+@both_machines
+def test_postures_are_the_ends_of_the_travel(machine: Machine) -> None:
+    low, high = machine.joint_limits_mm
+    for posture, moved in ((Posture.ISO, 0.0), (Posture.MAX, high), (Posture.MIN, low)):
+        assert machine.displacement_mm(posture) == moved
+        assert machine.posture_at(moved) is posture
+    assert machine.posture_at(high - 1.0) is None
+
+
+# --- the paper's sessions ---------------------------------------------------------------------
+
+
+@both_machines
+def test_the_double_posture_session_is_the_papers(machine: Machine) -> None:
+    """Isotropic → max → min, three times and once more isotropic, leg after leg (sec. 4.1)."""
+    plan = double_posture(machine)
+    low, high = machine.joint_limits_mm
+    assert len(plan) == 60
+    assert plan.leg.tolist() == sorted(plan.leg.tolist())
+    per_leg = plan.displacement[plan.leg == 1][::2].tolist()
+    assert per_leg == [0.0, high, low] * 3 + [0.0]
+    assert plan.direction[plan.leg == 1].tolist() == [0, 2] * 10
+    assert plan.setups == 6
+    assert plan.fixed
+    assert set(plan.gauge_at.tolist()) == {0.5}
+    # Both gauges of a leg are read at once, 0.4 min per posture; moving the stands takes 4.
+    minutes = 60.0 * plan.hours[::2]
+    assert np.array_equal(plan.hours[::2], plan.hours[1::2])
+    assert np.diff(minutes) == pytest.approx([*[0.4] * 9, 4.4, *[0.4] * 9, 4.4, *[0.4] * 9])
+
+
+def test_a_session_of_chosen_postures() -> None:
+    plan = double_posture(PROTOTYPE, 2, False, (Posture.MIN, Posture.MAX), 0.3)
+    assert plan.displacement[plan.leg == 2][::2].tolist() == [-100.0, 60.0] * 2
+    assert len(plan) == 24
+    assert set(plan.gauge_at.tolist()) == {0.3}
+
+
+@both_machines
+def test_the_single_posture_session_reads_both_ends_along_z(machine: Machine) -> None:
+    plan = single_posture(machine, cycles=2)
+    low, high = machine.joint_limits_mm
+    assert plan.leg.tolist() == [0] * 12 + [1] * 12
+    assert set(plan.direction.tolist()) == {2}
+    assert plan.displacement[:12:2].tolist() == [0.0, high, low] * 2
+    assert plan.contact.tolist() == [Contact.JOINT, Contact.TOOL] * 12
+    assert plan.setups == 2
+    assert not plan.fixed
+    # The one gauge is read every 0.4 min and moved in 4.
+    assert np.diff(60.0 * plan.hours) == pytest.approx([*[0.4] * 11, 4.4, *[0.4] * 11])
+
+
+# --- where the controller sends the carriages -------------------------------------------------
+
+
+def test_carriages_remember_their_last_motion() -> None:
+    """Iso → max: x forward, y and z back; max → min: x back, y and z pass iso and end lower."""
+    signs = approach(double_posture(PROTOTYPE, cycles=1))
+    assert signs[0:2].tolist() == [[0, 0, 0]] * 2
+    assert signs[2:4].tolist() == [[1, -1, -1]] * 2
+    assert signs[4:6].tolist() == [[-1, -1, -1]] * 2
+    assert signs[6:8].tolist() == [[1, 1, 1]] * 2
+    # The y-leg's first isotropic posture is where the x-leg's last one was: nothing moves.
+    assert signs[8:10].tolist() == [[1, 1, 1]] * 2
+
+
+def test_approach_follows_time_not_the_order_of_the_rows() -> None:
+    plan = double_posture(PROTOTYPE)
+    mixed = np.random.default_rng(3).permutation(len(plan))
+    assert np.array_equal(approach(plan.subset(mixed)), approach(plan)[mixed])
+
+
+def test_commanded_joints_put_the_nominal_tool_on_the_axis() -> None:
+    plan = small_plan()
+    command = NOMINAL.kind.command(PROTOTYPE, plan)
+    length = PROTOTYPE.leg_length_mm
+    assert command.joints[1].tolist() == [length] * 3
+    assert command.joints[2] == pytest.approx(
+        [np.sqrt(length**2 - 1e4), length - 100.0, np.sqrt(length**2 - 1e4)], abs=1e-12
+    )
+    assert command.home == length
+    assert command.hours.tolist() == plan.hours.tolist()
+    for array in (command.joints, command.approach, command.hours):
+        assert not array.flags.writeable
+
+
+def numbers(places, gauges, ordered=True):
+    return number_setups(places, gauges, range(len(places)), ordered=ordered).tolist()
+
+
+def test_a_place_and_a_label_make_a_setup():
+    assert numbers("aabab", ["", "", "", "", ""]) == [0, 0, 1, 0, 1]
+    assert numbers("aaab", ["1", "2", "1", "1"]) == [0, 1, 0, 2]
+
+
+def test_a_returning_gauge_has_a_new_zero():
+    assert numbers("aabba", ["1"] * 5) == [0, 0, 1, 1, 2]
+    assert numbers("aabba", ["1"] * 5, ordered=False) == [0, 0, 1, 1, 0]
+
+
+def test_a_second_gauge_in_between_does_not_matter():
+    assert numbers("ababab", ["1", "2"] * 3) == [0, 1, 0, 1, 0, 1]
+
+
+def test_numbers_follow_time():
+    places, gauges = "ba", ["", ""]
+    assert number_setups(places, gauges, [1, 0], ordered=True).tolist() == [1, 0]

@@ -1,0 +1,324 @@
+"""The forward model against Table 2 computed independently, its derivatives and its laws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import SingularError, UnreachableError
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    Cause,
+    Contact,
+    DataKind,
+    Effect,
+    Floats,
+    Machine,
+    Model,
+    Numbers,
+    Place,
+    Plan,
+    Posture,
+    Stage,
+    carried_uncertainty,
+    differentiate,
+    double_posture,
+    ideal_plan,
+    reduction,
+    simulate,
+    simulate_with_jacobian,
+    single_posture,
+)
+from orthoglide_cal.model.cause import Command
+from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.model import STEP
+from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_machines, both_models
+from tests.model import table2
+from tests.model.geometries import bent_rails, mixed_plan, on_rails
+
+OFFSETS = np.array([1.7, -2.9, 0.8])
+
+
+def complex_jacobian(model: Model, offsets: Floats, plan: Plan) -> Floats:
+    """∂readings/∂Δρ by complex steps of `simulate`, (n, 3): exact, and knows no closed form."""
+    return simulate(model, offsets + 1j * STEP * np.eye(3), plan).imag.T / STEP
+
+
+def difference_jacobian(model: Model, offsets: Floats, plan: Plan) -> Floats:
+    """The same by central differences of 1e-3 mm, which err by less than 1e-8."""
+    moves = 1e-3 * np.eye(3)
+    ahead, behind = (simulate(model, offsets + sign * moves, plan) for sign in (1.0, -1.0))
+    return (ahead - behind).T / 2e-3
+
+
+# --- readings ---------------------------------------------------------------------------------
+
+
+@both_machines
+@pytest.mark.parametrize("gauge_at", [0.5, 0.3, 0.71])
+def test_readings_are_those_of_table_2(machine: Machine, gauge_at: float) -> None:
+    plan = double_posture(machine, cycles=1, gauge_at=gauge_at)
+    for offsets in np.random.default_rng(6).uniform(-5.0, 5.0, (10, 3)):
+        expected = table2.gauge_readings(machine, offsets, plan)
+        assert np.abs(simulate(Model(machine), offsets, plan) - expected).max() < 1e-10
+
+
+@both_machines
+def test_readings_on_bent_rails_wherever_the_gauges_touch(machine: Machine) -> None:
+    """Rails that neither meet nor are square: joint end, tool end and all places between."""
+    rails, plan = bent_rails(machine), mixed_plan(machine)
+    expected = table2.gauge_readings(machine, OFFSETS, plan, rails)
+    readings = simulate(on_rails(machine, rails), OFFSETS, plan)
+    assert np.abs(readings - expected).max() < 1e-10
+    assert {np.sum(plan.contact == contact) > 4 for contact in Contact} == {True}
+
+
+@both_machines
+def test_twelve_deviations_of_table_2(machine: Machine) -> None:
+    """δy_x⁺ = μ p_y − p_y⁰/2 and so on (eq. 24)."""
+    plan, wanted = ideal_plan(DataKind.TWELVE, machine), DIFFERENCES[DataKind.TWELVE]
+    readings = simulate(Model(machine), OFFSETS, plan)
+    modelled = reduction(DataKind.TWELVE, wanted, machine, plan) @ readings
+    for ((leg, direction), posture), value in zip(wanted, modelled, strict=True):
+        assert posture in (Posture.MAX, Posture.MIN)
+        moved, still = (
+            table2.gauge_reading(machine, OFFSETS, leg, direction, displacement)
+            for displacement in (machine.displacement_mm(posture), 0.0)
+        )
+        assert value == pytest.approx(moved - still, abs=1e-10)
+
+
+@both_machines
+def test_single_posture_differences_are_the_height_of_the_tool(machine: Machine) -> None:
+    """Tool end minus joint end along z is p_z, because the rails x and y lie at z = 0."""
+    plan, wanted = single_posture(machine), DIFFERENCES[DataKind.SINGLE]
+    readings = simulate(Model(machine), OFFSETS, plan)
+    modelled = reduction(DataKind.SINGLE, wanted, machine, plan) @ readings
+    for (series, posture), value in zip(wanted, modelled, strict=True):
+        moved = table2.joints(machine, series.leg, machine.displacement_mm(posture))
+        height = table2.tool(machine.leg_length_mm, moved + OFFSETS)[2]
+        assert value == pytest.approx(height, abs=1e-10)
+
+
+@both_models
+def test_without_offsets_every_gauge_reads_zero(model: Model) -> None:
+    for plan in (double_posture(model.machine), single_posture(model.machine)):
+        assert np.abs(simulate(model, np.zeros(3), plan)).max() < 1e-10
+
+
+def test_a_gauge_at_the_carriage_reads_nothing_at_the_isotropic_posture() -> None:
+    plan = double_posture(PROTOTYPE, cycles=1, gauge_at=0.0)
+    readings = simulate(NOMINAL, OFFSETS, plan)
+    isotropic = plan.displacement == 0.0
+    assert np.abs(readings[isotropic]).max() < 1e-12
+    assert np.abs(readings[~isotropic]).min() > 0.01
+
+
+# --- derivatives by the offsets ---------------------------------------------------------------
+
+
+@both_machines
+@pytest.mark.parametrize("bent", [False, True])
+@pytest.mark.parametrize("gauges", [0.25, 0.5, "mixed", "ends"])
+def test_the_closed_form_of_the_jacobian(machine: Machine, gauges: float | str, bent: bool) -> None:
+    plans = {"mixed": mixed_plan(machine), "ends": single_posture(machine, 2)}
+    plan = plans.get(gauges) or double_posture(machine, cycles=2, gauge_at=gauges)
+    model = on_rails(machine, bent_rails(machine)) if bent else Model(machine)
+    assert model.still
+    readings, slope = simulate_with_jacobian(model, OFFSETS, plan)
+    assert np.array_equal(readings, simulate(model, OFFSETS, plan))
+    assert np.abs(slope - complex_jacobian(model, OFFSETS, plan)).max() < 1e-12
+    assert np.abs(slope - difference_jacobian(model, OFFSETS, plan)).max() < 1e-8
+
+
+@both_models
+def test_the_closed_form_holds_for_accepted_causes_of_the_geometry(model: Model) -> None:
+    """Gaps, leaning axes and longer legs together, with gauges anywhere."""
+    sizes = {"axis_gap": 0.4, "axis_squareness": 1.5, "leg_length": 0.2}
+    bent = model.extended(
+        CAUSES[id].at(size * CAUSES[id].scale * np.array([1.0, -0.7, 0.3]))
+        for id, size in sizes.items()
+    )
+    plan = mixed_plan(model.machine)
+    assert bent.still
+    readings, slope = simulate_with_jacobian(bent, OFFSETS, plan)
+    assert np.array_equal(readings, simulate(bent, OFFSETS, plan))
+    assert np.abs(slope - complex_jacobian(bent, OFFSETS, plan)).max() < 1e-12
+    # The causes are in it: some readings change by more per millimetre than the test resolves.
+    nominal = simulate_with_jacobian(model, OFFSETS, plan)[1]
+    assert np.abs(slope - nominal).max() > 1e-4
+
+
+class Moving(Cause):
+    """Scales the joints, lets them creep, and shifts a gauge by where it touches the leg."""
+
+    id, title, lasting = "moving", "everything moves", True
+
+    def __init__(self, stage: Stage) -> None:
+        self.stage = stage
+
+    def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
+        """q → 1.002 q + t."""
+        return joints * 1.002 + command.hours[:, None] if self.stage is Stage.MOTION else joints
+
+    def contact(
+        self,
+        heights: Numbers,
+        theta: Numbers,
+        place: Place,
+        fraction: Numbers,
+        plan: Plan,
+        machine: Machine,
+    ) -> Numbers:
+        """A bar bent to a parabola."""
+        return heights + 0.5 * fraction**2 if self.stage is Stage.CONTACT else heights
+
+    def record(
+        self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine
+    ) -> Numbers:
+        """A gauge that shows 3 % too much."""
+        return readings * 1.03 if self.stage is Stage.RECORD else readings
+
+
+@both_machines
+@pytest.mark.parametrize("stage", [Stage.MOTION, Stage.CONTACT, Stage.RECORD])
+def test_jacobian_with_causes_of_every_stage(machine: Machine, stage: Stage) -> None:
+    """A cause that is not of the geometry leaves no closed form; each acts in the derivative."""
+    rails, plan = bent_rails(machine), mixed_plan(machine)
+    plain = on_rails(machine, rails)
+    model = plain.extended([Moving(stage).at(np.zeros(0))])
+    assert not model.still
+    readings, slope = simulate_with_jacobian(model, OFFSETS, plan)
+    assert np.array_equal(readings, simulate(model, OFFSETS, plan))
+    assert np.abs(slope - difference_jacobian(model, OFFSETS, plan)).max() < 1e-8
+    assert np.abs(slope - simulate_with_jacobian(plain, OFFSETS, plan)[1]).max() > 1e-5
+
+
+# --- derivatives by the parameters of causes --------------------------------------------------
+
+
+def some_effects() -> tuple[Effect, ...]:
+    """One cause of each stage, one without parameters among them."""
+    return (
+        CAUSES["leg_length"].at(np.array([0.05, -0.03, 0.11])),
+        CAUSES["sign_flip"].at(np.zeros(0), Place((2, 1))),
+        CAUSES["thermal_drift"].at(np.array([0.13, -0.07, 0.19])),
+        CAUSES["gauge_slip"].at(np.array([2.0]), Place((7, 1))),
+        CAUSES["bar_skew"].at(1e-3 * np.array([1.1, -0.6, 0.4, 0.9, -1.3, 0.5])),
+    )
+
+
+def test_derivatives_by_offsets_and_causes_against_finite_differences() -> None:
+    known = NOMINAL_LARGE.extended([CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.25]))])
+    effects, plan = some_effects(), mixed_plan(LARGE)
+    sizes = [effect.theta.size for effect in effects]
+    readings, slope = differentiate(known, OFFSETS, plan, effects)
+    assert readings == pytest.approx(simulate(known.extended(effects), OFFSETS, plan), abs=1e-12)
+    assert slope.shape == (len(plan), 3 + sum(sizes))
+
+    def at(values: Floats) -> Floats:
+        offsets, *thetas = np.split(values, np.cumsum([3, *sizes])[:-1])
+        moved = [replace(e, theta=theta) for e, theta in zip(effects, thetas, strict=True)]
+        return simulate(known.extended(moved), offsets, plan)
+
+    point = np.concatenate([OFFSETS, *(effect.theta for effect in effects)])
+    # Millimetres and millimetres per hour, one slip, then radians.
+    steps = np.array([1e-3] * 10 + [1e-5] * 6)
+    for k, step in enumerate(steps):
+        move = step * np.eye(point.size)[k]
+        difference = (at(point + move) - at(point - move)) / (2.0 * step)
+        assert np.abs(difference).max() > 1e-2
+        assert slope[:, k] == pytest.approx(difference, abs=2e-8 * np.abs(difference).max() + 1e-9)
+
+
+def test_what_the_uncertainty_of_accepted_causes_adds_to_readings() -> None:
+    """To first order J C Jᵀ, with correlated parameters; a cause known exactly adds nothing."""
+    gap, lean = CAUSES["axis_gap"], CAUSES["axis_squareness"]
+    some, other = np.random.default_rng(5).normal(0.0, 1.0, (2, 3, 3))
+    sizes = 1e-3 * some @ some.T, 1e-9 * other @ other.T
+    accepted = (
+        Effect(gap, np.array([0.3, -0.2, 0.25]), covariance=sizes[0]),
+        CAUSES["leg_length"].at(np.array([0.05, -0.03, 0.11])),
+        Effect(lean, np.array([1e-3, -2e-3, 5e-4]), covariance=sizes[1]),
+    )
+    model, plan = NOMINAL.extended(accepted), mixed_plan(PROTOTYPE)
+    carried = carried_uncertainty(model, OFFSETS, plan)
+    assert carried.shape == (len(plan), 6)
+    slope = differentiate(NOMINAL, OFFSETS, plan, accepted)[1]
+    expected = slope[:, 3:6] @ sizes[0] @ slope[:, 3:6].T + slope[:, 9:] @ sizes[1] @ slope[:, 9:].T
+    assert carried @ carried.T == pytest.approx(expected, abs=2e-3 * expected.max())
+    assert carried_uncertainty(NOMINAL, OFFSETS, plan).shape == (len(plan), 0)
+
+
+# --- batches, and postures that cannot be taken -----------------------------------------------
+
+
+def test_offsets_and_machines_are_batched_together() -> None:
+    rng = np.random.default_rng(2)
+    plan = mixed_plan(PROTOTYPE)
+    offsets = rng.normal(0.0, 1.0, (4, 5, 3))
+    directions = np.eye(3) + rng.normal(0.0, 0.01, (5, 3, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    lengths = PROTOTYPE.leg_length_mm + rng.normal(0.0, 0.1, (5, 3))
+    rails = Geometry(rng.normal(0.0, 0.3, (5, 3, 3)), directions, lengths)
+    model = on_rails(PROTOTYPE, rails)
+    together, slope = simulate_with_jacobian(model, offsets, plan)
+    assert together.shape == (4, 5, len(plan))
+    assert slope.shape == (4, 5, len(plan), 3)
+    assert np.array_equal(together, simulate(model, offsets, plan))
+    for i, j in ((0, 0), (2, 3), (3, 4)):
+        one = on_rails(PROTOTYPE, Geometry(rails.points[j], rails.directions[j], rails.lengths[j]))
+        readings, by_offsets = simulate_with_jacobian(one, offsets[i, j], plan)
+        assert np.abs(together[i, j] - readings).max() < 1e-12
+        assert np.abs(slope[i, j] - by_offsets).max() < 1e-12
+
+
+def test_batches_with_causes_of_the_motion() -> None:
+    """The derivative that has no closed form, for many offsets at once."""
+    plan = mixed_plan(PROTOTYPE)
+    model = NOMINAL.extended(some_effects())
+    offsets = np.random.default_rng(3).normal(0.0, 1.0, (2, 3, 3))
+    together, slope = simulate_with_jacobian(model, offsets, plan)
+    assert slope.shape == (2, 3, len(plan), 3)
+    readings, by_offsets = simulate_with_jacobian(model, offsets[1, 2], plan)
+    assert np.abs(together[1, 2] - readings).max() < 1e-12
+    assert np.abs(slope[1, 2] - by_offsets).max() < 1e-12
+
+
+def test_an_unreachable_session_is_an_error_or_nan() -> None:
+    plan = double_posture(PROTOTYPE, cycles=1)
+    offsets = np.array([[0.1, 0.2, 0.3], [300.0, 300.0, 300.0]])
+    with pytest.raises(UnreachableError, match="Leg x displaced by 0 mm: The legs do not reach"):
+        simulate(NOMINAL, offsets, plan)
+    with pytest.raises(UnreachableError, match="Leg y displaced by 60 mm: The legs do not reach"):
+        simulate(NOMINAL, np.array([30.0, 85.0, 30.0]), plan)
+    creeping = NOMINAL.extended([CAUSES["thermal_drift"].at(np.array([0.1, -0.2, 0.1]))])
+    for model in (NOMINAL, creeping):
+        readings, slope = simulate_with_jacobian(model, offsets, plan, strict=False)
+        assert np.isfinite(readings[0]).all()
+        assert np.isfinite(slope[0]).all()
+        assert np.isnan(readings[1]).any()
+        with pytest.raises(UnreachableError, match="Leg x displaced by 0 mm"):
+            simulate_with_jacobian(model, offsets, plan)
+
+
+def test_postures_without_a_tool_position_are_named() -> None:
+    """Rails along one line; legs too short for the posture at which the gauges are set up."""
+    low = double_posture(PROTOTYPE, cycles=1, closing=False, postures=(Posture.MIN,))
+    nominal = NOMINAL.geometry
+    line = replace(nominal, directions=np.array([[1.0, 0.0, 0.0]] * 3))
+    with pytest.raises(SingularError, match=r"Leg x displaced by -100 mm: .* on a line"):
+        simulate(on_rails(PROTOTYPE, line), OFFSETS, low)
+    short = replace(nominal, lengths=np.full(3, 250.0))
+    with pytest.raises(UnreachableError, match="Isotropic posture: The legs do not reach"):
+        simulate(on_rails(PROTOTYPE, short), OFFSETS, low)
+
+
+def test_a_displacement_as_long_as_the_leg_names_leg_and_size() -> None:
+    plan = Plan(
+        leg=[1], direction=[2], displacement=[-311.0], contact=[Contact.FIXED], gauge_at=[0.5],
+        setup=[0], order=[0], hours=[0.0],
+    )  # fmt: skip
+    with pytest.raises(UnreachableError, match="Leg y cannot be displaced by -311 mm"):
+        simulate(NOMINAL, OFFSETS, plan)

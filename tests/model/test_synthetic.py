@@ -1,0 +1,116 @@
+"""Synthetic sessions: noise, zeros and steps of the gauge; what a file would say beside them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.errors import UnreachableError
+from orthoglide_cal.model import (
+    DataKind,
+    Gauge,
+    Posture,
+    double_posture,
+    ideal_plan,
+    simulate,
+    zero_free,
+)
+from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.model.readings import Contact
+from orthoglide_cal.model.synthetic import synthetic_session, written_down
+from tests.machines import NOMINAL, PROTOTYPE
+from tests.readings import some
+
+OFFSETS = np.array([0.4, -0.9, 0.6])
+
+
+def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
+    """Chance of failure about 1e-6 (five standard deviations of a variance)."""
+    plan, rng = double_posture(PROTOTYPE), np.random.default_rng(3)
+    signal = simulate(NOMINAL, OFFSETS, plan)
+    values = written_down(signal, plan, PROTOTYPE.gauge, rng, 4000)
+    assert values.shape == (4000, len(plan))
+    steps = values / PROTOTYPE.gauge.resolution_mm
+    assert np.abs(steps - np.rint(steps)).max() < 1e-9
+    spread = (values - signal) @ zero_free(plan).T
+    expected = PROTOTYPE.gauge.noise_mm
+    assert spread.std() == pytest.approx(expected, rel=5.0 / np.sqrt(2.0 * spread.size) + 0.01)
+    zeros = (values - signal)[:, 0]
+    assert zeros.min() < -0.9
+    assert zeros.max() > 0.9
+
+
+def test_a_gauge_without_steps_or_noise_shows_what_there_is() -> None:
+    plan = double_posture(PROTOTYPE)
+    perfect = Gauge(0.0, 10.0, None, 0.0)
+    signal = simulate(NOMINAL, OFFSETS, plan)
+    values = written_down(signal, plan, perfect, np.random.default_rng(3))
+    rest = values - signal
+    assert zero_free(plan) @ rest == pytest.approx(0.0, abs=1e-12)
+    assert np.unique(np.round(rest, 9)).size == 6
+
+
+def test_a_session_with_another_gauge() -> None:
+    plan, fine = double_posture(PROTOTYPE), Gauge(0.0, 10.0, None, 0.0)
+    made = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4), fine)
+    rest = zero_free(plan) @ (made.value - simulate(NOMINAL, OFFSETS, plan))
+    assert rest == pytest.approx(0.0, abs=1e-8)
+    own = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4))
+    assert np.array_equal(own.value, np.round(own.value, 2))
+    assert np.abs(own.value - made.value).max() > 1e-3
+
+
+def test_the_noise_of_a_gauge_is_its_repeatability_and_its_rounding() -> None:
+    """q/√12 by hand: 0.012/3.4641 = 0.003464; √(0.003464² + 0.0035²) = 0.004925."""
+    gauge = Gauge(resolution_mm=0.012, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.0035)
+    assert gauge.rounding_mm == pytest.approx(0.0034641, abs=1e-7)
+    assert gauge.noise_mm == pytest.approx(0.0049244, abs=1e-7)
+
+
+def test_the_same_seed_gives_the_same_session() -> None:
+    plan = ideal_plan(DataKind.TWELVE, PROTOTYPE)
+    one, two, other = (
+        synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(seed)) for seed in (4, 4, 5)
+    )
+    assert np.array_equal(one.value, two.value)
+    assert not np.array_equal(one.value, other.value)
+    assert one.posture[:4] == ("iso", "iso", "max", "max")
+    assert set(one.cycle.tolist()) == {1}
+    assert one.kind is DataKind.READINGS
+    assert len(one) == len(plan)
+
+
+def test_cycles_are_counted_in_time_within_a_set_up() -> None:
+    """Each end of the leg for itself, and each direction."""
+    readings = [
+        PlannedReading(1, direction, displacement, contact)
+        for direction, displacement, contact in (
+            (0, 0.0, Contact.FIXED), (0, 30.0, Contact.FIXED), (0, 0.0, Contact.FIXED),
+            (0, 30.0, Contact.TOOL), (0, 30.0, Contact.FIXED), (0, 30.0, Contact.FIXED),
+            (2, 30.0, Contact.FIXED),
+        )
+    ]  # fmt: skip
+    shuffled = replace(plan_of(readings), order=np.arange(7)[::-1])
+    made = synthetic_session(NOMINAL, shuffled, OFFSETS, np.random.default_rng(1))
+    assert made.posture == ("iso", "30", "iso", "30", "30", "30", "30")
+    assert made.cycle.tolist() == [2, 3, 1, 1, 2, 1, 1]
+
+
+def test_some_of_the_readings() -> None:
+    made = synthetic_session(NOMINAL, double_posture(PROTOTYPE), OFFSETS, np.random.default_rng(2))
+    chosen = np.array([31, 7, 42])
+    part = some(made, chosen)
+    assert part.value.tolist() == made.value[chosen].tolist()
+    assert part.line.tolist() == [33, 9, 44]
+    assert part.posture == tuple(made.posture[i] for i in chosen)
+    assert part.plan.leg.tolist() == [1, 0, 2]
+    assert part.plan.setups == 3
+    mask = made.plan.leg == 2
+    assert some(made, mask).value.tolist() == made.value[40:].tolist()
+
+
+def test_a_machine_that_cannot_take_the_postures_is_an_error() -> None:
+    plan = ideal_plan(DataKind.SIX, PROTOTYPE)
+    with pytest.raises(UnreachableError):
+        synthetic_session(NOMINAL, plan, np.full(3, 400.0), np.random.default_rng(1))
+    assert {PROTOTYPE.posture_at(d) for d in plan.displacement} == {Posture.MAX, Posture.MIN}

@@ -1,0 +1,44 @@
+"""Readings in memory: from values, and some of those that there are."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from orthoglide_cal.model import Floats, Ints, Machine, Plan, Readings, Source
+
+
+def readings_of(machine: Machine, plan: Plan, value: Floats, path: str = "made.csv") -> Readings:
+    """Readings (n,) [mm] as a file would give them."""
+    n, seen, cycle = len(plan), Counter(), []
+    for key in zip(plan.setup, plan.displacement, plan.contact, strict=True):
+        seen[key] += 1
+        cycle.append(seen[key])
+    return Readings(
+        plan=plan,
+        value=value,
+        cycle=np.array(cycle, dtype=np.intp),
+        posture=tuple(str(machine.posture_at(d) or f"{d:g}") for d in plan.displacement.tolist()),
+        temperature=np.full(n, np.nan),
+        gauge=("",) * n,
+        note=("",) * n,
+        line=np.arange(2, n + 2),
+        timed=True,
+        source=Source(path, "0" * 64),
+    )
+
+
+def some(readings: Readings, chosen: Ints) -> Readings:
+    """Some of the readings (indices in any order, or a mask); set-ups are renumbered."""
+    index = np.arange(len(readings))[chosen]
+    return replace(
+        readings,
+        plan=readings.plan.subset(index),
+        value=readings.value[index],
+        cycle=readings.cycle[index],
+        posture=tuple(readings.posture[i] for i in index),
+        temperature=readings.temperature[index],
+        gauge=tuple(readings.gauge[i] for i in index),
+        note=tuple(readings.note[i] for i in index),
+        line=readings.line[index],
+    )

@@ -1,0 +1,259 @@
+"""What the documents hold: decisions, numbers, commands, and the same as values for programs."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation.accuracy import entered_decimals
+from orthoglide_cal.files import check_file, read_input
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.controller import as_json
+from orthoglide_cal.report.documents.calibration import calibration_document
+from orthoglide_cal.report.documents.checks import check_document
+from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+from orthoglide_cal.report.documents.solution import solution_document
+from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.json import json_line
+from orthoglide_cal.report.words import difference_decimals, signed
+from orthoglide_cal.results import Calibration, calibrate, export, identify
+from orthoglide_cal.verification import verify
+from tests.machines import ROOT, SAMPLES
+from tests.report.cases import documents
+from tests.results import cases
+from tests.results.sessions import FINE, TRUE, given, session
+
+# What a renderer may know: the document, and how its texts are made harmless.
+KNOWN = {
+    "orthoglide_cal.errors",
+    "orthoglide_cal.report",
+    "orthoglide_cal.report.document",
+    "orthoglide_cal.report.escape",
+}
+# Values for programs have the names of the axes as their keys.
+AXES_FROM = {"json": {"orthoglide_cal.model"}}
+
+
+def grids(document: doc.Document) -> Iterator[doc.Grid]:
+    page = document.page()
+    for section in (*page.sheet, *page.sections):
+        yield from (block for block in section.blocks if isinstance(block, doc.Grid))
+
+
+def offsets(document: doc.Document, new: str) -> list[tuple[str, str, str]]:
+    """(Δρ, active now, new) of each axis, as the document writes them."""
+    grid = next(grid for grid in grids(document) if new in grid.head)
+
+    def text(cell: doc.Blank) -> str:
+        assert cell is not None
+        assert not isinstance(cell, tuple)
+        return cell if isinstance(cell, str) else cell.text
+
+    change = next(k for k, title in enumerate(grid.head) if "Δρ" in title)
+    now = next(k for k, title in enumerate(grid.head) if "now" in title)
+    return [
+        (text(row[change]).split(" ± ")[0], text(row[now]), text(row[grid.head.index(new)]))
+        for row in grid.rows
+    ]
+
+
+def commands(document: doc.Document) -> list[str]:
+    items = (
+        item
+        for section in document.page().sheet
+        for block in section.blocks
+        if isinstance(block, doc.Instructions)
+        for item in block.items
+    )
+    return [item.command for item in items if item.command]
+
+
+@pytest.mark.parametrize("renderer", ["terminal", "html", "markdown", "json"])
+def test_renderers_know_nothing_of_calibration(renderer: str) -> None:
+    path = ROOT / "orthoglide_cal" / "report" / f"{renderer}.py"
+    modules = {
+        node.module
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module
+    }
+    assert {name for name in modules if name.startswith("orthoglide_cal")} <= (
+        KNOWN | AXES_FROM.get(renderer, set())
+    )
+
+
+def test_an_offset_has_the_same_digits_in_every_command() -> None:
+    """A sound session by solve and report; one with a cause by diagnose and report."""
+    sound, wrong = cases.healthy(), cases.named_in_machine()
+    assert sound.solution is not None
+    assert wrong.diagnosis is not None
+    solved = solution_document(sound.solution)
+    diagnosed = diagnosis_document(wrong.diagnosis, wrong.input.measured)
+    assert offsets(solved, "type in") == offsets(calibration_document(sound), "enter")
+    assert offsets(diagnosed, "type in") == offsets(calibration_document(wrong), "would be")
+
+
+def test_offsets_end_where_their_uncertainty_does() -> None:
+    calibration = cases.healthy()
+    adjustment = calibration.adjustment
+    assert adjustment is not None
+    for (change, now, new), value, reach in zip(
+        offsets(calibration_document(calibration), "enter"),
+        adjustment.offsets_mm,
+        adjustment.expanded_mm,
+        strict=True,
+    ):
+        assert 0.01 < reach < 0.0995  # its second figure is a thousandth
+        assert float(change) == pytest.approx(value, abs=5.1e-4)
+        assert [len(text.partition(".")[2]) for text in (change, now, new)] == [3, 3, 3]
+        assert float(now) + float(change) == pytest.approx(float(new), abs=1e-9)
+
+
+def test_what_was_applied_is_shown_to_its_last_digit() -> None:
+    before, after = given(session(TRUE, 14)), given(session(np.zeros(3), 15))
+    found = verify(before, after, (-0.5304, 0.59, -1.76))
+    facts = verification_document(found, identify("0", cases.ISSUED)).page().facts
+    assert facts is not None
+    assert "-0.5304 +0.5900 -1.7600" in str(dict(facts.rows)["Applied"])
+
+
+@pytest.mark.parametrize(
+    ("expanded", "active", "decimals"),
+    [
+        ((0.0214, 0.5, 0.5), (0.0, 0.0, 0.0), 3),
+        ((0.44, 0.44, 0.44), (0.0, 0.0, 0.0), 3),
+        ((0.0077, 0.02, 0.02), (0.0, 0.0, 0.0), 4),
+        ((0.44, 0.44, 0.44), (0.12345, 0.0, 0.0), 5),
+    ],
+)
+def test_what_is_entered_has_enough_digits(expanded, active, decimals) -> None:
+    assert entered_decimals(expanded, active) == decimals
+
+
+def test_differences_have_the_gauges_digits() -> None:
+    assert difference_decimals(averaged=False) == 2
+    assert difference_decimals(averaged=True) == 3
+    assert difference_decimals(averaged=True, resolution_mm=0.001) == 4
+    assert difference_decimals(averaged=False, resolution_mm=0.1) == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "tone"),
+    [
+        ("healthy", doc.Tone.GOOD),
+        ("few", doc.Tone.WARN),
+        ("named_in_machine", doc.Tone.BAD),
+        ("named_in_measurement", doc.Tone.BAD),
+        ("ambiguous", doc.Tone.BAD),
+        ("unexplained", doc.Tone.BAD),
+        ("failed", doc.Tone.BAD),
+        ("as_left", doc.Tone.GOOD),
+        ("verified", doc.Tone.BAD),
+        ("diagnosed", doc.Tone.WARN),
+        ("undecided", doc.Tone.WARN),
+    ],
+)
+def test_the_first_box_has_the_tone_of_the_decision(kind: str, tone: doc.Tone) -> None:
+    notice = documents()[kind]().page().notice
+    assert notice is not None
+    assert notice.tone is tone
+
+
+def test_the_commands_to_type_hold_the_files_and_the_numbers() -> None:
+    calibration = cases.healthy()
+    assert calibration.adjustment is not None
+    entering, comparing = commands(calibration_document(calibration))
+    assert entering == "orthocal export made.csv --format linuxcnc"
+    given = comparing.removeprefix("orthocal verify made.csv AFTER --applied ").split()
+    assert [float(v) for v in given] == list(calibration.adjustment.applied_mm)
+    accept = commands(documents()["named_in_machine"]())
+    assert accept == ["orthocal diagnose made.csv --accept axis_gap"]
+    for kind in ("named_in_measurement", "ambiguous", "unexplained", "failed"):
+        assert commands(documents()[kind]()) == []
+
+
+def test_the_page_promises_what_the_forced_export_does() -> None:
+    """A gap is found: what is expected belongs to the offsets beside it, wherever it stands."""
+    session_file = read_input(str(SAMPLES / "session.yaml"))
+    calibration = calibrate(session_file, issued=cases.ISSUED)
+    adjustment, solution = calibration.adjustment, calibration.solution
+    assert adjustment is not None
+    assert solution is not None
+    assert adjustment.causes == ("axis_gap",)
+    document = calibration_document(calibration)
+    table = next(grid for grid in grids(document) if grid.head[-1:] == ("r.m.s.",))
+    expected = next(row for row in table.rows if row[0] == "expected after")
+    check = json.loads(as_json(export(calibration, force=True)))["check"]
+    column = table.head.index(f"d{check['difference']}")
+    assert expected[column] == signed(check["expected_mm"], 3)
+    found_and_left = next(grid for grid in grids(document) if "as found" in grid.head)
+    assert found_and_left.rows[0][2] == expected[-1]
+    data = document.data()
+    own = {row["difference"]: row["expected_mm"] for row in data["solution"]["table"]}
+    assert own == {row.difference.name: row.expected_mm for row in solution.table}
+    assert data["expected"]["rms_mm"] == pytest.approx(float(str(expected[-1])), abs=5.1e-4)
+
+
+def beyond_the_limit() -> Calibration:
+    """Adjusted as promised, and the gap that offsets do not mend is more than the limit."""
+    gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
+    before = given(session(TRUE, 16, gaped), gaped)
+    after = given(session(np.zeros(3), 17, gaped), gaped)
+    found = verify(before, after, TRUE.tolist(), limit_mm=0.02)
+    return calibrate(before, verification=found, issued=cases.ISSUED)
+
+
+@pytest.mark.parametrize("make", [cases.healthy, cases.named_in_machine, beyond_the_limit])
+def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], Calibration]) -> None:
+    page = calibration_document(make(), Path("mine.yaml")).page()
+    typed = re.findall(r"'(orthocal [a-z][^']*)'", repr((page.sheet, page.sections)))
+    assert typed
+    assert all(" --machine mine.yaml" in each for each in typed)
+
+
+def test_a_document_without_a_result_makes_no_claims() -> None:
+    document = documents()["failed"]()
+    data = document.data()
+    assert data["usable"] is False
+    for key in ("as_found", "expected", "answer", "adjustment", "workspace", "solution"):
+        assert data[key] is None
+    assert not [grid for grid in grids(document) if "Δρ" in " ".join(grid.head)]
+
+
+@pytest.mark.parametrize("kind", tuple(documents()))
+def test_values_for_programs_are_plain_json(kind: str) -> None:
+    data = documents()[kind]().data()
+    line = json_line(data)
+    assert "\n" not in line
+    assert json.loads(line) == data
+    assert data["schema_version"] == 1
+
+
+def test_not_a_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        json_line({"value": np.nan})
+
+
+def test_each_fault_is_named_with_its_place_and_remedy() -> None:
+    document = documents()["faulty"]()
+    (section,) = document.page().sections
+    (listing,) = section.blocks
+    assert isinstance(listing, doc.Listing)
+    assert len(listing.lines) == 1 + 2 + 1 + len(cases.HOSTILE)
+    assert "line 2, column leg" in listing.lines[1]
+    assert [problem["line"] for problem in document.data()["problems"]] == [2, None]
+
+
+def test_a_sound_file_is_one_line() -> None:
+    document = check_document(check_file(str(SAMPLES / "experiment2.csv")))
+    (section,) = document.page().sections
+    (listing,) = section.blocks
+    assert isinstance(listing, doc.Listing)
+    assert len(listing.lines) == 1
+    assert document.data()["valid"] is True

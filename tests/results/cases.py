@@ -1,0 +1,152 @@
+"""Calibrations of every kind, made from simulated sessions; shared by the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cache
+
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.files import Conditions, GaugeIdentity, read_input
+from orthoglide_cal.model import Model, Posture, Readings, double_posture, single_posture
+from orthoglide_cal.results import Calibration, calibrate
+from orthoglide_cal.verification import verify
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
+from tests.readings import readings_of, some
+from tests.results.sessions import FINE, TRUE, given, session
+
+ISSUED = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
+GAP = np.array([0.3, -0.2, 0.25])
+
+HOSTILE = (
+    "<script>alert('x')</script>",
+    "\"><img src=x onerror=alert(1)>&amp;'`",
+    '=HYPERLINK("http://example.invalid")|`code`[link](http://example.invalid)',
+    "invoice\u202egnp.exe\u2066\x1b[31mred\x07\u009b0m",
+    "W" * 400,
+    "שלום עולם مرحبا",
+)
+
+
+def _made(
+    measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None
+) -> Calibration:
+    return calibrate(given(measured, model, conditions), issued=ISSUED)
+
+
+@cache
+def healthy() -> Calibration:
+    """Everything given, nothing wrong."""
+    conditions = Conditions(
+        protocol="double-posture",
+        operator="A. Martin",
+        started="2026-03-03T09:00:00+01:00",
+        finished="2026-03-03T09:31:00+01:00",
+        temperature_c=(20.9, 21.6),
+        environment=(("place", "hall 3"),),
+        gauges=(GaugeIdentity("no. 41", "2026-0117", 0.01), GaugeIdentity("no. 42")),
+        retaken=1,
+        notes=((14, "touched the stand"),),
+    )
+    return _made(session(TRUE, 3), NOMINAL, conditions)
+
+
+@cache
+def named_in_machine() -> Calibration:
+    """The axes do not meet."""
+    return _made(session(TRUE, 4, FINE.extended([CAUSES["axis_gap"].at(GAP)])), FINE)
+
+
+@cache
+def named_in_measurement() -> Calibration:
+    """One reading is wrong by three revolutions' tenth."""
+    good = session(TRUE, 5)
+    value = good.value.copy()
+    value[11] += 0.30
+    return _made(readings_of(PROTOTYPE, good.plan, value))
+
+
+@cache
+def ambiguous() -> Calibration:
+    """The paper's second experiment: six numbers cannot carry a name."""
+    return calibrate(read_input(str(SAMPLES / "experiment2.csv")), issued=ISSUED)
+
+
+@cache
+def unexplained() -> Calibration:
+    """Each posture of each leg deviates in its own way, again and again."""
+    good = session(TRUE, 6, FINE)
+    plan = good.plan
+    keys = np.stack((plan.setup, plan.displacement), axis=1)
+    _, cell = np.unique(keys, axis=0, return_inverse=True)
+    deviation = np.random.default_rng(1).normal(0.0, 0.08, int(cell.max()) + 1)
+    deviating = readings_of(FINE.machine, plan, good.value + deviation[cell.reshape(-1)])
+    return _made(deviating, FINE)
+
+
+@cache
+def failed() -> Calibration:
+    """Only one direction of leg x was measured: the offsets are not determined."""
+    good = session(TRUE, 7)
+    return _made(some(good, np.flatnonzero((good.plan.leg == 0) & (good.plan.direction == 1))))
+
+
+@cache
+def single() -> Calibration:
+    """The other protocol."""
+    return _made(session(TRUE, 8, plan=single_posture(PROTOTYPE, cycles=3)))
+
+
+@cache
+def few() -> Calibration:
+    """No spare reading."""
+    ends = (Posture.MAX, Posture.MIN)
+    plan = double_posture(PROTOTYPE, cycles=1, closing=False, postures=ends)
+    return _made(some(session(TRUE, 9, plan=plan), np.flatnonzero(np.isin(plan.setup, (0, 2, 4)))))
+
+
+@cache
+def hostile() -> Calibration:
+    """Names and notes from somebody who wants to do harm."""
+    model = replace(NOMINAL, machine=replace(PROTOTYPE, name=HOSTILE[0] + HOSTILE[1]))
+    good = session(TRUE, 10, model)
+    note = tuple(HOSTILE[k % len(HOSTILE)] if k < 12 else "" for k in range(len(good)))
+    measured = replace(good, note=note, source=replace(good.source, path=HOSTILE[2] + ".csv"))
+    conditions = Conditions(
+        protocol=HOSTILE[5],
+        operator=HOSTILE[3],
+        started="2026-03-03T09:00:00+01:00",
+        environment=((HOSTILE[1], HOSTILE[4]),),
+        gauges=tuple(GaugeIdentity(text, text) for text in HOSTILE),
+        notes=tuple(enumerate(HOSTILE, start=2)),
+    )
+    return _made(measured, model, conditions)
+
+
+@cache
+def as_left() -> Calibration:
+    """Adjusted and measured again."""
+    entered = np.round(TRUE, 3)
+    before, after = given(session(TRUE, 14)), given(session(TRUE - entered, 15))
+    found = verify(before, after, entered.tolist(), limit_mm=0.05)
+    return calibrate(before, verification=found, issued=ISSUED)
+
+
+CALIBRATIONS: dict[str, Callable[[], Calibration]] = {
+    made.__name__: made
+    for made in (
+        healthy,
+        named_in_machine,
+        named_in_measurement,
+        ambiguous,
+        unexplained,
+        failed,
+        single,
+        few,
+        hostile,
+        as_left,
+    )
+}

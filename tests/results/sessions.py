@@ -1,0 +1,86 @@
+"""Synthetic sessions in memory, as inputs; shared by the tests of results and verification."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from orthoglide_cal.files import Conditions, Input, session_of_readings, write_session
+from orthoglide_cal.model import Model, Plan, Readings, double_posture, simulate
+from tests.machines import NOMINAL
+from tests.readings import readings_of
+
+TRUE = np.array([-0.53, 0.59, -1.76])
+
+
+def with_fine_gauge(model: Model) -> Model:
+    """The same with a digital gauge of 1 µm."""
+    gauge = replace(model.machine.gauge, resolution_mm=0.001, repeatability_mm=0.003)
+    return replace(model, machine=replace(model.machine, gauge=gauge))
+
+
+FINE = with_fine_gauge(NOMINAL)
+
+
+def session(
+    offsets: Sequence[float] | np.ndarray,
+    seed: int,
+    model: Model = NOMINAL,
+    plan: Plan | None = None,
+    gain: float = 1.0,
+) -> Readings:
+    """A simulated session with noise, rounding and arbitrary gauge zeros.
+
+    Args:
+        offsets: true Δρ that the controller does not know [mm].
+        seed: of the random numbers.
+        model: the machine with what is wrong with it.
+        plan: the double-posture protocol if None.
+        gain: what the gauge shows for one millimetre.
+    """
+    machine = model.machine
+    plan = plan or double_posture(machine)
+    rng = np.random.default_rng(seed)
+    signal = gain * simulate(model, np.array(offsets, dtype=float), plan)
+    zeros = rng.uniform(0.5, 5.0, plan.setups)
+    noisy = signal + zeros[plan.setup] + rng.normal(0.0, machine.gauge.repeatability_mm, len(plan))
+    step = machine.gauge.resolution_mm
+    return readings_of(machine, plan, np.round(noisy / step) * step)
+
+
+def given(
+    measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None
+) -> Input:
+    """Readings as the input of a command that reads a session."""
+    return Input(measured, model, conditions or Conditions(), is_session=True)
+
+
+def write(measured: Readings, model: Model, path: Path, **more: str) -> None:
+    """A session file of readings; `more` are further keys of it."""
+    write_session({**session_of_readings(measured, model, {}), **more}, path)
+
+
+# When each session of the shared history was finished, and the offsets active in it.
+HISTORY = (
+    ("2026-01-12T09:30:00+00:00", (0.0, 0.0, 0.0)),
+    ("2026-02-10T09:30:00+00:00", (-0.527, 0.595, -1.748)),
+    ("2026-04-20T09:30:00+00:00", (-0.527, 0.595, -1.748)),
+    ("2026-10-30T09:30:00+00:00", (-0.527, 0.595, -1.748)),
+)
+# True offsets at the first session, and their drift from one session to the next [mm].
+FIRST, DRIFT = (-0.53, 0.59, -1.76), (0.03, 0.0, 0.0)
+
+
+def write_history(folder: Path) -> None:
+    """Four sessions of one machine that was adjusted after the first, and other files."""
+    for k, (finished, active) in enumerate(HISTORY):
+        model = replace(NOMINAL, machine=replace(NOMINAL.machine, offsets_mm=active))
+        left = np.array(FIRST) + k * np.array(DRIFT) - np.array(active)
+        write(session(left, 100 + k), model, folder / f"session-{k}.yaml", finished=finished)
+    (folder / "notes.yaml").write_text("title: no session\n")
+    (folder / "broken.yaml").write_text("machine: {}\nreadings:\n- {leg: q}\n")
+    os.utime(folder / "broken.yaml", (0, 0))

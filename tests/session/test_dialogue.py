@@ -1,0 +1,410 @@
+"""The loop, driven without a terminal: whole sessions, screens, keys, questions, resume."""
+
+import contextlib
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.session import Dialogue, Quit, Style
+from orthoglide_cal.session.events import Doubt, Questioned
+from orthoglide_cal.session.gauges.formats import Unit
+from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.record import session_values
+from orthoglide_cal.session.steps import MeasuringProtocol, Posture
+from orthoglide_cal.session.wording import with_uncertainty
+
+from .virtual import (
+    DOUBLE,
+    SINGLE,
+    a_dialogue,
+    answered,
+    both_protocols,
+    content_without_times,
+    offsets,
+    opened,
+    readings_of,
+    setting_of,
+    steps_of,
+    typed,
+)
+
+
+def content(dialogue: Dialogue) -> dict[str, Any]:
+    """The session file's content as it stands."""
+    return session_values(dialogue.so_far)
+
+
+def values(dialogue: Dialogue) -> dict[int, float]:
+    """Step number → reading that counts, from first to last [mm]."""
+    return {number: item.take.value_mm for number, item in dialogue.state.accepted.items()}
+
+
+def replaced(dialogue: Dialogue) -> list[float]:
+    """Readings that do not count any more [mm]."""
+    return [old.take.value_mm for old in dialogue.state.replaced]
+
+
+@both_protocols
+def test_a_whole_session_typed(tmp_path: Path, protocol: MeasuringProtocol) -> None:
+    steps = steps_of(protocol)
+    right = readings_of(steps, 4)
+    dialogue, screen = answered(tmp_path / "s.journal", typed(right), first=opened(protocol))
+    assert dialogue.state.ended is not None
+    assert dialogue.state.shortened is None
+    assert list(values(dialogue).items()) == list(enumerate(right, start=1))
+    hidden = SimulatedGauge(setting_of(steps), 4).offsets_mm
+    assert np.abs(offsets(dialogue) - hidden).max() < 0.08
+    asked = [text for text, style in screen.shown if style is Style.PROMPT]
+    assert [int(text.split(".")[0]) for text in asked] == [step.number for step in steps]
+    assert max(len(line) for line in screen.text.splitlines()) < 80
+
+
+def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
+    """From the heading of a set-up to its first prompt, and the table and the help."""
+    lines = [*typed(readings_of(steps_of()))[:20], "t", "?", "q"]
+    _, screen = answered(tmp_path / "s.journal", lines)
+    for part in screen.text.split("-- Set-up")[1:]:
+        assert len(part[: part.index(" > ")].splitlines()) <= 23
+    table, help_text = [t for t, style in screen.shown if style is Style.PLAIN and "\n" in t][-2:]
+    assert 18 < len(table.splitlines()) <= 23
+    assert 10 < len(help_text.splitlines()) <= 23
+
+
+def test_intervals_are_shown_once_determined_and_shrink(tmp_path: Path) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", typed(readings_of(steps_of(), 2)))
+    lines = [text for text, style in screen.shown if style is Style.DIM]
+    widths = np.array(
+        [[float(part.split()[0]) for part in line.split("+/-")[1:]] for line in lines]
+    )
+    assert widths.shape == (28, 3)  # after every posture but the first two
+    solution = dialogue.so_far.solution
+    assert solution is not None
+    low, high = solution.interval_mm.T
+    assert widths[-1] == pytest.approx((high - low) / 2.0, abs=5.1e-4)
+    assert [float(part.split()[-1]) for part in lines[-1].split(" +/-")[:3]] == pytest.approx(
+        solution.offsets_mm, abs=5.1e-4
+    )
+    # At the end of each leg every interval is narrower than at the end of the leg before.
+    assert np.all(np.diff(widths[[7, 17, 27]], axis=0) < 0.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "shown"),
+    [(0.12345, 0.0214, "+0.123 +/-0.021"), (-1.5, 0.213, "-1.50 +/-0.21"),
+     (0.5, 0.00123, "+0.5000 +/-0.0012"), (2.0, 0.0996, "+2.00 +/-0.10")],
+)  # fmt: skip
+def test_a_value_ends_at_the_digit_of_its_uncertainty(
+    value: float, uncertainty: float, shown: str
+) -> None:
+    assert with_uncertainty(value, uncertainty) == shown
+
+
+@pytest.mark.parametrize(("until", "least"), [(0.04, 12), (0.0173, 2)])
+def test_until_ends_early_with_the_closing_posture(
+    tmp_path: Path, until: float, least: int
+) -> None:
+    right = readings_of(steps_of(), 2)
+
+    def answers() -> Iterator[str]:
+        while (step := dialogue.next_step()) is not None:
+            yield f"{right[step.number - 1]:.2f}"
+
+    dialogue, _, journal = a_dialogue(tmp_path / "s.journal", answers(), until=until)
+    with closing(journal):
+        state = dialogue.run()
+    assert state.ended is not None
+    assert state.shortened is not None
+    assert state.ended.reason == state.shortened.reason
+    assert len(state.dropped) >= least
+    assert len(state.accepted) + len(state.dropped) == 60
+    assert dialogue.so_far.steps[-1].posture is Posture.ISO
+    # The closing reading may widen it a little.
+    assert dialogue.so_far.is_known(1.2 * until)
+    assert not dialogue.so_far.is_known(0.5 * until)
+
+
+def test_until_never_leaves_a_leg_out(tmp_path: Path) -> None:
+    """However generous, every leg, gauge and posture is measured once."""
+    lines = typed(readings_of(steps_of(), 2))
+    dialogue, _ = answered(tmp_path / "s.journal", lines, until=50.0)
+    measured = {step.cell for step in dialogue.so_far.steps}
+    assert measured == {step.cell for step in dialogue.setting.steps}
+    assert len(dialogue.so_far.steps) < 60
+
+
+def test_the_record_is_the_same_however_often_it_was_interrupted(tmp_path: Path) -> None:
+    """The text of the session file, except for the times of day, in one go or in 17."""
+    lines, first = typed(readings_of(steps_of(SINGLE), 3)), opened(SINGLE)
+    whole, _ = answered(tmp_path / "a.journal", lines, first=first)
+    for at in range(0, len(lines), 2):
+        last, _ = answered(tmp_path / "b.journal", lines[at : at + 2], first=first)
+    assert last.state.ended is not None
+    assert content_without_times(last) == content_without_times(whole)
+    assert offsets(last).tolist() == offsets(whole).tolist()
+
+
+# ---- keys
+
+
+def test_undo_goes_back_and_keeps_the_old_value(tmp_path: Path) -> None:
+    lines = ["-0.64", "0.40", "u", "0.41"]
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    assert values(dialogue) == {1: -0.64, 2: 0.41}
+    assert [(row["reading_mm"], row["reason"]) for row in content(dialogue)["retaken"]] == [
+        (0.4, "taken back")
+    ]
+
+
+def test_undo_with_nothing_to_undo_writes_nothing(tmp_path: Path) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", ["u", "u"])
+    assert dialogue.state.count == 1
+
+
+def test_retake_asks_for_that_step_then_returns(tmp_path: Path) -> None:
+    right = typed(readings_of(steps_of()))
+    lines = [*right[:8], "r 7 dial not read straight", right[6], right[8]]
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    assert list(values(dialogue)) == [1, 2, 3, 4, 5, 6, 8, 7, 9]
+    rows = content(dialogue)["retaken"]
+    assert [(row["cycle"], row["reason"]) for row in rows] == [(2, "dial not read straight")]
+
+
+def test_retake_of_a_leg_whose_stand_has_moved_is_the_whole_set_up(tmp_path: Path) -> None:
+    right = typed(readings_of(steps_of()))
+    dialogue, _ = answered(tmp_path / "s.journal", [*right[:42], "r 3", "n"])
+    assert len(values(dialogue)) == 42
+    dialogue, _ = answered(tmp_path / "s.journal", ["r 3", "y"])
+    # Leg Y was complete and stays; the stands of leg Z have to be moved for leg X.
+    assert sorted(values(dialogue)) == list(range(21, 41))
+    assert len(replaced(dialogue)) == 22
+    again, _ = answered(tmp_path / "t.journal", [*right[:22], "r x", "y"])
+    assert values(again) == {}
+
+
+@pytest.mark.parametrize(
+    "line", ["r 99", "r 59", "r -1", "r abc", "r 1e3", "r 0", "r q", "r z", "r"]
+)
+def test_retake_of_nothing(tmp_path: Path, line: str) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", ["-0.64", line, ""])
+    assert values(dialogue) == {1: -0.64}
+    assert dialogue.state.count == 2
+
+
+def test_notes_stay_with_their_step(tmp_path: Path) -> None:
+    lines = ["n door slammed", "-0.64", "n", "second note", "n"]
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    file = content(dialogue)
+    assert file["readings"][0]["note"] == "door slammed"
+    assert file["environment"]["notes"] == "step 2: second note"
+
+
+def test_control_characters_in_a_note_are_kept_as_codes(tmp_path: Path) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", ["n door \x1b[A\u202eslammed", "-0.64"])
+    note = content(dialogue)["readings"][0]["note"]
+    assert note == "door ⟨U+001B⟩[A⟨U+202E⟩slammed"
+
+
+def test_skip_needs_a_reason(tmp_path: Path) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", ["-0.64", "s", "", "s", " "])
+    assert dict(dialogue.state.skipped) == {}
+    dialogue, _ = answered(tmp_path / "s.journal", ["s cable in the way", "s", "still there"])
+    assert dict(dialogue.state.skipped) == {2: "cable in the way", 3: "still there"}
+    skipped = content(dialogue)["skipped"]
+    assert [(row["leg"], row["direction"], row["posture"]) for row in skipped] == [
+        ("x", "z", "iso"),
+        ("x", "y", "max"),
+    ]
+
+
+def test_skip_all_ends_the_session(tmp_path: Path) -> None:
+    lines = [*typed(readings_of(steps_of()))[:30], "s all power cut"]
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    assert dialogue.state.ended is not None
+    assert set(dialogue.state.skipped) == set(range(31, 61))
+    assert set(dialogue.state.skipped.values()) == {"power cut"}
+
+
+def test_table_help_and_pause(tmp_path: Path) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", "0.41", "t", "?"])
+    table, help_text = [text for text, _ in screen.shown if text.count("\n") > 10][-2:]
+    assert {"-0.640", "+0.410", "cycle"} <= set(table.split())
+    assert all(f"\n  {key} " in help_text for key in "unstpq?km")
+    assert dialogue.state.count == 3
+    dialogue, _ = answered(tmp_path / "s.journal", ["p", "", "-0.95"])
+    assert (dialogue.state.count, list(values(dialogue))) == (6, [1, 2, 3])
+
+
+def test_quit_saves(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    dialogue, _, journal = a_dialogue(path, ["-0.64", "q"])
+    with closing(journal), pytest.raises(Quit):
+        dialogue.run()
+    again, screen, journal = a_dialogue(path, [])
+    with closing(journal):
+        again.greet()
+    assert again.state.accepted == dialogue.state.accepted
+    assert [style for _, style in screen.shown] == [Style.PLAIN, Style.GOOD]
+
+
+def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    _, screen = answered(path, ["-0.64", "q"])
+    before = len(screen.text.splitlines())
+    _, screen = answered(path, ["q"])
+    assert "do not touch" in screen.text
+    assert len(screen.text.splitlines()) < before
+    _, screen = answered(path, ["0.41", "r x"])
+    assert screen.text.count("do not touch") == 1  # nothing counts any more: set it up anew
+
+
+@pytest.mark.parametrize(
+    "line", ["", "hello", "911", "1.2.3", "nan", "\x1b[A", "urr", "u1", "--", "k", "y", "m", "ü"]
+)
+def test_nothing_but_a_reading_is_a_reading(tmp_path: Path, line: str) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", [line, line])
+    assert dialogue.state.count == 1
+    assert "\x1b" not in screen.text
+
+
+def test_hostile_lines_at_every_kind_of_prompt(tmp_path: Path) -> None:
+    """Random keys and rubbish for a long time: no crash, and the journal replays to the state."""
+    rng = np.random.default_rng(8)
+    words = [
+        "u", "r 1", "r x", "r 3 why", "n hello", "n", "s all", "s no", "t", "p", "?", "k", "m",
+        "y", "", "0.12", "-0.3", "1000000", "1e9", "ß0.3", "911", "\x00", "\u202e", "r",
+        "s", "0.125", "12.3", "u u", "n " + "x" * 500, "−0,5 mm", "0.01 in", "z", "x",
+    ]  # fmt: skip
+    path = tmp_path / "s.journal"
+    for _ in range(6):
+        lines = [words[int(rng.integers(len(words)))] for _ in range(60)]
+        dialogue, screen, journal = a_dialogue(path, lines)
+        with closing(journal):
+            if dialogue.state.ended is not None:
+                break
+            with contextlib.suppress(EOFError, Quit):
+                dialogue.run()
+        again, _, journal = a_dialogue(path, [])
+        journal.close()
+        assert again.state == dialogue.state
+        assert max(len(line) for line in screen.text.splitlines()) < 80
+        assert all(c.isprintable() or c == "\n" for c in screen.text)
+
+
+# ---- questions
+
+
+def with_slip(at: int = 9) -> list[str]:
+    """Typed readings up to step `at`, whose dial was read one revolution off."""
+    right = readings_of(steps_of(), 1)
+    return [*typed(right)[: at - 1], f"{right[at - 1] + 1.0:.2f}"]
+
+
+def test_a_slip_is_questioned_and_can_be_read_again(tmp_path: Path) -> None:
+    good = f"{readings_of(steps_of(), 1)[8]:.2f}"
+    dialogue, screen = answered(tmp_path / "s.journal", [*with_slip(), good])
+    (old,) = dialogue.state.replaced
+    assert isinstance(old.take, Questioned)
+    assert (old.take.step, old.take.doubt) == (9, Doubt.REVOLUTION)
+    assert old.take.question in " ".join(screen.text.split())
+    assert values(dialogue)[9] == float(good)
+    assert old.take.question in content(dialogue)["retaken"][0]["reason"]
+
+
+def test_a_second_doubtful_reading_replaces_the_first(tmp_path: Path) -> None:
+    worse = f"{float(with_slip()[-1]) + 1.0:.2f}"
+    dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), worse, "k"])
+    assert values(dialogue)[9] == float(worse)
+    assert replaced(dialogue) == [float(with_slip()[-1])]
+
+
+@pytest.mark.parametrize("key", ["k", "y", "K", "keep", "yes", "m"])
+def test_a_slip_can_be_kept_with_a_note(tmp_path: Path, key: str) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), key])
+    assert dialogue.state.pending is None
+    take = dialogue.state.accepted[9].take
+    assert isinstance(take, Questioned)
+    row = content(dialogue)["readings"][8]
+    assert take.question in row["note"]
+    assert row["reading_mm"] == float(with_slip()[-1])
+    assert bool(dialogue.state.moved) == (key == "m")
+
+
+@pytest.mark.parametrize(("off", "kept"), [(0.0, True), (0.01, True), (0.02, False)])
+def test_the_same_reading_again_is_kept_without_a_second_question(
+    tmp_path: Path, off: float, kept: bool
+) -> None:
+    """Within three standard deviations of a reading, 0.0199 mm with this gauge."""
+    lines = with_slip()
+    again = f"{float(lines[-1]) + off:.2f}"
+    dialogue, _ = answered(tmp_path / "s.journal", [*lines, again])
+    assert (9 in dialogue.state.accepted) == kept
+    assert replaced(dialogue) == [float(lines[-1])]
+
+
+@pytest.mark.parametrize("line", ["u", "t", "?", "n what", "hello", ""])
+def test_keys_work_at_a_question(tmp_path: Path, line: str) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), line])
+    assert (dialogue.state.pending is None) == (line == "u")
+    assert sorted(values(dialogue)) == list(range(1, 9))
+
+
+def test_a_question_is_put_again_after_a_crash(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    answered(path, with_slip())
+    dialogue, screen = answered(path, ["k"])
+    assert Style.QUESTION in [style for _, style in screen.shown]
+    assert 9 in dialogue.state.accepted
+
+
+def test_a_moved_stand_gets_a_new_zero_and_the_offsets_stay_right(tmp_path: Path) -> None:
+    right, steps = readings_of(steps_of(), 1), steps_of()
+    knocked = [
+        v + 0.5 if s.number >= 29 and s.series == (1, 0) else v
+        for s, v in zip(steps, right, strict=True)
+    ]
+    lines = typed(knocked)
+    lines.insert(29, "m")
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    assert dialogue.state.ended is not None
+    assert [number for number, _ in dialogue.state.moved] == [29]
+    take = dialogue.state.accepted[29].take
+    assert isinstance(take, Questioned)
+    assert "step 27" in take.question  # the last reading of that gauge
+    labels = [
+        r["gauge"] for r in content(dialogue)["readings"] if r["leg"] + r["direction"] == "yx"
+    ]
+    assert labels == [None] * 4 + ["(moved at step 29)"] * 6
+    healthy, _ = answered(tmp_path / "h.journal", typed(right))
+    assert np.abs(offsets(dialogue) - offsets(healthy)).max() < 0.01
+
+
+def test_a_keyboard_layout_is_asked_about_and_never_guessed(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    dialogue, _ = answered(path, ["ß0.64"])
+    assert values(dialogue) == {}
+    assert dialogue.state.pending is not None
+    assert dialogue.state.pending.doubt is Doubt.LAYOUT
+    dialogue, _ = answered(path, ["k"])
+    assert values(dialogue) == {1: -0.64}
+    assert "ß0.64" in dialogue.state.accepted[1].take.raw
+
+
+def test_inches(tmp_path: Path) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", ["0.005", "1.27 mm"], unit=Unit.INCH)
+    assert values(dialogue) == {1: 0.127, 2: 1.27}
+
+
+def test_a_clock_that_is_set_back_does_not_turn_the_order_around(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    answered(path, ["-0.64", "0.41"], first=opened(DOUBLE))
+    dialogue, _ = answered(path, ["-0.95"])  # its clock begins anew
+    minutes = dialogue.so_far.minutes
+    assert np.all(np.diff(minutes) >= 0.0)
+    assert minutes[0] > 0.0
+    late = opened(at="2025-03-01T19:00:00.000+01:00")  # the clock shows 9 in the morning
+    dialogue, _ = answered(tmp_path / "t.journal", ["-0.64"], first=late)
+    assert dialogue.so_far.minutes.tolist() == [0.0]

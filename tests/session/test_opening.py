@@ -1,0 +1,254 @@
+"""What `measure` refuses, and that it names the reason: files, other sessions, full disks."""
+
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.files import machine_text
+from orthoglide_cal.session.record import new_session, resumed_session, session_path
+from tests.machines import NOMINAL
+
+from .terminal import Terminal, begun, refused, run_program
+
+
+def machine_file(folder: Path, old: str, new: str) -> str:
+    text = machine_text(NOMINAL)
+    assert old in text
+    path = folder / "machine.yaml"
+    path.write_text(text.replace(old, new))
+    return str(path)
+
+
+def test_a_second_session_on_the_same_file_is_refused(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as first:
+        assert first.step() == 1
+        done = run_program(tmp_path, "s.yaml", "--resume")
+        assert done.returncode == 2
+        assert "s.journal is in use by another session" in done.stderr
+        first.type("-0.64")
+        assert first.step() == 2
+
+
+def test_an_existing_session_is_never_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text("precious")
+    code, said = refused(tmp_path, "s.yaml")
+    assert code == 2
+    assert "never overwritten" in said
+    assert (tmp_path / "s.yaml").read_text() == "precious"
+    assert not (tmp_path / "s.journal").exists()
+
+
+def test_an_unfinished_session_is_not_begun_anew(tmp_path: Path) -> None:
+    before = begun(tmp_path)
+    code, said = refused(tmp_path, "s.yaml")
+    assert code == 2
+    assert "orthocal measure s.yaml --resume" in said
+    assert (tmp_path / "s.journal").read_bytes() == before
+
+
+def test_the_command_to_go_on_can_be_typed_with_blanks_in_the_name(tmp_path: Path) -> None:
+    begun(tmp_path)
+    (tmp_path / "s.journal").rename(tmp_path / "my session.journal")
+    _, said = refused(tmp_path, "my session.yaml")
+    assert "orthocal measure 'my session.yaml' --resume" in said
+
+
+def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) -> None:
+    """In the first lines, at an interruption, and in what to run after the last reading."""
+    name, shown = "a \x1b[31m b.yaml", "a ⟨U+001B⟩[31m b.yaml"
+    machine = machine_file(tmp_path, "name: Orthoglide prototype", 'name: "m\\u202e\\nFile none"')
+    options = ("--gauge", "simulated", "--seed", "1", "--protocol", "single", "--cycles", "1")
+    left = run_program(tmp_path, name, "--machine", machine)
+    done = run_program(tmp_path, f"2 {name}", *options, "--machine", machine)
+    assert (left.returncode, done.returncode) == (130, 0)
+    assert "\x1b" not in left.stdout + left.stderr + done.stdout + done.stderr
+    assert f"File     {shown}\n" in left.stdout
+    assert f"orthocal measure '{shown}' --resume" in left.stderr
+    assert "Machine  m⟨U+202E⟩ File none\n" in done.stdout
+    assert f"Written to 2 {shown}\n" in done.stdout
+    assert f"orthocal diagnose '2 {shown}'\n" in done.stdout
+
+
+def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
+    """Somebody puts another file where the session file is to go; the journal keeps it all."""
+    options = ("--gauge", "simulated", "--seed", "1", "--protocol", "single", "--cycles", "1")
+    with Terminal(tmp_path, "s.yaml", *options) as terminal:
+        assert terminal.step() == 1
+        (tmp_path / "s.yaml").write_text("precious")
+        for number in range(2, 18):
+            terminal.type("")
+            if number < 17:
+                assert terminal.step() == number
+        assert terminal.finish() == 2
+    assert "exists and is not overwritten" in terminal.seen
+    assert (tmp_path / "s.yaml").read_text() == "precious"
+    (tmp_path / "s.yaml").unlink()
+    done = run_program(tmp_path, "s.yaml", "--resume")
+    assert done.returncode == 0
+    assert "Session complete: 16 readings" in done.stdout
+
+
+def test_resuming_a_finished_session_shows_it_again(tmp_path: Path) -> None:
+    options = ("--gauge", "simulated", "--seed", "1", "--protocol", "single", "--cycles", "1")
+    first = run_program(tmp_path, "s.yaml", *options)
+    assert first.returncode == 0
+    text = (tmp_path / "s.yaml").read_bytes()
+    again = run_program(tmp_path, "s.yaml", "--resume")
+    assert again.returncode == 0
+    assert "Session complete: 16 readings" in again.stdout
+    assert (tmp_path / "s.yaml").read_bytes() == text
+
+
+@pytest.mark.parametrize(
+    ("options", "difference"),
+    [
+        (("--protocol", "single"), "protocol: double-posture in the session, single-posture"),
+        (("--cycles", "2"), "cycles: 3 in the session, 2 asked for"),
+        (("--order", "fewest-moves"), "order: paper in the session, fewest-moves asked for"),
+        (("--gauges", "1"), "gauges side by side: 2 in the session, 1 asked for"),
+        (("--gauge", "simulated"), "gauge: typed in the session, simulated asked for"),
+        (("--seed", "3"), "seed: None in the session, 3 asked for"),
+    ],
+)
+def test_resuming_another_session_is_refused(
+    tmp_path: Path, options: tuple[str, ...], difference: str
+) -> None:
+    before = begun(tmp_path)
+    code, said = refused(tmp_path, "s.yaml", "--resume", *options)
+    assert code == 2
+    assert difference in said
+    assert (tmp_path / "s.journal").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "difference"),
+    [
+        ("leg_length_mm: 310.25", "leg_length_mm: 310.5", "leg_length_mm: 310.25 in the session"),
+        ("resolution_mm: 0.01", "resolution_mm: 0.001", "gauge.resolution_mm: 0.01"),
+        ("name: Orthoglide prototype", "name: Other", "name: Orthoglide prototype in the session"),
+    ],
+)
+def test_resuming_with_another_machine_file_is_refused(
+    tmp_path: Path, old: str, new: str, difference: str
+) -> None:
+    before = begun(tmp_path)
+    other = machine_file(tmp_path, old, new)
+    code, said = refused(tmp_path, "s.yaml", "--resume", "--machine", other)
+    assert code == 2
+    assert difference in said
+    assert (tmp_path / "s.journal").read_bytes() == before
+
+
+def test_resuming_with_the_same_options_goes_on(tmp_path: Path) -> None:
+    begun(tmp_path)
+    same = machine_file(tmp_path, "name", "name")
+    options = ("--machine", same, "--protocol", "double", "--cycles", "3", "--order", "paper")
+    done = run_program(tmp_path, "s.yaml", "--resume", *options, stdin="-0.95\n")
+    assert done.returncode == 130
+    assert "saved -0.950" in done.stdout
+
+
+def test_the_machine_of_the_session_is_used_even_if_its_file_has_gone(tmp_path: Path) -> None:
+    other = machine_file(tmp_path, "leg_length_mm: 310.25", "leg_length_mm: 420.0")
+    done = run_program(tmp_path, "s.yaml", "--machine", other, stdin="-0.64\n")
+    assert done.returncode == 130
+    Path(other).unlink()
+    done = run_program(tmp_path, "s.yaml", "--resume")
+    assert "X 420.000" in done.stdout
+
+
+def test_resume_finds_the_only_unfinished_session(tmp_path: Path) -> None:
+    begun(tmp_path)
+    done = run_program(tmp_path, "--resume", stdin="-0.95\n")
+    assert "Resumed: 2 readings" in done.stdout
+    (tmp_path / "t.journal").write_bytes((tmp_path / "s.journal").read_bytes())
+    code, said = refused(tmp_path, "--resume")
+    assert code == 2
+    assert "s.journal, t.journal" in said
+
+
+def test_nothing_to_resume(tmp_path: Path) -> None:
+    assert refused(tmp_path, "--resume")[0] == 2
+    code, said = refused(tmp_path, "s.yaml", "--resume")
+    assert code == 2
+    assert "no unfinished session" in said
+
+
+def test_a_damaged_journal_is_refused_with_its_line(tmp_path: Path) -> None:
+    data = begun(tmp_path)
+    (tmp_path / "s.journal").write_bytes(data.replace(b'"value_mm":-0.64', b'"value_mm":-0.65'))
+    code, said = refused(tmp_path, "s.yaml", "--resume")
+    assert code == 3
+    assert "s.journal, line 2" in said
+
+
+def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
+    data = begun(tmp_path)
+    (tmp_path / "s.journal").write_bytes(data[:-10])
+    done = run_program(tmp_path, "s.yaml", "--resume", stdin="0.42\n")
+    assert "cut off the last entry" in done.stdout
+    assert "saved +0.420" in done.stdout
+
+
+def test_a_folder_that_cannot_be_written_to(tmp_path: Path) -> None:
+    code, said = refused(tmp_path, "missing/s.yaml")
+    assert code == 3
+    assert "No such file or directory" in said
+
+
+def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
+    cause = (
+        "identified: [{cause: axis_gap, where: '', date: 2025-01-01, data_sha256: "
+        + "a" * 64
+        + ", parameters: {nonsense: {value: 0.1, std: 0.01, unit: mm}}}]"
+    )
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    other = machine_file(tmp_path, "identified: []", cause)
+    assert refused(folder, "s.yaml", "--machine", other)[0] == 3
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--until", "0"), ("--until", "-1"), ("--until", "nan"), ("--cycles", "0"),
+        ("--temperature", "inf"), ("--protocol", "triple"), ("--gauge", "nothing:/dev/x"),
+        ("--gauge", "sylvac"), ("--seed", "3"), ("--certificate", "7"), ("--unit", "cm"),
+        ("--gauge", "typed", "--gauge", "simulated"), ("--gauges", "3"), ("--seed", "-1"),
+    ],
+)  # fmt: skip
+def test_options_that_make_no_sense(tmp_path: Path, options: tuple[str, ...]) -> None:
+    assert refused(tmp_path, "s.yaml", *options)[0] == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_few_readings_end_without_a_number(tmp_path: Path) -> None:
+    done = run_program(tmp_path, "s.yaml", stdin="-0.64\ns all power cut\n")
+    assert done.returncode == 4
+    assert (tmp_path / "s.yaml").exists()
+    assert "Traceback" not in done.stderr
+
+
+def test_no_reading_at_all(tmp_path: Path) -> None:
+    done = run_program(tmp_path, "s.yaml", stdin="s all just looking\n")
+    assert done.returncode in (3, 4)
+    assert "Traceback" not in done.stderr
+
+
+# ---- names
+
+
+def test_names(tmp_path: Path) -> None:
+    assert session_path(Path("a.journal")) == Path("a.yaml")
+    assert session_path(Path("a")) == Path("a.yaml")
+    assert session_path(Path("a.yml")) == Path("a.yml")
+    assert session_path(Path("2025.03.01")) == Path("2025.03.01.yaml")
+    assert new_session(None, tmp_path) == tmp_path / "session.yaml"
+    (tmp_path / "session.yaml").touch()
+    assert new_session(None, tmp_path) == tmp_path / "session-2.yaml"
+    (tmp_path / "session-2.journal").touch()
+    with pytest.raises(UsageError, match=r"session-2\.journal"):
+        new_session(None, tmp_path)
+    assert resumed_session(None, tmp_path) == tmp_path / "session-2.yaml"

@@ -1,0 +1,213 @@
+"""The readings so far as arrays: the same as in the file at the end, to the last digit."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.files import read_input, write_session
+from orthoglide_cal.model import Plan, Readings
+from orthoglide_cal.session.events import (
+    Answered,
+    Doubt,
+    Event,
+    GaugeLabel,
+    Questioned,
+    Retake,
+    Skipped,
+    Taken,
+    Undone,
+)
+from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
+from orthoglide_cal.session.record import session_values
+from orthoglide_cal.session.state import replay
+from orthoglide_cal.session.steps import MeasuringProtocol, Order, sequence
+
+from .virtual import (
+    AT,
+    DOUBLE,
+    SINGLE,
+    both_protocols,
+    opened,
+    readings_of,
+    setting_of,
+    stands,
+    state_of,
+    steps_of,
+    taken,
+)
+
+TWO = (GaugeLabel("MT-1", "C 7"), GaugeLabel("MT-2"))
+
+
+def eventful(protocol: MeasuringProtocol) -> list[Event]:
+    """A session with a retake, a skip, an undo, a knock and a doubt that was given up."""
+    steps = steps_of(protocol)
+    values = readings_of(steps, 3)
+    knock = 0 if protocol is SINGLE else 12
+    events: list[Event] = []
+    for step, value in zip(steps, values, strict=True):
+        number, minutes = step.number, 1.0 / 3.0 + 0.4321987 * step.number
+        shifted = value + (0.3 if step.series == steps[knock].series and number > 12 else 0.0)
+        reading = taken(number, round(shifted, 3), minutes)
+        record = (AT, number, minutes, reading.value_mm, "", "typed", Doubt.STAND, "moved?")
+        if number == 13:
+            events += [Questioned(*record), Answered(AT, keep=True, moved=True)]
+        elif number == 8:
+            events += [Questioned(*record), Answered(AT, keep=False), reading]
+        elif number == 20:
+            events.append(Skipped(AT, number, "cable"))
+        else:
+            events.append(reading)
+        if number == 17:
+            events += [Undone(AT), reading, Retake(AT, (15,), "dust"), taken(15, value, minutes)]
+    return events
+
+
+def so_far_of(
+    events: Sequence[Event], protocol: MeasuringProtocol, **other: object
+) -> ReadingsSoFar:
+    first = opened(protocol, **other)  # type: ignore[arg-type]
+    return ReadingsSoFar(replay([first, *events]), setting_of(steps_of(protocol)))
+
+
+@both_protocols
+@pytest.mark.parametrize("gauges", [(), TWO[:1], TWO], ids=len)
+@pytest.mark.parametrize("temperature", [None, 20.5])
+def test_live_readings_are_those_of_the_file(
+    tmp_path: Path,
+    protocol: MeasuringProtocol,
+    gauges: tuple[GaugeLabel, ...],
+    temperature: float | None,
+) -> None:
+    so_far = so_far_of(eventful(protocol), protocol, gauges=gauges, temperature_c=temperature)
+    live = so_far.measured
+    exact = [item.take.minutes for item in so_far.state.accepted.values()]
+    assert so_far.minutes == pytest.approx(exact, abs=5.1e-5)
+    write_session(session_values(so_far), tmp_path / "s.yaml")
+    read = read_input(str(tmp_path / "s.yaml"))
+    filed = read.measured
+    assert isinstance(filed, Readings)
+    assert len(live) == len(steps_of(protocol)) - 1
+    for item in fields(Plan):
+        assert np.array_equal(getattr(live.plan, item.name), getattr(filed.plan, item.name)), item
+    for name in ("value", "cycle", "temperature"):
+        one, other = getattr(live, name), getattr(filed, name)
+        assert np.array_equal(one, other, equal_nan=True), name
+    assert (live.posture, live.gauge, live.timed) == (filed.posture, filed.gauge, filed.timed)
+    shown, solved = so_far.solution, solve(filed, read.model)
+    assert shown is not None
+    assert shown.offsets_mm.tolist() == solved.offsets_mm.tolist()
+    assert shown.interval_mm.tolist() == solved.interval_mm.tolist()
+
+
+@pytest.mark.parametrize("order", list(Order))
+@pytest.mark.parametrize("protocol", [DOUBLE, SINGLE])
+@pytest.mark.parametrize("side_by_side", [1, 2])
+def test_one_labelled_gauge_that_is_carried_around(
+    tmp_path: Path, order: Order, protocol: MeasuringProtocol, side_by_side: int
+) -> None:
+    """Whatever the order of the places, its zeros are numbered as the reader numbers them."""
+    steps = sequence(
+        setting_of(()).machine, protocol, 2, order, min(side_by_side, stands(protocol))
+    )
+    values = readings_of(steps, 4)
+    first = opened(protocol, 2, order=order, stands=side_by_side, gauges=TWO[:side_by_side])
+    events = [taken(s.number, v, 0.5 * s.number) for s, v in zip(steps, values, strict=True)]
+    so_far = ReadingsSoFar(replay([first, *events]), setting_of(steps))
+    write_session(session_values(so_far), tmp_path / "s.yaml")
+    filed = read_input(str(tmp_path / "s.yaml")).measured
+    assert isinstance(filed, Readings)
+    assert so_far.measured.plan.setup.tolist() == filed.plan.setup.tolist()
+    assert so_far.measured.gauge == filed.gauge
+
+
+def test_too_few_readings_and_readings_that_no_file_takes_have_no_solution() -> None:
+    steps, values = steps_of(), readings_of(steps_of())
+    events = [taken(s.number, v) for s, v in zip(steps, values, strict=True)]
+    assert so_far_of([], DOUBLE).solution is None
+    assert so_far_of(events[:4], DOUBLE).solution is None
+    assert so_far_of(events, DOUBLE).solution is not None
+    assert so_far_of([*events[:-1], taken(60, 310.3)], DOUBLE).solution is None
+
+
+def test_the_pace_is_the_median_time_between_postures_of_a_set_up() -> None:
+    steps = steps_of()
+    # Two readings a posture; a pause before step 9, and new stands before step 21.
+    minutes = np.cumsum([0.7 * (k % 2 == 0) + 9.0 * (k == 8) + 5.0 * (k == 20) for k in range(24)])
+    events = [taken(k + 1, 0.0, float(at)) for k, at in enumerate(minutes)]
+    assert so_far_of(events, DOUBLE).pace_min == pytest.approx(0.7)
+    assert so_far_of(events[:6], DOUBLE).pace_min is None
+    assert steps[20].setup == 2
+
+
+def reading(step: int, value: float, doubt: Doubt | None = None) -> Taken:
+    if doubt is None:
+        return taken(step, value)
+    return Questioned(AT, step, 0.0, value, "", "typed", doubt, "really?")
+
+
+def test_the_scatter_of_repeats_is_that_of_a_normal_distribution() -> None:
+    """Five cycles of the ten readings of leg x, of which blunders and drifts are no part.
+
+    The median of the absolute differences of successive repeats, divided by the one that two
+    standard normal readings have: √2 · Φ⁻¹(3/4).
+    """
+    steps = steps_of(cycles=5)
+    rng = np.random.default_rng(12)
+    values = rng.normal(0.0, 0.05, 32) + np.array(
+        [0.9 * s.leg + 0.1 * s.direction for s in steps[:32]]
+    )
+    values[7] += 3.0  # one slip
+    events = [taken(k + 1, float(v), 0.1 * k) for k, v in enumerate(values)]
+    so_far = ReadingsSoFar(state_of(events), setting_of(steps))
+    jumps = []
+    for cell in {step.cell for step in steps[:32]}:
+        mine = [v for v, s in zip(values, steps[:32], strict=True) if s.cell == cell]
+        jumps += np.abs(np.diff(mine)).tolist()
+    assert len(jumps) >= 20
+    expected = np.median(jumps) / (np.sqrt(2.0) * stats.norm.ppf(0.75))
+    sigma = NextReading(so_far, steps[32], 5.0).forecast.sigma_mm
+    assert sigma == pytest.approx(expected, rel=1e-4)
+    assert sigma > 5.0 * so_far.setting.machine.gauge.noise_mm
+
+
+def test_few_repeats_or_quiet_ones_leave_the_stated_noise() -> None:
+    steps = steps_of(cycles=5)
+    setting = setting_of(steps)
+    rng = np.random.default_rng(13)
+    for count, spread in ((14, 0.05), (32, 1e-4)):
+        values = rng.normal(0.0, spread, count)
+        events = [taken(k + 1, float(v)) for k, v in enumerate(values)]
+        beside = NextReading(ReadingsSoFar(state_of(events), setting), steps[count], 5.0)
+        assert beside.forecast.sigma_mm == setting.machine.gauge.noise_mm
+
+
+def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
+    steps = steps_of()
+    events = [
+        *(reading(k, 0.1 * k) for k in range(1, 9)),
+        reading(9, 1.7, Doubt.REVOLUTION),
+        Answered(AT, keep=True),
+        *(reading(k, 0.1 * k) for k in range(10, 15)),
+    ]
+    beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[14], 3.0)
+    # Steps 9, 11, 13, 15 … are gauge Y's; what was kept at 9 is used for nothing.
+    assert beside.past.tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13]
+    assert beside.series == [10, 12]
+    assert beside.fresh.tolist() == [0] * 10 + [9, 0, 9, 0, 9]
+    assert beside.partner[-1] == beside.setup[1]
+
+
+def test_a_doubt_about_the_reading_itself_or_another_set_up_is_no_reason_for_that() -> None:
+    steps = steps_of()
+    for doubt, about in ((Doubt.GRID, None), (Doubt.SIGN, 2)):
+        kept = replace(reading(25, 0.123, doubt), about=about)
+        events = [*(reading(k, 0.1 * k) for k in range(1, 25)), kept, Answered(AT, keep=True)]
+        beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[25], 3.0)
+        assert len(beside.past) == 25
+        assert beside.so_far.settled == {(doubt, about)}

@@ -1,0 +1,261 @@
+"""`verify`: promised against measured, the machine's response, and the decision."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.files import Conditions, Input, read_input
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    DataKind,
+    Differences,
+    Plan,
+    Posture,
+    Source,
+    double_posture,
+    ideal_plan,
+    reduction,
+    simulate,
+    single_posture,
+)
+from orthoglide_cal.verification import Behaviour, Outcome, verify
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
+from tests.readings import some
+from tests.results.sessions import FINE, TRUE, given, session
+
+SIX = DIFFERENCES[DataKind.SIX]
+
+
+def paper(number: int) -> Input:
+    return read_input(str(SAMPLES / f"experiment{number}.csv"))
+
+
+def before(seed, **more) -> Input:
+    """A session of the machine whose offsets are TRUE."""
+    return given(session(TRUE, seed, **more))
+
+
+def after(applied, seed, **more) -> Input:
+    """A session of the same machine after `applied` was entered."""
+    return given(session(TRUE - np.array(applied), seed, **more))
+
+
+def test_the_papers_experiments_two_and_three():
+    """Promised 0.20, measured 0.21 (sec. 4.2), and the machine responds as the model says."""
+    result = verify(paper(2), paper(3), (-0.53, 0.59, -1.76), limit_mm=0.40)
+    assert round(result.as_found.rms_mm, 2) == 0.62
+    assert round(result.promised.rms_mm, 2) == 0.20
+    assert round(result.as_left.rms_mm, 2) == 0.21
+    response = result.response
+    assert response.coefficient.agrees
+    assert response.coefficient.low > 0.0
+    assert all(axis.coefficient and axis.coefficient.agrees for axis in response.axes)
+    assert response.behaviour is Behaviour.AS_MODELLED
+    # The residuals of the paper are far above the gauge's noise, and so is their change.
+    assert response.change.found
+    assert result.decision is not None
+    assert result.decision.outcome is Outcome.PASS
+    promised = {d.difference: round(d.promised_mm, 2) for d in result.deviations}
+    expected = dict(zip(SIX, (-0.28, 0.25, 0.21, -0.14, -0.13, 0.09), strict=True))
+    assert promised == pytest.approx(expected, abs=0.0101)
+
+
+def test_the_response_is_an_independent_regression():
+    """β of the overall response against plain least squares on the six published changes."""
+    result = verify(paper(2), paper(3), (-0.53, 0.59, -1.76))
+    plan = ideal_plan(DataKind.SIX, PROTOTYPE)
+    matrix = reduction(DataKind.SIX, SIX, PROTOTYPE, plan)
+    fitted = TRUE  # the paper's own offsets; the response hardly depends on them
+    change = paper(3).measured.value - paper(2).measured.value
+    model = matrix @ (simulate(NOMINAL, fitted * 0.0, plan) - simulate(NOMINAL, fitted, plan))
+    slope, *_ = np.linalg.lstsq(model[:, None], change, rcond=None)
+    assert result.response.coefficient.value == pytest.approx(float(slope[0]), abs=1e-3)
+
+
+def test_intervals_cover_one_in_95_percent_of_healthy_pairs():
+    """400 pairs; a binomial with p = 0.95 leaves 0.915 … 0.985 less than once in 1000 times."""
+    rng = np.random.default_rng(7)
+    inside = false_changes = false_answers = 0
+    for k in range(400):
+        applied = rng.uniform(-1.0, 1.0, 3)
+        start = rng.uniform(-1.0, 1.0, 3)
+        first, second = session(start, 2 * k), session(start - applied, 2 * k + 1)
+        response = verify(given(first), given(second), applied).response
+        inside += response.coefficient.agrees
+        false_changes += response.change.found
+        false_answers += response.behaviour is not Behaviour.AS_MODELLED
+    assert 0.915 <= inside / 400 <= 0.985
+    # At one in 1000 each, five or more of 400 happen once in 16,000 times.
+    assert false_changes <= 4
+    assert false_answers <= 4
+
+
+@pytest.mark.parametrize("plan", [double_posture(PROTOTYPE), single_posture(PROTOTYPE, cycles=3)])
+def test_raw_sessions_of_both_protocols(plan: Plan):
+    result = verify(before(1, plan=plan), after(TRUE, 2, plan=plan), TRUE)
+    assert result.comparison.kind is DataKind.READINGS
+    assert result.response.behaviour is Behaviour.AS_MODELLED
+    assert result.response.coefficient.value == pytest.approx(1.0, abs=0.05)
+    assert not result.response.change.found
+    assert abs(result.promised.rms_mm - result.as_left.rms_mm) < 0.02
+
+
+def test_unequal_sessions_share_what_both_determine():
+    """Missing readings and other cycles: only common contrasts count, nothing fails."""
+    few = double_posture(PROTOTYPE, cycles=1, closing=False)
+    later = after(TRUE, 4, plan=few.subset(np.arange(len(few)) != 5))
+    result = verify(before(3), later, TRUE)
+    assert len(result.comparison) == 11
+    assert result.response.behaviour is Behaviour.AS_MODELLED
+
+
+def test_raw_readings_against_differences():
+    result = verify(before(5), paper(3), TRUE)
+    assert result.comparison.kind is DataKind.SIX
+    assert len(result.comparison) == 6
+
+
+@pytest.mark.parametrize(
+    ("acted", "behaviour"),
+    [
+        (-TRUE, Behaviour.OPPOSITE),
+        (TRUE[[1, 0, 2]], Behaviour.EXCHANGED),
+        (TRUE[[2, 0, 1]], Behaviour.EXCHANGED),
+        (TRUE * 0.0, Behaviour.NO_RESPONSE),
+        (TRUE * 0.9, Behaviour.OTHER_GAIN),
+    ],
+)
+def test_what_the_machine_did_instead_is_named(acted, behaviour):
+    response = verify(before(8), after(acted, 9), TRUE).response
+    assert response.behaviour is behaviour
+    if behaviour in (Behaviour.OPPOSITE, Behaviour.EXCHANGED):
+        assert response.acted_as_mm == pytest.approx(acted)
+    else:
+        assert response.acted_as_mm is None
+
+
+def test_a_gauge_with_another_gain_shows_in_the_coefficient():
+    found = verify(before(10, gain=0.95), after(TRUE, 11, gain=0.95), TRUE).response.coefficient
+    # Both sessions are read with it, so that the change comes out 5 % too small.
+    assert found.high < 1.0
+    assert found.value == pytest.approx(0.95, abs=0.01)
+
+
+def test_a_change_of_the_machine_is_noticed():
+    shimmed = FINE.extended([CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.25]))])
+    first, same, other = (
+        given(session(offsets, seed, model), FINE)
+        for offsets, seed, model in (
+            (TRUE, 12, FINE),
+            (TRUE * 0.0, 14, FINE),
+            (TRUE * 0.0, 13, shimmed),
+        )
+    )
+    change = verify(first, other, TRUE).response.change
+    assert change.found
+    assert change.rms_mm > 3.0 * change.noise_mm
+    assert not verify(first, same, TRUE).response.change.found
+
+
+def test_the_promise_knows_the_accepted_causes():
+    """Offsets do not remove a gap between the axes: what it leaves is promised, and comes true."""
+    gaped = FINE.extended([CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.25]))])
+    first, second = (
+        given(session(offsets, seed, gaped), gaped) for offsets, seed in ((TRUE, 1), (TRUE * 0, 2))
+    )
+    result = verify(first, second, TRUE)
+    assert result.as_left.rms_mm > 0.05
+    for row in result.deviations:
+        # Two readings of 3 µm each before, two after, averaged over three cycles.
+        assert row.promised_mm == pytest.approx(row.after_mm, abs=0.015)
+
+
+def test_an_axis_that_was_not_touched_has_no_coefficient():
+    applied = np.array([0.0, 0.59, -1.76])
+    axes = verify(before(15), after(applied, 16), applied).response.axes
+    assert [axis.coefficient is None for axis in axes] == [True, False, False]
+    assert axes[0].agrees
+
+
+def test_a_verification_holds_what_it_rests_on_and_cannot_be_changed():
+    result = verify(before(17), after(TRUE, 18), TRUE)
+    assert result.before.converged
+    assert result.after.converged
+    for array in (result.applied_mm, result.comparison.before, result.comparison.covariance):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+    promised = result.comparison.problem.change(result.before.offsets_mm, result.applied_mm)
+    assert result.comparison.change == pytest.approx(promised, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("limit", "outcome"),
+    [
+        (0.36, Outcome.PASS),
+        (0.34, Outcome.UNDECIDED),
+        (0.33, Outcome.UNDECIDED),
+        (0.30, Outcome.FAIL),
+    ],
+)
+def test_decision_rule_with_guard_band(limit, outcome):
+    """The largest deviation is 0.34 mm with U = 1.96·√2·noise = 0.018 mm."""
+    result = verify(paper(2), paper(3), TRUE, limit_mm=limit)
+    assert result.decision is not None
+    largest = result.decision.largest
+    assert largest.difference.name == "y_x"
+    assert abs(largest.after_mm) == pytest.approx(0.34)
+    noise = PROTOTYPE.gauge.noise_mm
+    assert largest.expanded_mm == pytest.approx(1.95996 * 2**0.5 * noise, rel=1e-4)
+    assert result.decision.outcome is outcome
+
+
+def test_what_was_entered_is_what_two_sessions_record():
+    entered = (-0.527, 0.595, -1.748)
+    adjusted = replace(NOMINAL, machine=replace(PROTOTYPE, offsets_mm=entered))
+    first = before(19)
+    second = given(session(TRUE - np.array(entered), 20), adjusted)
+    assert verify(first, second).applied_mm.tolist() == list(entered)
+    for one, other in ((second, second), (first, replace(second, is_session=False))):
+        with pytest.raises(UsageError, match="do not say what was entered"):
+            verify(one, other)
+
+
+@pytest.mark.parametrize(
+    ("other", "name"),
+    [
+        (replace(NOMINAL, machine=replace(PROTOTYPE, leg_length_mm=300.0)), "leg_length_mm"),
+        (
+            replace(NOMINAL, machine=replace(PROTOTYPE, joint_limits_mm=(-90.0, 60.0))),
+            "joint_limits_mm",
+        ),
+        (extended(axis_gap=(0.3, -0.2, 0.25)), "identified"),
+    ],
+)
+def test_two_machines_are_not_compared(other, name):
+    with pytest.raises(UsageError, match=f"different machines: {name} differ"):
+        verify(before(21), replace(after(TRUE, 22), model=other), TRUE)
+
+
+def test_usage_errors():
+    with pytest.raises(UsageError, match="Nothing was applied"):
+        verify(paper(2), paper(3), (0.0, 0.0, 0.0))
+    with pytest.raises(UsageError, match="limit"):
+        verify(paper(2), paper(3), TRUE, limit_mm=0.0)
+    heights = Differences(
+        DataKind.SINGLE,
+        DIFFERENCES[DataKind.SINGLE],
+        np.array([0.1, 0.2, 0.3, 0.1, 0.2, 0.4]),
+        Source("s.csv", ""),
+    )
+    with pytest.raises(UsageError, match="different things"):
+        verify(paper(2), Input(heights, NOMINAL, Conditions(), is_session=False), TRUE)
+    halves = [session(TRUE, k) for k in (23, 24)]
+    near = [
+        some(one, np.flatnonzero(one.plan.displacement != PROTOTYPE.displacement_mm(Posture.MAX)))
+        for one in halves
+    ]
+    with pytest.raises(UsageError, match="no difference between the ends"):
+        verify(given(near[0]), given(near[1]), TRUE)
