@@ -200,7 +200,7 @@ def _saved_when_interrupted(path: Path) -> Iterator[None]:
         yield
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
         said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-        _leave(f"{said} Go on with: {command('measure', str(path), options='--resume')}")
+        _leave(f"{said} Go on with:\n  {command('measure', str(path), options='--resume')}")
     except OSError as error:
         if error.errno != errno.EIO:
             raise
