@@ -1,5 +1,6 @@
 """Two machines for tests: the prototype and one that differs from it in every length."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,14 @@ NOMINAL_LARGE = Model(LARGE)
 
 both_machines = pytest.mark.parametrize("machine", [PROTOTYPE, LARGE], ids=["prototype", "large"])
 both_models = pytest.mark.parametrize("model", [NOMINAL, NOMINAL_LARGE], ids=["prototype", "large"])
+
+
+def sure(model: Model) -> Model:
+    """The same machine where nothing but noise is uncertain: stands, scale and legs are exact."""
+    machine = model.machine
+    gauge = replace(machine.gauge, placement_mm=0.0, scale_u=0.0)
+    tolerances = {**machine.tolerances, "leg_length": 0.0}
+    return replace(model, machine=replace(machine, gauge=gauge, tolerances=tolerances))
 
 
 def extended(**causes: tuple[float, ...]) -> Model:

@@ -1,19 +1,20 @@
 """Two families of causes at one of many places, and how places are called.
 
-A pattern cause adds a known pattern to the readings; a relabelling one exchanges readings or their
-signs. All others act on the whole machine at once and are `Cause`s of the model.
+A pattern cause adds a known pattern to the readings; a relabelling one exchanges readings, their
+signs or their unit. All others act on the whole machine at once and are `Cause`s of the model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import Floats, Numbers, Plan, Series
+from orthoglide_cal.model.readings import Floats, Ints, Numbers, Plan, Series
 
 
 class PatternCause(Cause):
@@ -29,6 +30,12 @@ class PatternCause(Cause):
     counts: Mapping[int, float] = MappingProxyType({})
     hides_reading: bool = False
 
+    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
+        """Those that were written down wrongly."""
+        if self.stage is not Stage.RECORD:
+            return ()
+        return tuple(np.flatnonzero(self.patterns(plan, (place,))[:, 0]).tolist())
+
     def millimetres(self, machine: Machine) -> float:
         """One unit of its size in what the patterns are multiplied by."""
         return 1.0
@@ -36,6 +43,10 @@ class PatternCause(Cause):
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """Readings added by one internal unit at each place, shape (n, places)."""
         raise NotImplementedError
+
+    def spoiled(self, place: Place, plan: Plan) -> Ints:
+        """Those that its pattern changes."""
+        return np.flatnonzero(self.patterns(plan, (place,))[:, 0])
 
     def contact(
         self,
@@ -59,15 +70,29 @@ class PatternCause(Cause):
             return readings
         return readings + self._added(theta, place, plan, machine)
 
+    def undone(
+        self, readings: Floats, theta: Floats, place: Place, plan: Plan, machine: Machine
+    ) -> Floats:
+        """Readings − pattern · theta."""
+        return readings - self._added(theta, place, plan, machine)
+
     def _added(self, theta: Numbers, place: Place, plan: Plan, machine: Machine) -> Numbers:
         unit = self.millimetres(machine)
         return np.asarray(unit * (theta * self.patterns(plan, (place,))[:, 0]))
 
 
 class RelabelCause(Cause):
-    """A cause without size: readings written down with another sign or under another label."""
+    """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
+
+    def share(self, place: Place) -> float:
+        """How likely it is at a place, beside 1 at most places."""
+        return 1.0
+
+    def unit_mm(self, place: Place) -> float:
+        """The unit that was written down [mm]."""
+        return 1.0
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
@@ -81,12 +106,72 @@ class RelabelCause(Cause):
         """The plan with each reading under the leg and direction that was really read."""
         return plan
 
+    def spoiled(self, place: Place, plan: Plan) -> Ints:
+        """Those that were written down with another sign or label."""
+        index, sign = self.relabel(plan, place)
+        moved = (index != np.arange(len(plan))) | (sign != 1.0)
+        return np.flatnonzero(moved | (self.really_read(plan, place).direction != plan.direction))
+
     def record(
         self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine
     ) -> Numbers:
         """Readings as they were written down."""
         index, sign = self.relabel(plan, place)
-        return np.asarray(sign * readings[..., index])
+        return np.asarray(sign * readings[..., index] / self.unit_mm(place))
+
+    def undone(
+        self, readings: Floats, theta: Floats, place: Place, plan: Plan, machine: Machine
+    ) -> Floats:
+        """Relabelled once more, in mm."""
+        index, sign = self.relabel(plan, place)
+        return np.asarray(sign * readings[index] * self.unit_mm(place))
+
+
+class ExchangeCause(RelabelCause):
+    """Readings of one leg and direction were written under another, and the other way round.
+
+    Each reading is exchanged with the one that was taken as the same step of the other leg and
+    direction. Where these do not pair up, the readings are looked at under another plan.
+    """
+
+    def really(self, series: Series, place: Place) -> Series:
+        """What was read where this was written down; twice is not at all."""
+        raise NotImplementedError
+
+    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+        """Exchange the readings; nothing where they do not pair up."""
+        index = self._partners(plan, place)
+        return np.arange(len(plan)) if index is None else index, np.ones(len(plan))
+
+    def reversible(self, plan: Plan, place: Place) -> bool:
+        """Whether every reading has its partner."""
+        return self._partners(plan, place) is not None
+
+    def really_read(self, plan: Plan, place: Place) -> Plan:
+        """Each reading under the leg and direction that was read, at the posture of that leg."""
+        leg, direction = np.array([self.really(series, place) for series in plan.series]).T
+        return replace(plan, leg=leg, direction=direction)
+
+    def _partners(self, plan: Plan, place: Place) -> np.ndarray | None:
+        """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
+        index = np.arange(len(plan))
+        for series in set(plan.series):
+            own, other = (
+                plan.in_time[plan.of(each)[plan.in_time]]
+                for each in (series, self.really(series, place))
+            )
+            if own.size != other.size or np.any(_step(plan, own) != _step(plan, other)):
+                return None
+            index[own] = other
+        # Readings that share a zero must do so after the exchange.
+        zeros = set(zip(plan.setup.tolist(), plan.setup[index].tolist(), strict=True))
+        changed = np.any(index != np.arange(len(plan)))
+        return index if changed and len(zeros) == plan.setups else None
+
+
+def _step(plan: Plan, readings: np.ndarray) -> np.ndarray:
+    """Posture and contact of some readings, shape (2, k)."""
+    return np.stack((plan.displacement[readings], plan.contact[readings]))
 
 
 def reading_label(plan: Plan, machine: Machine, index: int) -> str:

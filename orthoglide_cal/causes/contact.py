@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 
 from orthoglide_cal.causes.base import (
@@ -13,6 +15,7 @@ from orthoglide_cal.causes.base import (
     series_places,
 )
 from orthoglide_cal.model.cause import Cause, Place, Stage
+from orthoglide_cal.model.kinds import Orthoglide
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.readings import Floats, Numbers, Plan, Series, other_axes
 
@@ -27,6 +30,8 @@ class BarSkew(Cause):
     title = "a touched bar is not parallel to its leg"
     stage = Stage.CONTACT
     unit = "mrad"
+    # The face of the bar that the plunger runs on, to its centre line.
+    sizes = MappingProxyType({Orthoglide.id: 1.0})
     scale = 1e-3
     names = tuple(series.name for series in _SERIES)
     lasting = True
@@ -57,9 +62,11 @@ class GaugeDrift(PatternCause):
     title = "a gauge or its stand creeps"
     stage = Stage.CONTACT
     unit = "mm/h"
+    # A magnetic stand that settles, a plunger arm that creeps.
+    sizes = MappingProxyType({Orthoglide.id: 0.05})
     names = ("rate",)
     timed = True
-    advice = "Clamp the stand afresh on a clean surface and repeat this leg."
+    advice = "Clamp the stand of {where} afresh on a clean surface, and repeat this leg."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every (leg, direction)."""
@@ -81,9 +88,14 @@ class StandShift(PatternCause):
     title = "a gauge or its stand was knocked"
     stage = Stage.CONTACT
     unit = "mm"
+    # A light knock against the stand.
+    sizes = MappingProxyType({Orthoglide.id: 0.1})
     names = ("step",)
     timed = True
-    advice = "Clamp the stand afresh and repeat this leg from its first isotropic reading."
+    advice = (
+        "The stand was knocked: {where}. Clamp it afresh and repeat this leg from its first"
+        " isotropic reading."
+    )
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """From every reading on but the first of each set-up."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from orthoglide_cal.causes.base import (
+    ExchangeCause,
     PatternCause,
     RelabelCause,
     later_readings,
@@ -16,9 +16,14 @@ from orthoglide_cal.causes.base import (
     series_of,
     series_places,
 )
-from orthoglide_cal.model.cause import Place, Stage
+from orthoglide_cal.model.cause import EVERYWHERE, Place, Stage
+from orthoglide_cal.model.gauge_doubts import UNITS
+from orthoglide_cal.model.kinds import Orthoglide
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import AXES, Floats, Plan
+from orthoglide_cal.model.readings import AXES, Floats, Plan, Series
+
+# A fault of a whole table is this likely beside that of one gauge: it shows at once, mostly.
+CLERICAL = 0.1
 
 
 class Misread(PatternCause):
@@ -28,8 +33,10 @@ class Misread(PatternCause):
     title = "one reading is wrong"
     stage = Stage.RECORD
     unit = "mm"
+    # A slip of one numbered division.
+    sizes = MappingProxyType({Orthoglide.id: 0.1})
     hides_reading = True
-    advice = "Take this reading again."
+    advice = "Take this reading again: {where}."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every reading."""
@@ -54,9 +61,11 @@ class GaugeSlip(PatternCause):
     title = "whole turns of the dial were miscounted"
     stage = Stage.RECORD
     unit = "turns"
+    # The small pointer was misjudged by one.
+    sizes = MappingProxyType({Orthoglide.id: 1.0})
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
-    advice = "Count the turns again: add or take off whole revolutions at this reading."
+    advice = "Count the turns again: {where}. Add or take off whole revolutions there."
 
     def possible(self, machine: Machine) -> bool:
         """Only a gauge with a dial has turns to miscount."""
@@ -85,33 +94,52 @@ class GaugeSlip(PatternCause):
 
 
 class SignFlip(RelabelCause):
-    """All readings of one leg and direction have the opposite sign."""
+    """Readings have the opposite sign: all of one leg and direction, or, rarely, the whole table.
+
+    The latter is to first order what the opposite offsets give: only large ones tell them apart.
+    """
 
     id = "sign_flip"
     title = "a gauge was read with the opposite sign"
     stage = Stage.RECORD
-    advice = "Check which way + is on this gauge and turn the sign of its readings."
+    # It happens or it does not.
+    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every (leg, direction)."""
-        return series_places(plan)
+        """Every (leg, direction), then all readings."""
+        return (*series_places(plan), EVERYWHERE)
+
+    def share(self, place: Place) -> float:
+        """All gauges are the wrong way round, or a spreadsheet turned them: rare."""
+        return CLERICAL if place == EVERYWHERE else 1.0
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The leg and direction."""
-        return series_of(place).words
+        return "all readings" if place == EVERYWHERE else series_of(place).words
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """Same readings, sign −1 in the series."""
-        return np.arange(len(plan)), np.where(plan.of(series_of(place)), -1.0, 1.0)
+        turned = True if place == EVERYWHERE else plan.of(series_of(place))
+        return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
 
 
-class SwappedGauges(RelabelCause):
-    """Each reading of one direction was written under the other direction of the same leg."""
+class SwappedGauges(ExchangeCause):
+    """Each reading of one direction was written under the other direction of the same leg.
+
+    On a machine whose axes are alike no reading tells this from the two other legs, with their
+    axes, written for each other: one name stands for both.
+    """
 
     id = "swapped_gauges"
     title = "the two gauges of one leg were exchanged"
     stage = Stage.RECORD
-    advice = "Check the cables or columns of the two gauges of this leg and exchange them back."
+    # It happens or it does not.
+    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    advice = (
+        "Check the cables or columns of the two gauges of {where}, and exchange them back. If they"
+        " were right, the two other legs were written for each other."
+    )
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every leg that was read in two directions."""
@@ -125,37 +153,57 @@ class SwappedGauges(RelabelCause):
         """The leg."""
         return f"leg {AXES[place.index[0]]}"
 
+    def really(self, series: Series, place: Place) -> Series:
+        """The same leg in its other direction."""
+        leg, direction = series
+        return Series(leg, 3 - leg - direction) if leg == place.index[0] else series
+
+
+class ExchangedColumns(ExchangeCause):
+    """The columns leg and direction stand under each other's headings, in the whole table."""
+
+    id = "exchanged_columns"
+    title = "the columns leg and direction were exchanged"
+    stage = Stage.RECORD
+    # It happens or it does not.
+    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    weight = CLERICAL
+    advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
+
+    def really(self, series: Series, place: Place) -> Series:
+        """Leg and direction exchanged; the posture is that of the leg that was moved."""
+        return Series(series.direction, series.leg)
+
+
+class WrongUnit(RelabelCause):
+    """All readings are in another unit than the file says."""
+
+    id = "wrong_unit"
+    title = "all readings are in another unit"
+    stage = Stage.RECORD
+    # It happens or it does not.
+    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    weight = CLERICAL
+    advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
+
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+        """Every unit that is taken for mm."""
+        return tuple(Place((k,)) for k in range(len(UNITS)))
+
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+        """The unit."""
+        return UNITS[place.index[0]].mistake
+
+    def unit_mm(self, place: Place) -> float:
+        """Of the unit."""
+        return UNITS[place.index[0]].mm
+
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
-        """Exchange the readings of the two directions of the leg, where they pair up."""
-        index = np.arange(len(plan))
-        pairs = partners(plan, place.index[0])
-        if pairs is not None:
-            index[pairs[0]], index[pairs[1]] = pairs[1], pairs[0]
-        return index, np.ones(len(plan))
-
-    def reversible(self, plan: Plan, place: Place) -> bool:
-        """Whether every reading has its partner."""
-        return partners(plan, place.index[0]) is not None
-
-    def really_read(self, plan: Plan, place: Place) -> Plan:
-        """The leg's two directions exchanged."""
-        own = plan.leg == place.index[0]
-        total = np.unique(plan.direction[own]).sum()
-        return replace(plan, direction=np.where(own, total - plan.direction, plan.direction))
+        """The same readings."""
+        return np.arange(len(plan)), np.ones(len(plan))
 
 
-def partners(plan: Plan, leg: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Readings of the leg's two directions, paired in time; None if they do not pair up."""
-    directions = np.unique(plan.direction[plan.leg == leg])
-    if directions.size != 2:
-        return None
-    first, second = (
-        plan.in_time[(plan.leg[plan.in_time] == leg) & (plan.direction[plan.in_time] == k)]
-        for k in directions
-    )
-    if first.size != second.size or np.any(plan.displacement[first] != plan.displacement[second]):
-        return None
-    return first, second
-
-
-CAUSES = (Misread(), GaugeSlip(), SignFlip(), SwappedGauges())
+CAUSES = (
+    Misread(), GaugeSlip(), SignFlip(), SwappedGauges(), ExchangedColumns(),
+    WrongUnit(),
+)  # fmt: skip

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.errors import OrthocalError, UsageError
+from orthoglide_cal.errors import OrthocalError, UsageError, command
 
 
 def diagnose(
@@ -44,7 +44,7 @@ def diagnose(
     """Name what the model leaves out, how sure that is, and what it gains to know it."""
     import numpy as np
 
-    from orthoglide_cal import diagnosis
+    from orthoglide_cal import diagnosis, results
     from orthoglide_cal import files as written
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 
@@ -53,14 +53,15 @@ def diagnose(
     def judge(path: str) -> int:
         given = common.read_input(path, machine)
         later = written.read_input(holdout, given.model).measured if holdout else None
-        found = diagnosis.diagnose(
+        diagnosed = diagnosis.diagnose(
             given.measured,
             given.model,
             holdout=later,
             applied=np.array(applied),
-            sensitivity=() if json else tuple(diagnosis.Verdict),
+            sensitivity=frozenset(diagnosis.Verdict),
         )
-        document = diagnosis_document(found, given.measured, machine, later is not None)
+        found = results.calibrate(given, diagnosed=diagnosed)
+        document = diagnosis_document(found, machine, later is not None)
         common.deliver(document, as_json=json)
         if accept is None:
             return 0
@@ -73,7 +74,8 @@ def diagnose(
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)
             return error.exit_code
-        common.tell(f"{accept} is now part of {target}; use it with --machine {target}.")
+        go_on = command("report", path, machine=target)
+        common.tell(f"{accept} is now part of {target}. Go on with:\n  {go_on}")
         return 0
 
     common.for_each(files, judge, as_json=json)

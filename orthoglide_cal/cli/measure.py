@@ -24,7 +24,7 @@ from orthoglide_cal.cli.common import (
     output,
     tell,
 )
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -170,19 +170,20 @@ def measure(
 
 def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
     """Write the session file, then show what `solve` makes of it and what to do next."""
-    from orthoglide_cal import estimation
+    from orthoglide_cal import results
     from orthoglide_cal.errors import command
     from orthoglide_cal.files import read_input
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.session import Style
 
     dialogue.publish()
-    given = read_input(str(dialogue.path))
-    solution = estimation.solve(given.measured, given.model)
-    deliver(solution_document(solution), as_json=as_json)
-    dialogue.reveal(solution)
-    show("Next, ask whether the model is right for this machine:")
+    found = results.calibrate(read_input(str(dialogue.path)))
+    deliver(solution_document(found), as_json=as_json)
+    dialogue.reveal(found.found[0])
+    show("How well the model fits this machine:")
     show(f"  {command('diagnose', str(dialogue.path))}", Style.TITLE)
+    if not found.release.sound:
+        raise typer.Exit(UnusableResultError.exit_code)
 
 
 @contextmanager

@@ -70,7 +70,7 @@ def report(
         show(_history(history, name))
         return
 
-    from orthoglide_cal import results
+    from orthoglide_cal import diagnosis, results
     from orthoglide_cal.files import latest_session
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.verification import verify
@@ -79,7 +79,9 @@ def report(
         given, verification = common.read_input(path, machine), None
         if after is not None:
             verification = verify(given, common.read_input(after, machine), applied, limit)
-        found = results.calibrate(given, method, verification=verification)
+        found = results.calibrate(
+            given, method, sensitivity=diagnosis.DOUBTFUL, verification=verification
+        )
         show(calibration_document(found, machine))
         return 0 if found.solution else UnusableResultError.exit_code
 

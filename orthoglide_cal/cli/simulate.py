@@ -128,7 +128,8 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
     `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit
     `gauge_drift@x,y=0.05`      in one place: leg x, direction y
     `misread@12=0.1`            the twelfth reading in time; for gauge_slip `12+` is "and all after"
-    `sign_flip@z,x`             causes without a size take no value
+    `sign_flip@z,x`             causes without a size take no value; without a place: everywhere
+    `wrong_unit@1`              the first of its units
 
     Args:
         text: as typed.
@@ -171,11 +172,12 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
         )
     if cause.positive and min(values) < 0.0:
         raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")
-    hidden = [size * machine.tolerances.get(cause.id, 0.0) for _, size in cause.nuisance]
-    return np.array([*values, *rng.normal(0.0, hidden)]) * cause.scale
+    hidden = rng.normal(0.0, cause.prior_std(machine)[len(names) :])
+    return np.concatenate([np.array(values) * cause.scale, hidden])
 
 
 def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
+    from orthoglide_cal.causes import RelabelCause
     from orthoglide_cal.model import Place
 
     places = cause.places(plan, machine)
@@ -189,7 +191,10 @@ def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
             reading = int(plan.in_time[int(parts[0]) - 1])
             index = (reading, int(onward)) if len(places[0].index) == 2 else (reading,)
     place = Place(index)
-    if place not in places or bool(text) != bool(index):
+    fits = place in places and bool(text) == bool(index)
+    if fits and isinstance(cause, RelabelCause):
+        fits = cause.reversible(plan, place)
+    if not fits:
         here = f" at {text!r}" if text else ""
         example = {0: "no place", 1: "12 (a reading) or x (a leg)", 2: "x,y (leg, direction) or 12"}
         raise UsageError(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import date
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import DISMISSED, Assessment, assess
-from orthoglide_cal.diagnosis.explanations import Ids, Whitened
+from orthoglide_cal.diagnosis.explanations import Ids, Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import Fitted, HeldOut, leave_out_cells, predict_later
 from orthoglide_cal.diagnosis.next_reading import best_next
 from orthoglide_cal.diagnosis.result import (
@@ -64,11 +65,13 @@ def diagnose(
                 else leave_out_cells(white, fit, accepted)
                 for fit in (nothing, accepted)
             )
-            causes = _named(found, before, after)
+            # Without the cause the errors are in the unit that was written down, too.
+            unit = 1.0 if later is not None else unit_of(accepted.effects)
+            causes = _named(found, replace(before, rms_mm=before.rms_mm * unit), after)
         changes: dict[str, tuple[Verdict, Ids]] = {}
         if found.judgement.verdict in sensitivity:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
-                other = assess(white.scaled(factor)).judgement
+                other = found.scaled(factor).judgement
                 changes[name] = other.verdict, other.accepted
         offsets, covariance = found.offsets
         return Diagnosis(
@@ -82,8 +85,13 @@ def diagnose(
             left_open=found.left_open,
             offsets_mm=offsets,
             covariance_mm2=covariance,
-            nominal_mm=_predicted(white, measured, nothing),
-            explained_mm=_predicted(white, measured, accepted),
+            nominal_mm=_predicted(white, measured, found.at.residuals[0]),
+            explained_mm=_predicted(
+                white,
+                measured,
+                accepted.residual if accepted.effects else found.at.residuals[0],
+                accepted.effects,
+            ),
             sensitivity=changes,
             ranking=_ranking(found),
             notes=_notes(found, measured),
@@ -101,7 +109,8 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
 
     Raises:
         UsageError: there is no such cause.
-        UnusableResultError: these data do not support it, or it lies in the measurement.
+        UnusableResultError: these data do not support it, the machine file rules it out, or it
+            lies in the measurement.
     """
     cause = CAUSES.get(id)
     if cause is None:
@@ -109,7 +118,12 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
     if not cause.lasting:
         raise UnusableResultError(
             f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
-            cause.advice,
+            "Mend it, and measure again.",
+        )
+    if not cause.possible(model.machine):
+        raise UnusableResultError(
+            f"The machine file rules {id} out: its size under tolerances is 0.",
+            "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
         found = assess(Whitened.of(measured, model))
@@ -117,14 +131,14 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         if not accepted:
             raise UnusableResultError(
                 f"These data are {verdict}: they do not support {id} as an extension.",
-                "Run orthocal diagnose and see what it says.",
+                "See what diagnose says of them.",
             )
         doubtful = _doubtful(found, id) if verdict is Verdict.AMBIGUOUS else []
         if doubtful:
             raise UnusableResultError(
                 f"These data cannot tell what lies in the machine from {', '.join(doubtful)},"
                 " which lies in the measurement.",
-                "Take the reading that orthocal diagnose names, then accept.",
+                "Take the reading that diagnose names, then accept.",
             )
         listed = found.posterior.listed
         best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
@@ -172,7 +186,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
             effect=effect,
             where=effect.cause.label(effect.place, white.plan, white.machine),
             probability=found.posterior.listed[found.judgement.accepted],
-            rms_before_mm=white.rms(found.fit(()).residual),
+            rms_before_mm=white.rms(found.at.residuals[0]) * unit_of(accepted.effects),
             rms_after_mm=white.rms(accepted.residual),
             heldout_before_mm=before.rms_mm,
             heldout_after_mm=after.rms_mm,
@@ -193,16 +207,17 @@ def _sure(found: Assessment, effect: Effect) -> bool:
 
 
 def _aliases(found: Assessment, effect: Effect) -> Ids:
-    """Ids that stand in this cause's place in a rival explanation."""
-    id = effect.cause.id
-    beside = set(found.judgement.accepted) - {id}
-    rivals = (ids for ids in found.posterior.rivals() if beside <= set(ids) and id not in ids)
+    """Ids that stand in this cause's place in a rival explanation, or in one of the same remedy."""
+    id, accepted, posterior = effect.cause.id, found.judgement.accepted, found.posterior
+    beside = set(accepted) - {id}
+    others = (*posterior.same_answer(accepted), *posterior.rivals())
+    rivals = (ids for ids in others if beside <= set(ids) and id not in ids)
     return tuple(dict.fromkeys(other for ids in rivals for other in ids if other not in beside))
 
 
 def _lack_of_fit(white: Whitened, measured: Measured, nothing: Fitted) -> LackOfFit:
     noise, dof = white.machine.gauge.noise_mm, len(white) - 3
-    total = float(nothing.residual @ nothing.residual)
+    total = nothing.sum_of_squares(noise)
     repeats, chance = None, None
     if white.raw:
         repeats = scatter_of_repeats(white.plan, measured.value)
@@ -221,13 +236,19 @@ def _lack_of_fit(white: Whitened, measured: Measured, nothing: Fitted) -> LackOf
     )
 
 
-def _predicted(white: Whitened, measured: Measured, fit: Fitted) -> Floats:
-    """What a fit says of each measured value, in the order of the file, shape (n,) [mm]."""
-    residual = fit.residual
-    for effect in fit.effects:
+def _predicted(
+    white: Whitened, measured: Measured, residual: Floats, effects: Sequence[Effect] = ()
+) -> Floats:
+    """What a fit says of each measured value, in the order of the file, shape (n,) [mm].
+
+    Args:
+        residual: what it leaves of the whitened data, shape (k,) [mm].
+        effects: its causes.
+    """
+    for effect in effects:
         cause, place = effect.cause, effect.place
         if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
-            residual = white.relabelled(residual, cause, place)
+            residual = white.relabelled(residual, cause, place) / cause.unit_mm(place)
     return measured.value - white.plain(residual)[white.in_file]
 
 
@@ -259,6 +280,17 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         pattern = max(unlisted, key=unlisted.__getitem__)
         notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
         notes.append("Its size is part of the uncertainty of the offsets.")
+        best = found.posterior.best
+        if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
+            notes.append(
+                f"{' with '.join(best)} would follow it, too, but two causes follow nearly any"
+                " pattern. To check them, repeat with two more postures of each leg between"
+                " the isotropic one and its limits."
+            )
+    for more in (ids for ids in found.posterior.rivals() if set(judgement.accepted) < set(ids)):
+        if judgement.accepted:
+            rest = "+".join(id for id in more if id not in judgement.accepted)
+            notes.append(f"Whether {rest} acts beside it these readings cannot tell.")
     for part in (ids for ids in listed if ids and set(ids) < set(judgement.accepted)):
         if listed[part] >= DISMISSED * listed[judgement.accepted]:
             rest = "+".join(id for id in judgement.accepted if id not in part)

@@ -46,8 +46,8 @@ class NoiseGrid:
         return float(self.sigma[np.argmax(self.log_weight)])
 
 
-def log_sum(values: Floats, axis: int | None = None) -> Floats:
-    """ln Σ exp along an axis, or of all entries."""
+def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats:
+    """ln Σ exp along one axis or several, or of all entries."""
     top = values.max(axis=axis, keepdims=True)
     share = values - top
     np.exp(share, out=share)
@@ -66,16 +66,18 @@ class Gaussian:
         columns: B, shape (..., k, r), scaled by the plausible sizes [mm]; a column of zeros
             adds nothing.
         noise: the grid.
+        log_share: ln prior share of each B, of the shape of the leading axes.
     """
 
-    def __init__(self, columns: Floats, noise: NoiseGrid) -> None:
+    def __init__(self, columns: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0) -> None:
         self._left, size2 = _principal(columns)
         self._sigma2 = noise.sigma[:, None] ** 2
         size2 = size2[..., None, :]
         self._shrink = size2 / (self._sigma2 + size2)  # (..., g, r)
         own = columns.shape[-2] * np.log(self._sigma2[:, 0])
         log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + own
-        self._log_share = noise.log_weight - 0.5 * log_det
+        share = np.asarray(log_share)[..., None] + noise.log_weight
+        self._log_share = share - 0.5 * log_det
 
     def log_density(self, residuals: Floats) -> Floats:
         """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""

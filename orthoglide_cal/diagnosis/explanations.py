@@ -15,8 +15,9 @@ at one of many places, or one that relabels readings.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_rank, rms
+from orthoglide_cal.estimation.influences import Influence, influences
 from orthoglide_cal.model import (
     Cause,
     DataKind,
@@ -39,10 +41,10 @@ from orthoglide_cal.model import (
     Plan,
     Readings,
     Stage,
-    carried_uncertainty,
     differentiate,
     freeze,
     ideal_plan,
+    other_unit,
     reduction,
     zero_free,
 )
@@ -57,6 +59,8 @@ NOTHING = 0.48
 ONE_CAUSE = 0.36
 TWO_CAUSES = 0.12
 UNLISTED = 0.04
+# Of one standard deviation of a reading: what changes the data by less changes no evidence.
+UNSEEN = 0.1
 # Offsets are not judged by their size: one standard deviation of their prior [mm].
 OFFSETS_MM = 10.0
 
@@ -71,6 +75,7 @@ class Whitened:
         root: un-whitens, shape (k, k): the identity for raw readings.
         raw: True for raw readings, whose order in time is known; False for differences.
         in_file: where each entry of the file stands in the data as read, shape (m,).
+        unit_mm: the only other unit that the readings may be in [mm]; None without one.
     """
 
     problem: Problem
@@ -78,6 +83,7 @@ class Whitened:
     root: Floats
     raw: bool
     in_file: Ints
+    unit_mm: float | None = None
 
     def __post_init__(self) -> None:
         freeze(self, "data", "root", "in_file")
@@ -92,14 +98,18 @@ class Whitened:
         if isinstance(measured, Readings):
             if not measured.timed:
                 # Rates of change as plausible as before, on a clock that was only assumed.
-                rates = [id for id, cause in CAUSES.items() if cause.unit == PER_HOUR]
+                rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
                 model = _scaled(model, UNKNOWN_PACE, rates)
             # Zero-free contrasts are orthonormal.
             matrix = zero_free(measured.plan)
             problem = Problem(model, measured.plan, matrix)
             require_rank(problem)
             data = np.asarray(matrix @ measured.value)
-            return cls(problem, data, np.eye(len(data)), True, np.arange(len(measured)))
+            unit = other_unit(measured, model.machine.gauge)
+            in_file = np.arange(len(measured))
+            return cls(
+                problem, data, np.eye(len(data)), True, in_file, None if unit is None else unit.mm
+            )
         posed = pose(measured, model, Method(measured.kind))
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix
@@ -134,7 +144,7 @@ class Whitened:
 
     def scaled(self, factor: float) -> Whitened:
         """The same with all tolerances multiplied, to see how an answer depends on them."""
-        model = _scaled(self.problem.model, factor, self.machine.tolerances)
+        model = _scaled(self.problem.model, factor, CAUSES.values())
         return replace(self, problem=replace(self.problem, model=model))
 
     def under(self, plan: Plan) -> Whitened:
@@ -150,9 +160,24 @@ class Whitened:
         return rms(self.plain(residual))
 
     def relabelled(self, values: Floats, cause: RelabelCause, place: Place) -> Floats:
-        """Whitened values (k,) with a fault of the record done, or undone, shape (k,)."""
+        """Whitened values (k,) with signs or labels exchanged, or put right again, shape (k,)."""
         index, sign = cause.relabel(self.plan, place)
         return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index]))
+
+    def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
+        """What is uncertain of the data beside noise, for offsets (3,) [mm]."""
+        found = influences(self.problem.model, offsets, self.plan)
+        return tuple(each.reduced(self.matrix) for each in found)
+
+    def undone(self, cause: RelabelCause, place: Place) -> Floats | None:
+        """The data with a fault of the record put right, shape (k,) [mm].
+
+        None where they cannot express it, or the gauge does not show such readings in that unit.
+        """
+        unit_mm = cause.unit_mm(place)
+        if unit_mm not in (1.0, self.unit_mm) or not cause.reversible(self.plan, place):
+            return None
+        return self.relabelled(self.data, cause, place) * unit_mm
 
     def linearised(self, offsets: Floats, effects: Sequence[Effect]) -> tuple[Floats, Floats]:
         """Prediction (k,), and its derivatives by the offsets and each effect's θ, (k, 3 + p)."""
@@ -160,12 +185,12 @@ class Whitened:
         return self.matrix @ readings, self.matrix @ slopes
 
 
-def _scaled(model: Model, factor: float, ids: Collection[str]) -> Model:
-    """The model with the tolerances of these causes multiplied."""
-    tolerances = {
-        id: size * factor if id in ids else size for id, size in model.machine.tolerances.items()
-    }
-    return replace(model, machine=replace(model.machine, tolerances=tolerances))
+def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
+    """The model with the plausible sizes of these causes multiplied."""
+    machine = model.machine
+    sizes = {cause.id: factor * cause.size(machine) for cause in causes}
+    tolerances = {**machine.tolerances, **sizes}
+    return replace(model, machine=replace(machine, tolerances=tolerances))
 
 
 def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
@@ -175,6 +200,12 @@ def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
         if isinstance(cause, RelabelCause) and not cause.reversible(plan, place):
             plan = cause.really_read(plan, place)
     return plan
+
+
+def unit_of(effects: Sequence[Effect]) -> float:
+    """The unit of the data, if these effects are behind them [mm]."""
+    pairs = ((effect.cause, effect.place) for effect in effects)
+    return math.prod(c.unit_mm(place) for c, place in pairs if isinstance(c, RelabelCause))
 
 
 def ids_of(*causes: Cause) -> Ids:
@@ -200,7 +231,7 @@ class Candidates:
 
     @classmethod
     def of(cls, model: Model, ordered: bool) -> Candidates:
-        """Causes that the machine file gives a plausible size, and sets of one or two of them.
+        """Causes that are possible on the machine, and sets of one or two of them.
 
         Two act together only if at least one lies in the contact or the record; two of the
         machine at once are left to "unlisted".
@@ -226,8 +257,10 @@ class Candidates:
         pairs = tuple((a, b) for a in broad if a.in_machine for b in contact)
         both = [*pairs, *((cause, extra) for cause in broad for extra in extras)]
         log_prior: dict[Ids, float] = {(): math.log(NOTHING)}
-        log_prior |= {ids_of(cause): math.log(ONE_CAUSE / len(usable)) for cause in usable}
-        log_prior |= {ids_of(*two): math.log(TWO_CAUSES / len(both)) for two in both}
+        for share, sets in ((ONE_CAUSE, [(cause,) for cause in usable]), (TWO_CAUSES, both)):
+            weight = {ids_of(*causes): math.prod(c.weight for c in causes) for causes in sets}
+            total = sum(weight.values())
+            log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
         return cls(broad, pairs, extras, log_prior)
 
     @property
@@ -258,20 +291,38 @@ class Placed(NamedTuple):
 
     Attributes:
         cause: the cause.
-        places: where it may act, all equally likely.
-        tried: those of them that have a number: of a relabelling only where the data can undo it.
+        tried: where it may act; of a relabelling only where the data can undo it.
         own: their numbers, as in `Extra`.
+        log_weight: each place → ln of what the density of the data there is multiplied by.
     """
 
     cause: PatternCause | RelabelCause
-    places: tuple[Place, ...]
     tried: tuple[Place, ...]
     own: slice
+    log_weight: Mapping[Place, float]
 
     @property
-    def log_share(self) -> float:
-        """ln of the prior share of one place."""
-        return -math.log(len(self.places))
+    def weights(self) -> Floats:
+        """`log_weight` of the places that are tried, shape (tried,)."""
+        return np.array([self.log_weight[place] for place in self.tried])
+
+
+def _weights(
+    cause: PatternCause | RelabelCause, places: Sequence[Place], white: Whitened
+) -> Mapping[Place, float]:
+    """ln of what the density of the data at each place is multiplied by.
+
+    That is the place's prior share; and where the data were put into another unit, the factor of
+    each number beyond the offsets: those are not judged by their size, in no unit.
+    """
+    if isinstance(cause, PatternCause):
+        return dict.fromkeys(places, -math.log(max(len(places), 1)))
+    total = sum(cause.share(place) for place in places)
+    spare = len(white) - len(white.problem.model.calibrated)
+    return {
+        place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
+        for place in places
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +345,7 @@ class Linearised:
         slope: derivative of the data by the offsets at the fit to version 0, shape (k, 3).
         slopes: id of a broad cause → derivative by its parameters there, where it is absent,
             shape (k, p).
-        carried: what one standard deviation of each accepted parameter adds, shape (k, a) [mm].
+        uncertain: what is uncertain of the data beside noise and causes.
     """
 
     white: Whitened
@@ -307,34 +358,45 @@ class Linearised:
     patterns: Floats
     slope: Floats
     slopes: Mapping[str, Floats]
-    carried: Floats
+    uncertain: tuple[Influence, ...]
 
     @classmethod
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
         """Enumerate the places and fit the offsets to each version of the data.
 
         Raises:
-            NotConvergedError: no offsets fit one of them.
+            NotConvergedError: no offsets fit them as recorded.
         """
         plan, machine = white.plan, white.machine
-        extras: dict[str, Placed] = {}
-        patterns, versions = [np.zeros((len(plan), 0))], [white.data]
-        width = 0
-        for cause in candidates.extras:
-            tried = places = cause.places(plan, machine)
-            if isinstance(cause, PatternCause):
-                start, width = width, width + len(places)
-                patterns.append(cause.patterns(plan, places))
-            else:
-                tried = tuple(place for place in places if cause.reversible(plan, place))
-                start = len(versions)
-                versions += [white.relabelled(white.data, cause, place) for place in tried]
-            extras[cause.id] = Placed(cause, places, tried, slice(start, start + len(tried)))
-        fit = fit_offsets(white.problem, np.stack(versions))
-        if not np.all(fit.converged):
+        places = {cause: cause.places(plan, machine) for cause in candidates.extras}
+        undone = {
+            (cause, place): data
+            for cause, own in places.items()
+            if isinstance(cause, RelabelCause)
+            for place in own
+            if (data := white.undone(cause, place)) is not None
+        }
+        versions = np.stack([white.data, *undone.values()])
+        fit = fit_offsets(white.problem, versions)
+        if not fit.converged[0]:
             raise NotConvergedError(
-                "No offsets fit these data: the search does not settle.", "Run: orthocal validate"
+                "No offsets fit these data: the search does not settle.",
+                "Check the machine file and the readings; validate names every fault.",
             )
+        # A relabelling that no offsets fit did not happen.
+        possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
+        extras: dict[str, Placed] = {}
+        patterns = [np.zeros((len(plan), 0))]
+        width, version = 0, 1
+        for cause, own in places.items():
+            weight = _weights(cause, own, white)
+            if isinstance(cause, PatternCause):
+                start, width = width, width + len(own)
+                patterns.append(cause.patterns(plan, own))
+            else:
+                own = tuple(place for place in own if (cause, place) in possible)
+                start, version = version, version + len(own)
+            extras[cause.id] = Placed(cause, own, slice(start, start + len(own)), weight)
         offsets, broad = fit.offsets_mm[0], candidates.broad
         absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
         _, columns = white.linearised(offsets, absent)
@@ -345,20 +407,40 @@ class Linearised:
             candidates=candidates,
             noise=NoiseGrid.around(machine.gauge.noise_mm),
             extras=extras,
-            versions=np.stack(versions),
-            offsets=fit.offsets_mm,
-            residuals=fit.residuals_mm,
+            versions=versions[fit.converged],
+            offsets=fit.offsets_mm[fit.converged],
+            residuals=fit.residuals_mm[fit.converged],
             patterns=white.matrix @ np.hstack(patterns),
             slope=slope,
             slopes={cause.id: own for cause, own in zip(broad, slopes, strict=True)},
-            carried=white.matrix @ carried_uncertainty(white.problem.model, offsets, plan),
+            uncertain=white.uncertain(offsets),
         )
+
+    @cached_property
+    def carried(self) -> Floats:
+        """What one standard deviation of each of their unknowns adds, shape (k, a) [mm]."""
+        return np.hstack([each.columns for each in self.uncertain])
+
+    @cached_property
+    def seen(self) -> Floats:
+        """The part of `carried` that shows, with as few columns as tell it, shape (k, b) [mm].
+
+        What the offsets imitate changes no evidence, and what stays far below the noise none
+        that matters.
+        """
+        shown = self.carried - self.slope @ (np.linalg.pinv(self.slope) @ self.carried)
+        left, size, _ = np.linalg.svd(shown, full_matrices=False)
+        kept = size > UNSEEN * self.noise.stated
+        return np.asarray(left[:, kept] * size[kept])
 
     def columns(self, base: Sequence[Cause]) -> Floats:
         """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
         return np.hstack([self.slope, *(self.slopes[cause.id] for cause in base)])
 
-    def sizes(self, base: Sequence[Cause]) -> Floats:
-        """Plausible sizes of the same unknowns, shape (3 + p,), internal units."""
-        own = [cause.prior_std(self.white.machine) for cause in base]
+    def sizes(self, base: Sequence[Cause], scale: float = 1.0) -> Floats:
+        """Plausible sizes of the same unknowns, shape (3 + p,), internal units.
+
+        Those of the parameters are `scale` times the tolerances.
+        """
+        own = [scale * cause.prior_std(self.white.machine) for cause in base]
         return np.concatenate([np.full(3, OFFSETS_MM), *own])

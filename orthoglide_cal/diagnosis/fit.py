@@ -16,27 +16,30 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
-from orthoglide_cal.diagnosis.evidence import Gaussian, log_sum
-from orthoglide_cal.diagnosis.explanations import Whitened, as_read
+from orthoglide_cal.diagnosis.evidence import log_sum
+from orthoglide_cal.diagnosis.explanations import Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.scores import (
     BLUNDER_SCALES,
     LOG_ALL,
     Score,
     all_or_one,
+    density_of,
     evidence_by_noise,
     scaled,
 )
-from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.estimation.accuracy import Scatter, rms
+from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
+from orthoglide_cal.estimation.influences import Influence, Origin
 from orthoglide_cal.estimation.least_squares import fit_linear
-from orthoglide_cal.model import Cause, Effect, Floats, Ints, differentiate, freeze
+from orthoglide_cal.model import Cause, Effect, Floats, Gauge, Ints, differentiate, freeze
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """An explanation at its best fit.
 
-    The unknowns are the offsets, the parameters of each effect in turn, and one for what each
-    uncertainty of an accepted cause adds.
+    The unknowns are the offsets, the parameters of each effect in turn, and those of all that is
+    uncertain of the data beside noise.
 
     Attributes:
         log_evidence: with the prior of places, without that of the set of causes.
@@ -49,6 +52,7 @@ class Fitted:
         columns: whitened derivatives by the unknowns, shape (k, q).
         sizes: their plausible sizes, shape (q,).
         sigma: standard deviation of one reading under this explanation [mm].
+        uncertain: what else is uncertain of the data; its unknowns come last.
     """
 
     log_evidence: float
@@ -61,6 +65,7 @@ class Fitted:
     columns: Floats
     sizes: Floats
     sigma: float
+    uncertain: tuple[Influence, ...]
 
     def __post_init__(self) -> None:
         freeze(self, "offsets", "covariance", "linear", "residual", "columns", "sizes")
@@ -90,16 +95,41 @@ class Fitted:
         theta = np.concatenate([np.zeros(3), *(effect.theta for effect in sized)])
         model, plan = white.problem.model.extended(fixed), as_read(white.plan, fixed)
         readings, slopes = differentiate(model, self.offsets, plan, sized)
-        columns = np.hstack([white.matrix @ slopes, self.columns[:, theta.size :]])
+        unit = unit_of(fixed)
+        columns = np.hstack([white.matrix @ slopes, self.columns[:, theta.size :] / unit])
         linear = white.data + white.matrix @ (slopes @ theta - readings)
-        found, covariance = fit_linear(columns, linear, self.sizes, self.sigma)
+        # Weighed as the fit was: by the stated noise, however large it turned out to be.
+        found, _ = fit_linear(columns, linear, self.sizes, white.machine.gauge.noise_mm / unit)
         step = found[: theta.size] - theta
-        return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[: theta.size])))
+        return float(np.max(np.abs(step) / np.sqrt(np.diag(self.covariance)[: theta.size])))
 
     @property
     def unknowns(self) -> float:
         """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
         return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
+
+    def sum_of_squares(self, noise: float) -> float:
+        """What noise must have left, σ²·χ² of k − 3 degrees of freedom, of the offsets alone [mm²].
+
+        Residuals, and how far what is uncertain of the data had to be stretched.
+
+        Args:
+            noise: stated σ of one reading, by which the fit was weighed [mm].
+        """
+        found, _ = fit_linear(self.columns, self.linear, self.sizes, noise)
+        stretched = noise * found[len(self.offsets) :]
+        return float(self.residual @ self.residual + stretched @ stretched)
+
+    def budget(self, gauge: Gauge) -> Budget:
+        """The uncertainty of its offsets by source; what its causes leave open comes last."""
+        width = len(self.offsets)
+        estimator = self.covariance[:width] @ self.columns.T / self.sigma**2
+        known = budget_of(estimator, gauge, Scatter(self.sigma, np.inf), self.uncertain)
+        sized = [effect.cause.id for effect in self.effects if effect.covariance is not None]
+        if not sized:
+            return known
+        left = self.joint_covariance() - known.covariance_mm2
+        return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 
 def fit_explanation(score: Score) -> Fitted:
@@ -124,12 +154,16 @@ def fit_explanation(score: Score) -> Fitted:
         cause, number, machine = extra.cause, extra.number, at.white.machine
         if isinstance(cause, RelabelCause):
             version = number
+            # Undone, other offsets fit: what is uncertain of the data acts as with those.
+            at = replace(at, uncertain=at.white.uncertain(at.offsets[version]))
+            score = replace(score, at=at)
         elif extra.count is None:
             free = at.patterns[:, [number]]
             free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
         else:
             added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
-    sizes = np.concatenate([at.sizes(base), free_size, np.ones(at.carried.shape[1])])
+    own_sizes = at.sizes(base, score.scale)
+    sizes = np.concatenate([own_sizes, free_size, np.ones(at.carried.shape[1])])
     ends = np.cumsum([3, *(cause.unknowns for cause in base), free_size.size]).tolist()
     slots = tuple(slice(*pair) for pair in pairwise(ends))
 
@@ -157,6 +191,7 @@ def fit_explanation(score: Score) -> Fitted:
         columns=columns,
         sizes=sizes,
         sigma=sigma,
+        uncertain=at.uncertain,
     )
 
 
@@ -167,10 +202,9 @@ def _judged(score: Score, own: Floats, linear: Floats) -> tuple[float, float]:
     linear model at zero parameters (k,).
     """
     at, base = score.at, score.base
-    density = Gaussian(scaled(at, own, base), at.noise)
-    by_noise = evidence_by_noise(score, density, linear)
+    (by_noise,) = evidence_by_noise(score, density_of(at, [own], [base]), linear)
     log = float(log_sum(by_noise))
-    sigma = float(np.sqrt(np.exp(by_noise - log) @ at.noise.sigma**2))
+    sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
     if score.extra is None and len(base) == 1:
         others, mine = scaled(at, own[:, :3], ()), own[:, 3:] * at.sizes(base)[3:]
         return all_or_one([(base[0], mine, log)], others, linear, at.noise)[0], sigma
@@ -278,8 +312,37 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats) -> HeldOut:
         applied: offsets entered in between, shape (3,) [mm].
     """
     lasting = [effect for effect in fit.effects if effect.cause.lasting]
-    predicted, columns = later.linearised(fit.offsets - applied, lasting)
+    predicted, spread = foretell(later, fit, fit.offsets - applied, lasting)
     error = later.data - predicted
-    spread = columns @ fit.joint_covariance(lasting) @ columns.T
     root = np.linalg.cholesky(fit.sigma**2 * np.eye(len(later)) + spread)
     return HeldOut(rms(later.root @ error), rms(np.linalg.solve(root, error)))
+
+
+def foretell(
+    later: Whitened, fit: Fitted, offsets: Floats, effects: Sequence[Effect], anew: bool = True
+) -> tuple[Floats, Floats]:
+    """What a fit to some data says of others, shape (k,), and its covariance but for noise, (k, k).
+
+    Args:
+        later: the other data; their values play no part.
+        fit: to the first data.
+        offsets: those at the time of the other data, shape (3,) [mm].
+        effects: of the fit, those that are expected again and not known exactly.
+        anew: True if the stands were put there anew; the machine and the gauges are the same.
+    """
+    predicted, columns = later.linearised(offsets, effects)
+    slots = [slice(0, offsets.size), *(fit.slots[fit.effects.index(each)] for each in effects)]
+    fresh = np.zeros((len(columns), 0))
+    start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
+    # What the other model knows exactly beside comes last, and is not uncertain.
+    for before, after in zip(fit.uncertain, later.uncertain(offsets), strict=False):
+        end = start + before.columns.shape[1]
+        if anew and before.source == Origin.GAUGE_PLACEMENT:
+            fresh = np.hstack((fresh, after.columns))
+        else:
+            slots.append(slice(start, end))
+            columns = np.hstack((columns, after.columns))
+        start = end
+    chosen = np.r_[tuple(slots)]
+    joint: Floats = fit.covariance[np.ix_(chosen, chosen)]
+    return predicted, columns @ joint @ columns.T + fresh @ fresh.T

@@ -9,8 +9,9 @@ import numpy as np
 
 from orthoglide_cal.causes import reading_label
 from orthoglide_cal.diagnosis.explanations import Ids, Whitened, as_read
-from orthoglide_cal.diagnosis.fit import Fitted
+from orthoglide_cal.diagnosis.fit import Fitted, foretell
 from orthoglide_cal.diagnosis.result import NextMeasurement
+from orthoglide_cal.estimation import Problem
 from orthoglide_cal.model import (
     AXES,
     Contact,
@@ -18,7 +19,6 @@ from orthoglide_cal.model import (
     Machine,
     Plan,
     Posture,
-    differentiate,
     double_posture,
     zero_free,
 )
@@ -61,6 +61,9 @@ def best_next(white: Whitened, first: Fitted, second: Fitted) -> NextMeasurement
     if sigmas[best] < WORTHLESS_SIGMA:
         return None
     separates = _not_in(second, first), _not_in(first, second)
+    if () in separates:
+        # One adds to the other: without what they share it would have no name.
+        separates = _ids(first), _ids(second)
     return NextMeasurement(options[best].what, separates, sigmas[best])
 
 
@@ -82,11 +85,8 @@ def _forecast(white: Whitened, fit: Fitted, option: Option) -> tuple[Floats, Flo
     # its uncertainty.
     sized = [e for e in fit.effects if e.cause.lasting or (n and e.covariance is not None)]
     passing = [effect for effect in fit.effects if n and effect not in sized]
-    plan = as_read(plan, passing)
-    model = white.problem.model.extended(passing)
-    readings, slopes = differentiate(model, fit.offsets, plan, sized)
-    slope = option.matrix @ slopes
-    return option.matrix @ readings, slope @ fit.joint_covariance(sized) @ slope.T
+    problem = Problem(white.problem.model.extended(passing), as_read(plan, passing), option.matrix)
+    return foretell(replace(white, problem=problem), fit, fit.offsets, sized, anew=not n)
 
 
 def _repeats(machine: Machine) -> list[Option]:
@@ -146,5 +146,8 @@ def _again(white: Whitened) -> Option:
 
 def _not_in(fit: Fitted, other: Fitted) -> Ids:
     """Ids of the causes that one explanation has and another lacks."""
-    known = {effect.cause.id for effect in fit.effects}
-    return tuple(effect.cause.id for effect in other.effects if effect.cause.id not in known)
+    return tuple(id for id in _ids(other) if id not in _ids(fit))
+
+
+def _ids(fit: Fitted) -> Ids:
+    return tuple(effect.cause.id for effect in fit.effects)

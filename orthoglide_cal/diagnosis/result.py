@@ -11,10 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.explanations import Ids, Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
+from orthoglide_cal.estimation import Solution
+from orthoglide_cal.estimation.budget import Budget, Contribution
+from orthoglide_cal.estimation.influences import Origin
 from orthoglide_cal.model import (
     DataKind,
+    Differences,
     Effect,
     Estimate,
     Floats,
@@ -35,6 +40,10 @@ class Verdict(StrEnum):
     NAMED = "named"  # one explanation stands out
     AMBIGUOUS = "ambiguous"  # several explain the data
     UNEXPLAINED = "unexplained"  # something is wrong, and it is none of the causes
+
+
+# How the answer depends on plausible sizes takes time, and says nothing of healthy data.
+DOUBTFUL = frozenset(Verdict) - {Verdict.CONSISTENT}
 
 
 class Explanation(NamedTuple):
@@ -111,8 +120,8 @@ class NamedCause:
 
     @property
     def advice(self) -> str:
-        """What a technician can do about it."""
-        return self.effect.cause.advice
+        """What a technician can do about it, and where."""
+        return self.effect.cause.advice.format(where=self.where)
 
     @property
     def in_machine(self) -> bool:
@@ -126,7 +135,7 @@ class NextMeasurement:
 
     Attributes:
         what: instruction to the technician.
-        separates: of each explanation the causes that the other lacks.
+        separates: of each explanation the causes that the other lacks, or all if one has no more.
         separation_sigma: expected distance between their predictions, in standard deviations.
     """
 
@@ -206,9 +215,68 @@ class Diagnosis:
         return self.model.machine.name
 
     @property
+    def put_right(self) -> Measured:
+        """The data without the named faults that belong to this session alone.
+
+        Differences stay as they are, and so do readings in which a fault cannot be undone.
+        """
+        measured = self.measured
+        if isinstance(measured, Differences) or self.verdict is not Verdict.NAMED:
+            return measured
+        value, machine = measured.value, self.model.machine
+        for effect in (cause.effect for cause in self.causes):
+            if not effect.cause.lasting:
+                value = effect.cause.undone(
+                    value, effect.theta, effect.place, measured.plan, machine
+                )
+        return replace(measured, value=value)
+
+    def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
+        """What it adds to the uncertainty of the solution's offsets, by cause.
+
+        Each explanation beside the offsets alone by the probability that the data leave it: how
+        far it would move the offsets, and how much less sure of them it is.
+
+        Args:
+            solution: of the same data.
+        """
+        least, fits = solution.covariance_mm2, self.left_open
+        if self.verdict is Verdict.UNEXPLAINED:
+            return (Contribution.beyond(Origin.EXPLANATIONS, self.covariance_mm2 - least),)
+        consistent = self.verdict is Verdict.CONSISTENT
+        if consistent:
+            (_, alone), *others = fits
+            least, fits = alone.joint_covariance(), tuple(others)
+        found = []
+        for share, fit in fits:
+            apart = fit.offsets - solution.offsets_mm
+            spread = share * (fit.joint_covariance() - least + np.outer(apart, apart))
+            ids = " and ".join(effect.cause.id for effect in fit.effects)
+            found.append(Contribution.beyond(ids, spread, possible=consistent))
+        return tuple(found)
+
+    @property
+    def budget(self) -> Budget:
+        """The uncertainty of the offsets by source; what the verdict leaves open comes last."""
+        known = self.left_open[0][1].budget(self.model.machine.gauge)
+        left = self.covariance_mm2 - known.covariance_mm2
+        return known.extended([Contribution.beyond(Origin.EXPLANATIONS, left)])
+
+    @property
     def std_mm(self) -> Floats:
         """Standard deviations of the offsets, shape (3,)."""
         return np.sqrt(np.diag(self.covariance_mm2))
+
+    @property
+    def assumed_tolerances(self) -> Mapping[str, float]:
+        """Id → size of each cause that was tried at its default: the machine file gives none."""
+        machine = self.model.machine
+        tried = {id for explanation in self.ranking for id in explanation.causes}
+        return {
+            id: cause.size(machine)
+            for id, cause in CAUSES.items()
+            if id in tried and cause.assumed(machine)
+        }
 
     @cached_property
     def remaining(self) -> float:

@@ -16,10 +16,17 @@ import numpy as np
 from orthoglide_cal.causes import PatternCause, RelabelCause, onwards
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_mean, log_sum
 from orthoglide_cal.diagnosis.explanations import Extra, Ids, Linearised, Placed, Whitened, ids_of
+from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.model import AXES, Cause, Floats, Machine
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
+# A tolerance is a standard deviation, yet one fault in five is several times as large: scale of the
+# sizes of a base, and its share. Priced at the tolerance alone a bar skewed by three of them would
+# be taken for a smaller skew beside a second fault.
+SCALES = {1.0: 0.8, 3.0: 0.2}
+_LOG_SCALES = np.log(list(SCALES.values()))
 # Share of the cases in which all parameters of a cause act.
 ALL = 0.5
 LOG_ALL = math.log(ALL)
@@ -38,6 +45,7 @@ class Score:
         at: the linear model that it was scored with.
         log_evidence: with the prior of places, without that of the set of causes.
         base: its causes with many parameters.
+        scale: of their sizes, the likelier one of `SCALES`.
         extra: its cause at one place, if any.
         replanned: where the extra is an exchange that the data cannot undo, the score of the base
             under the plan of what was really read.
@@ -46,8 +54,21 @@ class Score:
     at: Linearised
     log_evidence: float
     base: tuple[Cause, ...]
+    scale: float
     extra: Extra | None = None
     replanned: Score | None = None
+
+    @property
+    def remedy(self) -> tuple[Ids, tuple[int, ...]]:
+        """What it asks of a technician: the causes to mend, the readings to take again.
+
+        Explanations that ask for the same are one answer.
+        """
+        base, extra = ids_of(*self.base), self.extra
+        if extra is None:
+            return base, ()
+        again = extra.cause.to_read_again(self.at.white.plan, extra.place)
+        return (base, again) if again else (ids_of(*self.base, extra.cause), ())
 
 
 def score_all(at: Linearised) -> dict[Ids, Score]:
@@ -63,15 +84,16 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
     """Scores of all sets of which every relabelling can be undone in the data."""
     machine, residual = at.white.machine, at.residuals[0]
     broad, bases, pairs = at.candidates.broad, at.candidates.bases, at.candidates.pairs
-    density = _density(at, bases)
+    density = density_of(at, [at.columns(base) for base in bases], bases)
     by_noise = density.by_noise(residual)
-    logs = log_sum(by_noise, 1).tolist()
-    scores = _alone(at, bases, logs)
+    scores = _alone(at, bases, by_noise)
     if broad:
         own = [at.slopes[cause.id] * cause.prior_std(machine) for cause in broad]
-        together = list(zip(broad, own, logs[1:], strict=True))
+        logs = [scores[ids_of(cause)].log_evidence for cause in broad]
+        together = list(zip(broad, own, logs, strict=True))
         either = all_or_one(together, scaled(at, at.slope, ()), residual, at.noise)
-        scores |= _alone(at, bases[1:], either)
+        for cause, mean in zip(broad, either, strict=True):
+            scores[ids_of(cause)] = replace(scores[ids_of(cause)], log_evidence=mean)
     power, match = density.against(at.patterns, residual)
     for placed in at.extras.values():
         cause, here = placed.cause, placed.own
@@ -82,8 +104,8 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         if placed.tried:
             scores |= _at_best_place(at, placed, log.reshape(*by_noise.shape, -1))
     if pairs:
-        logs = log_sum(_density(at, pairs).by_noise(residual), 1) + LOG_ALL
-        scores |= _alone(at, pairs, logs.tolist())
+        both = density_of(at, [at.columns(pair) for pair in pairs], pairs)
+        scores |= _alone(at, pairs, both.by_noise(residual) + LOG_ALL)
     return scores
 
 
@@ -96,32 +118,50 @@ def _replanned(at: Linearised) -> Iterator[tuple[Ids, Score]]:
     for placed in at.extras.values():
         if not isinstance(placed.cause, RelabelCause):
             continue
-        for place in (place for place in placed.places if place not in placed.tried):
-            white = at.white.under(placed.cause.really_read(at.white.plan, place))
-            under = Linearised.of(white, replace(at.candidates, extras=(), pairs=()))
+        plan, cause = at.white.plan, placed.cause
+        for place in placed.log_weight:
+            if cause.reversible(plan, place):
+                continue
+            white = at.white.under(cause.really_read(plan, place))
+            try:
+                require_rank(white.problem)
+                under = Linearised.of(white, replace(at.candidates, extras=(), pairs=()))
+            except UnusableResultError:  # what no offsets fit did not happen
+                continue
             for score in _listed(under).values():
-                log = score.log_evidence + placed.log_share
-                extra = Extra(placed.cause, place, 0)
-                yield ids_of(*score.base, extra.cause), Score(at, log, score.base, extra, score)
+                log = score.log_evidence + placed.log_weight[place]
+                extra = Extra(cause, place, 0)
+                both = replace(score, at=at, log_evidence=log, extra=extra, replanned=score)
+                yield ids_of(*score.base, extra.cause), both
 
 
-def _alone(at: Linearised, bases: Bases, logs: Sequence[float]) -> dict[Ids, Score]:
-    """Scores of bases without an extra."""
-    return {ids_of(*base): Score(at, log, base) for base, log in zip(bases, logs, strict=True)}
+def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Score]:
+    """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
+    by_scale = log_sum(log, 2)
+    scales = np.array(list(SCALES))[by_scale.argmax(axis=1)]
+    each = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), strict=True)
+    return {ids_of(*base): Score(at, value, base, scale) for base, value, scale in each}
 
 
-def scaled(at: Linearised, columns: Floats, base: Sequence[Cause]) -> Floats:
+def scaled(at: Linearised, columns: Floats, base: Sequence[Cause], scale: float = 1.0) -> Floats:
     """B of a base from its derivatives (k, 3 + p): scaled by plausible sizes, shape (k, r) [mm]."""
-    return np.hstack([columns * at.sizes(base), at.carried])
+    return np.hstack([columns * at.sizes(base, scale), at.seen])
 
 
-def _density(at: Linearised, bases: Bases) -> Gaussian:
-    """Densities under many bases at once, padded with columns of zeros to one width."""
-    columns = [scaled(at, at.columns(base), base) for base in bases]
-    padded = np.zeros((len(bases), len(at.white), max(own.shape[1] for own in columns)))
-    for filled, own in zip(padded, columns, strict=True):
-        filled[:, : own.shape[1]] = own
-    return Gaussian(padded, at.noise)
+def density_of(at: Linearised, columns: Sequence[Floats], bases: Bases) -> Gaussian:
+    """Densities under many bases at every scale, leading axes (b, s).
+
+    Args:
+        at: the linear model.
+        columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p).
+        bases: padded with columns of zeros to one width.
+    """
+    width = max(own.shape[1] for own in columns) + at.seen.shape[1]
+    padded = np.zeros((len(bases), len(SCALES), len(at.white), width))
+    for filled, own, base in zip(padded, columns, bases, strict=True):
+        for at_scale, scale in zip(filled, SCALES, strict=True):
+            at_scale[:, : own.shape[1] + at.seen.shape[1]] = scaled(at, own, base, scale)
+    return Gaussian(padded, at.noise, _LOG_SCALES)
 
 
 def all_or_one(
@@ -142,14 +182,15 @@ def all_or_one(
     counts = [len(cause.names) for cause, _, _ in together]
     always = others.shape[1]
     width = always + 1 + max(len(cause.nuisance) for cause, _, _ in together)
-    columns = np.zeros((sum(counts), len(residual), width))
-    columns[:, :, :always] = others
+    columns = np.zeros((sum(counts), len(SCALES), len(residual), width))
+    columns[..., :always] = others
     rows = np.split(columns, np.cumsum(counts)[:-1])
     for (cause, own, _), filled in zip(together, rows, strict=True):
         named = len(cause.names)
-        filled[:, :, always] = own[:, :named].T
-        filled[:, :, always + 1 : always + 1 + len(cause.nuisance)] = own[:, named:]
-    logs = log_sum(Gaussian(columns, noise).by_noise(residual), 1)
+        filled[..., always] = own[:, :named].T[:, None]
+        filled[..., always + 1 : always + 1 + len(cause.nuisance)] = own[:, named:]
+    columns[..., always:] *= np.array(list(SCALES))[:, None, None]
+    logs = log_sum(Gaussian(columns, noise, _LOG_SCALES).by_noise(residual), (1, 2))
     each = np.split(logs, np.cumsum(counts)[:-1])
     return [
         float(np.logaddexp(log_all + LOG_ALL, log_mean(ones) + math.log(1.0 - ALL)))
@@ -160,27 +201,33 @@ def all_or_one(
 def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Score]:
     """Scores of an extra beside every base of at most one cause.
 
-    `log` is the log density for each base, σ, size and then place, shape (bases, g, sizes·places).
+    `log` is the log density for each base, scale, σ, size and then place, shape
+    (bases, scales, g, sizes·places).
     """
     cause = placed.cause
     counts = list(cause.counts) if isinstance(cause, PatternCause) else []
-    by_place = log_sum(log, 1) + placed.log_share
+    by_scale = log_sum(log, 2)
+    by_scale += np.tile(placed.weights, by_scale.shape[-1] // len(placed.tried))
+    by_place = log_sum(by_scale, 1)
     best, total = by_place.argmax(axis=1).tolist(), log_sum(by_place, 1).tolist()
     scores = {}
-    for base, number, value in zip(at.candidates.bases, best, total, strict=True):
+    each = zip(at.candidates.bases, by_scale, best, total, strict=True)
+    for base, own, number, value in each:
         size, at_place = divmod(number, len(placed.tried))
         count = counts[size] if counts else None
         extra = Extra(cause, placed.tried[at_place], placed.own.start + at_place, count)
-        scores[ids_of(*base, cause)] = Score(at, value + LOG_ALL if base else value, base, extra)
+        scale = list(SCALES)[own[:, number].argmax()]
+        log_all = LOG_ALL if base else 0.0
+        scores[ids_of(*base, cause)] = Score(at, value + log_all, base, scale, extra)
     return scores
 
 
 def evidence_by_noise(score: Score, density: Gaussian, residual: Floats) -> Floats:
-    """Log evidence of an explanation for each σ, from the density of its base anywhere, (g,).
+    """Log evidence of an explanation by scale and σ, from the density of its base, shape (s, g).
 
     Args:
         score: the explanation; of a relabelling only the place at which it was undone.
-        density: under the base.
+        density: under the base at every scale, wherever it was linearised.
         residual: data (relabelling undone) minus the linearised base at zero parameters, (k,).
     """
     at, extra = score.at, score.extra
@@ -189,10 +236,11 @@ def evidence_by_noise(score: Score, density: Gaussian, residual: Floats) -> Floa
         return by_noise
     placed = at.extras[extra.cause.id]
     if isinstance(extra.cause, RelabelCause):
-        return by_noise + placed.log_share
+        return by_noise + placed.log_weight[extra.place]
     power, match = density.against(at.patterns[:, placed.own], residual)
     log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
-    return log_sum(log.reshape(len(log), -1), 1) + placed.log_share
+    log += placed.weights
+    return log_sum(log, (-2, -1))
 
 
 def pattern_density(

@@ -2,11 +2,13 @@
 
 from orthoglide_cal.estimation.least_squares import Fit, Problem, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, pose, pose_differences, usable_methods
-from orthoglide_cal.estimation.solution import PromisedDifference, Solution, promise
+from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise, stays
+from orthoglide_cal.estimation.solution import Solution
 from orthoglide_cal.estimation.solve import solve
 
 __all__ = [
     "Fit",
+    "Known",
     "Method",
     "Posed",
     "Problem",
@@ -17,5 +19,6 @@ __all__ = [
     "pose_differences",
     "promise",
     "solve",
+    "stays",
     "usable_methods",
 ]

@@ -70,19 +70,23 @@ class Scatter:
     dof: float
 
 
-def scatter_of_residuals(problem: Problem, slope: Floats, residual: Floats) -> Scatter | None:
-    """σ of one reading from the residuals of differences; None without degrees of freedom.
+def sum_of_squares(problem: Problem, slope: Floats, residual: Floats, ratio: Floats) -> float:
+    """What noise must have left of data, σ²·χ² of k − 3 degrees of freedom [mm²].
 
-    E(rᵀr) = σ² tr(P G) with P the projector onto what the offsets cannot explain; the degrees
-    of freedom tr(PG)²/tr((PG)²) are Satterthwaite's, exact where G is a multiple of I.
+    Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ² and P the projector onto
+    what the offsets cannot explain. Whichever estimator left the residual, it is the same.
+
+    Args:
+        problem: gives G.
+        slope: J, shape (k, 3).
+        residual: r, shape (k,) [mm].
+        ratio: C/σ: what the influences add, in standard deviations of one reading, shape (k, p).
     """
-    projector = np.eye(len(residual)) - slope @ np.linalg.pinv(slope)
-    spread = projector @ problem.covariance()
-    trace = float(np.trace(spread))
-    if trace < 1e-9:
-        return None
-    dof = trace**2 / float(np.trace(spread @ spread))
-    return Scatter(float(np.sqrt(residual @ residual / trace)), dof)
+    root = np.linalg.cholesky(problem.covariance() + ratio @ ratio.T)
+    white = np.linalg.solve(root, np.column_stack((slope, residual)))
+    slope, residual = white[:, :-1], white[:, -1]
+    left = residual - slope @ (np.linalg.pinv(slope) @ residual)
+    return float(left @ left)
 
 
 def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import (
     Floats,
     Ints,
@@ -34,16 +35,6 @@ ZERO_MM = 50.0
 UNKNOWN_MM = 5.0
 # Sizes of the misfit that are carried along, in units of `misfit_mm`.
 _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
-# Tolerances where the machine file gives none.
-_DEFAULTS = {
-    "axis_gap": 0.3,
-    "axis_squareness": 1.0,
-    "bar_skew": 1.0,
-    "encoder_scale": 1.0,
-    "backlash": 0.02,
-    "thermal_drift": 0.05,
-    "gauge_drift": 0.05,
-}
 # The parts of a plan that say what is read, not when and with which zero.
 PLACE = ("leg", "direction", "displacement", "contact", "gauge_at")
 _ERFC = np.vectorize(math.erfc, otypes=[np.float64])
@@ -167,7 +158,7 @@ class Outlook:
     def __init__(self, model: Model, plan: Plan) -> None:
         """
         Args:
-            model: its machine's gauge and tolerances give the standard deviations.
+            model: its machine's gauge and the sizes of its causes give the standard deviations.
             plan: n readings; their set-ups and times are those that a forecast names.
         """
         self._model, self._plan, machine = model, plan, model.machine
@@ -178,9 +169,9 @@ class Outlook:
         self._offsets = OFFSET_MM**2 * slope @ slope.T
         self._series = _alike(plan.leg, plan.direction)
         self._cells = _alike(plan.leg, plan.direction, plan.displacement, plan.contact)
-        tolerance = {**_DEFAULTS, **machine.tolerances}
-        self._drift = math.hypot(tolerance["thermal_drift"], tolerance["gauge_drift"])
-        self._settling = tolerance["backlash"]
+        size = _plausible(machine)
+        self._drift = math.hypot(size["thermal_drift"], size["gauge_drift"])
+        self._settling = size["backlash"]
         self._noise_mm = machine.gauge.noise_mm
         self._misfits = _SIZES * misfit_mm(machine)
         # Where time plays a part in a known effect, what is expected depends on when it is read.
@@ -240,18 +231,23 @@ class Outlook:
 def misfit_mm(machine: Machine) -> float:
     """Plausible size of what the model leaves out of a posture's reading [mm].
 
-    From the tolerances: axes that miss each other by g change a reading by about g/6 between
+    From the plausible sizes: axes that miss each other by g change a reading by about g/6 between
     postures, axes that lean by s by about L·s/7, a skew bar by its slope times the travel of the
     leg under the gauge, a wrong scale by a third of the travel times its error.
     """
-    tolerance = {**_DEFAULTS, **machine.tolerances}
+    size = _plausible(machine)
     travel = max(abs(limit) for limit in machine.joint_limits_mm)
     return math.hypot(
-        tolerance["axis_gap"] / 6.0,
-        1e-3 * tolerance["axis_squareness"] * machine.leg_length_mm / 7.0,
-        1e-3 * tolerance["bar_skew"] * travel,
-        1e-3 * tolerance["encoder_scale"] * travel / 3.0,
+        size["axis_gap"] / 6.0,
+        1e-3 * size["axis_squareness"] * machine.leg_length_mm / 7.0,
+        1e-3 * size["bar_skew"] * travel,
+        1e-3 * size["encoder_scale"] * travel / 3.0,
     )
+
+
+def _plausible(machine: Machine) -> dict[str, float]:
+    """Cause id → plausible size in the contract's unit."""
+    return {id: cause.size(machine) for id, cause in CAUSES.items()}
 
 
 def _two_sided(far: Floats) -> Floats:

@@ -11,7 +11,7 @@ readings          all raw readings at once, one unknown zero per gauge set-up
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -118,6 +118,17 @@ class Posed:
     def __post_init__(self) -> None:
         freeze(self, "data")
 
+    def weighted(self, ratio: Floats) -> Posed:
+        """The same, with data whose covariance is σ² (G + C Cᵀ/σ²) made independent.
+
+        Args:
+            ratio: C/σ, what else is uncertain of the data, shape (k, p).
+        """
+        problem = self.problem
+        root = np.linalg.cholesky(problem.covariance() + ratio @ ratio.T)
+        white = np.linalg.solve(root, np.column_stack((problem.matrix, self.data)))
+        return replace(self, problem=replace(problem, matrix=white[:, :-1]), data=white[:, -1])
+
 
 def pose(measured: Measured, model: Model, method: Method, *, folded: bool = False) -> Posed:
     """Reduce the data to what the method compares with the model.
@@ -174,7 +185,7 @@ def _sequential(slope: Floats, which: Sequence[Difference]) -> Floats:
         which: the differences of its rows.
     """
     needed = DIFFERENCES[DataKind.SINGLE]
-    missing = [f"d{each.name}" for each in needed if each not in which]
+    missing = [each.name for each in needed if each not in which]
     if missing:
         raise RankDeficientError(
             f"Eq. (11) needs all six differences; {', '.join(missing)} missing.",

@@ -1,8 +1,8 @@
-"""The result of an estimation: joint offsets, how sure they are, whether the model fits, and the
-promise: what the gauges will read after offsets are entered. It is computed here and only here."""
+"""The result of an estimation: joint offsets, how sure they are, and whether the model fits."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,62 +15,25 @@ from orthoglide_cal.estimation.accuracy import (
     scatter_of_repeats,
     sigma_rho,
 )
+from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.estimation.least_squares import OPTIMAL_MM
-from orthoglide_cal.estimation.methods import Method, Posed, pose_differences, table_kind
+from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose_differences
+from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise
 from orthoglide_cal.model import (
     DataKind,
-    Difference,
     Differences,
     Floats,
     Measured,
     Model,
     Source,
     freeze,
+    gauge_doubts,
     simulate,
 )
 from orthoglide_cal.model.readings import read_only
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = 0.001
-
-
-@dataclass(frozen=True)
-class PromisedDifference:
-    """One difference of the expected-improvement table (the paper's Table 4).
-
-    Attributes:
-        difference: which.
-        measured_mm: from the data.
-        modelled_mm: what the model with its offsets gives for it.
-        expected_mm: what should be measured once the offsets are entered.
-    """
-
-    difference: Difference
-    measured_mm: float
-    modelled_mm: float
-    expected_mm: float
-
-
-def promise(
-    measured: Measured, model: Model, offsets: Floats, entered: Floats
-) -> tuple[PromisedDifference, ...]:
-    """Measured, modelled and expected differences, in the order of Table 4.
-
-    expected = measured + R·h(Δρ − entered) − R·h(Δρ): entering offsets takes away what they do on
-    this machine with all its accepted causes, and nothing else. On the nominal machine that is
-    the paper's measured − modelled.
-
-    Args:
-        measured: readings or differences.
-        model: the machine and its accepted causes.
-        offsets: Δρ found, shape (3,) [mm].
-        entered: added to the controller's offsets, shape (3,) [mm].
-    """
-    posed = pose_differences(measured, model, table_kind(measured))
-    modelled = posed.problem.predict(offsets)
-    expected = posed.data + posed.problem.change(offsets, entered)
-    rows = zip(posed.which, posed.data.tolist(), modelled.tolist(), expected.tolist(), strict=True)
-    return tuple(PromisedDifference(*row) for row in rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +46,7 @@ class Solution:
         posed: the problem that was solved, with its model and what it compares with it.
         offsets_mm: Δρ, shape (3,); true joint position = indicated + Δρ.
         residuals_mm: what the solver left of the data it compared, shape (k,).
-        covariance_mm2: of the offsets, shape (3, 3) (eqs. 26–32).
-        interval_mm: 95 % Student-t interval of each offset, shape (3, 2).
-        sigma_mm: standard deviation of one reading used for the covariance.
+        budget: where the offsets' uncertainty comes from.
         scatter: of one reading, from the residuals; None without degrees of freedom.
         iterations: of the nonlinear solver; 0 for linear methods.
     """
@@ -95,14 +56,12 @@ class Solution:
     posed: Posed
     offsets_mm: Floats
     residuals_mm: Floats
-    covariance_mm2: Floats
-    interval_mm: Floats
-    sigma_mm: float
+    budget: Budget
     scatter: Scatter | None
     iterations: int
 
     def __post_init__(self) -> None:
-        freeze(self, "offsets_mm", "residuals_mm", "covariance_mm2", "interval_mm")
+        freeze(self, "offsets_mm", "residuals_mm")
 
     @property
     def source(self) -> Source:
@@ -120,6 +79,11 @@ class Solution:
         return len(self.measured)
 
     @property
+    def method_is_default(self) -> bool:
+        """Whether it is the estimator that nobody needs to name."""
+        return self.method is choose_method(self.measured, None)
+
+    @property
     def model(self) -> Model:
         """The machine and its accepted causes."""
         return self.posed.problem.model
@@ -128,6 +92,13 @@ class Solution:
     def machine(self) -> str:
         """Name of the machine."""
         return self.model.machine.name
+
+    @property
+    def sigma_mm(self) -> float:
+        """Standard deviation of one reading that the uncertainty rests on [mm]."""
+        if self.scatter is None:
+            return self.sigma_stated_mm
+        return max(self.scatter.sigma_mm, self.sigma_floor_mm)
 
     @property
     def sigma_floor_mm(self) -> float:
@@ -165,10 +136,21 @@ class Solution:
         sum_of_squares = self.scatter.dof * self.scatter.sigma_mm**2
         return chance_of_residual(sum_of_squares, self.scatter.dof, self.sigma_stated_mm)
 
-    @cached_property
-    def table(self) -> tuple[PromisedDifference, ...]:
-        """The six differences (or those of the single-posture protocol)."""
-        return promise(self.measured, self.model, self.offsets_mm, self.offsets_mm)
+    @property
+    def noise(self) -> Scatter:
+        """Of one reading, as the covariance takes it; stated noise has infinite dof."""
+        return Scatter(self.sigma_mm, math.inf if self.scatter is None else self.scatter.dof)
+
+    def promised(
+        self, entered: Floats | None = None, right: Measured | None = None
+    ) -> tuple[PromisedDifference, ...]:
+        """What the differences will be once (3,) [mm] were entered; its own offsets if None.
+
+        `right` as in `promise`.
+        """
+        known = Known(self.model, self.offsets_mm, self.covariance_mm2)
+        change = self.offsets_mm if entered is None else entered
+        return promise(self.measured, known, change, self.noise, right)
 
     @cached_property
     def _fit(self) -> tuple[float, float, Floats]:
@@ -208,13 +190,15 @@ class Solution:
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
         found, floor = self.sigma_residuals_mm, self.sigma_floor_mm
+        doubts = gauge_doubts(self.measured, self.model.machine.gauge)
+        said = (*(str(doubt) for doubt in doubts), *self.measured.remarks)
         if found is None or found >= floor:
-            return self.measured.remarks
+            return said
         limit = (
             f"The residuals are smaller than the gauge's resolution allows ({floor:.2g} mm);"
             " the intervals use the resolution."
         )
-        return (*self.measured.remarks, limit)
+        return (*said, limit)
 
     @cached_property
     def remaining_mm(self) -> float:
@@ -236,19 +220,30 @@ class Solution:
         return self.remaining_mm <= OPTIMAL_MM
 
     @property
+    def covariance_mm2(self) -> Floats:
+        """Of the offsets, from all sources, shape (3, 3) (eqs. 26–32 for the noise)."""
+        return self.budget.covariance_mm2
+
+    @property
     def std_mm(self) -> Floats:
         """Standard uncertainties u of the offsets, shape (3,) [mm]."""
-        return np.sqrt(np.diag(self.covariance_mm2))
+        return self.budget.std_mm
 
     @property
     def expanded_mm(self) -> Floats:
-        """Expanded uncertainties U: half the 95 % intervals, shape (3,) [mm]."""
-        return np.asarray((self.interval_mm[:, 1] - self.interval_mm[:, 0]) / 2.0)
+        """Expanded uncertainties U, shape (3,) [mm]."""
+        return self.budget.expanded_mm
+
+    @property
+    def interval_mm(self) -> Floats:
+        """95 % interval of each offset, shape (3, 2)."""
+        reach = self.expanded_mm
+        return np.stack((self.offsets_mm - reach, self.offsets_mm + reach), axis=1)
 
     @property
     def k(self) -> float:
-        """Coverage factor of the first offset, U/u."""
-        return float(self.expanded_mm[0] / self.std_mm[0])
+        """Coverage factor, U/u."""
+        return self.budget.k
 
     @property
     def correlation(self) -> Floats:
@@ -277,7 +272,10 @@ class Solution:
                 f" and the intervals rest on the gauge's stated noise ({self.sigma_stated_mm:.2g}"
                 " mm)."
             )
-        sizes = f"{self.sigma_residuals_mm:.2g} mm against {self.sigma_stated_mm:.2g} mm"
+        sizes = (
+            f"one reading scatters by {self.sigma_residuals_mm:.2g} mm against"
+            f" {self.sigma_stated_mm:.2g} mm"
+        )
         if self.suspicious:
             return (
                 f"The residuals are larger than this gauge's noise would give ({sizes}): the model"

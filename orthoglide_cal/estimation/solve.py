@@ -7,30 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.errors import NotConvergedError
-from orthoglide_cal.estimation.accuracy import (
-    Scatter,
-    half_width,
-    require_rank,
-    scatter_of_residuals,
-    unit_covariance,
-)
+from orthoglide_cal.estimation.accuracy import Scatter, require_rank, sum_of_squares
+from orthoglide_cal.estimation.budget import budget_of
+from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.estimation.least_squares import fit_offsets
-from orthoglide_cal.estimation.methods import (
-    Method,
-    Posed,
-    choose_method,
-    pose,
-)
+from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.solution import Solution
-from orthoglide_cal.model import (
-    Floats,
-    Measured,
-    Model,
-    Readings,
-    carried_uncertainty,
-    simulate,
-    without_zeros,
-)
+from orthoglide_cal.model import Floats, Measured, Model, Readings, simulate, without_zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +28,16 @@ class _Estimate:
 def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:
     """Identify the joint offsets.
 
+    All readings at once are weighted by what is uncertain of them beside noise, such as where
+    along its leg each gauge stands; the paper's methods are as the paper has them.
+
     Args:
         measured: readings or differences.
         model: the machine, its gauge and its accepted causes.
         method: name of an estimator; the default for this kind of data if None.
 
     Returns:
-        Offsets with covariance, intervals, residuals and the expected-improvement table.
+        Offsets with their uncertainty budget, and residuals.
 
     Raises:
         UsageError: the method does not exist or cannot use these data.
@@ -59,36 +45,33 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
         NotConvergedError: no optimum was found; there is no result.
     """
     chosen = choose_method(measured, method)
-    posed = pose(measured, model, chosen, folded=True)
+    plain = posed = pose(measured, model, chosen, folded=True)
     require_rank(posed.problem)
     found = _estimate(posed, chosen)
-    scatter = _residual_scatter(measured, posed, found)
-    gauge = model.machine.gauge
-    if scatter is None:
-        sigma, factor = gauge.noise_mm, half_width(np.inf)
-    else:
-        sigma, factor = max(scatter.sigma_mm, gauge.rounding_mm), half_width(scatter.dof)
-    noise = sigma**2 * unit_covariance(posed.problem, found.slope, found.estimator)
-    # What is known of the machine is known with an uncertainty of its own (normal: factor 1.96).
-    carried = _carried(posed, found)
-    reach = np.hypot(
-        factor * np.sqrt(np.diag(noise)), half_width(np.inf) * np.sqrt(np.diag(carried))
-    )
+    uncertain = influences(model, found.offsets, posed.problem.plan)
+    # Causes that were fitted to these very data are not uncertain beside their noise.
+    here = _fitted_here(measured, model)
+    columns = np.hstack([each.columns for each in uncertain if each.source not in here])
+    stated = model.machine.gauge.noise_mm
+    if chosen is Method.READINGS:
+        posed = posed.weighted(posed.problem.matrix @ columns / stated)
+        found = _estimate(posed, chosen, start=found.offsets)
+    scatter = _scatter(measured, plain, found, columns / stated)
     return Solution(
         measured=measured,
         method=chosen,
         posed=posed,
         offsets_mm=found.offsets,
         residuals_mm=found.residual,
-        covariance_mm2=noise + carried,
-        interval_mm=np.stack((found.offsets - reach, found.offsets + reach), axis=1),
-        sigma_mm=sigma,
+        budget=budget_of(
+            found.estimator @ posed.problem.matrix, model.machine.gauge, scatter, uncertain
+        ),
         scatter=scatter,
         iterations=found.iterations,
     )
 
 
-def _estimate(posed: Posed, method: Method) -> _Estimate:
+def _estimate(posed: Posed, method: Method, start: Floats | None = None) -> _Estimate:
     """The offsets of one data set.
 
     Raises:
@@ -102,34 +85,53 @@ def _estimate(posed: Posed, method: Method) -> _Estimate:
         shifted = data - predicted
         offsets = estimator @ shifted
         return _Estimate(offsets, slope, estimator, shifted - slope @ offsets, 0)
-    fit = fit_offsets(problem, data)
+    fit = fit_offsets(problem, data, start)
     remaining = float(fit.remaining_mm)
     if not fit.converged:
         raise NotConvergedError(
             "No offsets fit these data: the search ended where the residuals can still fall"
             f" (a step of {remaining:.2g} mm is left after {int(fit.iterations)} iterations).",
-            "Check the machine file and run: orthocal validate",
+            "Check the machine file and the readings; validate names every fault.",
         )
     slope = problem.predict_with_jacobian(fit.offsets_mm, strict=False)[1]
     estimator = np.asarray(np.linalg.pinv(slope), dtype=np.float64)
     return _Estimate(fit.offsets_mm, slope, estimator, fit.residuals_mm, int(fit.iterations))
 
 
-def _carried(posed: Posed, found: _Estimate) -> Floats:
-    """Covariance of the offsets that comes from accepted causes being uncertain, (3, 3) [mm²]."""
+def _fitted_here(measured: Measured, model: Model) -> dict[str, int]:
+    """Accepted causes that were fitted to these very data: id → number of parameters."""
+    return {
+        effect.cause.id: int(np.count_nonzero(effect.std))
+        for effect in model.accepted
+        if effect.data_sha256 == measured.source.sha256
+    }
+
+
+def _scatter(measured: Measured, posed: Posed, found: _Estimate, ratio: Floats) -> Scatter | None:
+    """σ of one reading from what no offsets explain; None without degrees of freedom.
+
+    Of raw data from all readings, whatever the method.
+
+    Args:
+        posed: without weights.
+        ratio: what the influences add to the readings of the plan, in standard deviations, (n, p).
+    """
+    # What was fitted to these very readings took its part of their noise away.
+    model = posed.problem.model
+    known = len(found.offsets) + sum(_fitted_here(measured, model).values())
+    total, dof = 0.0, len(posed.data) - known
+    if isinstance(measured, Readings):
+        if posed.which:
+            posed = pose(measured, model, Method.READINGS, folded=True)
+        dof = len(measured) - measured.plan.setups - known
+    if dof <= 0:
+        return None
     problem = posed.problem
-    if not problem.model.accepted:
-        return np.zeros((len(found.offsets),) * 2)
-    added = carried_uncertainty(problem.model, found.offsets, problem.plan)
-    columns = found.estimator @ problem.matrix @ added
-    return np.asarray(columns @ columns.T)
-
-
-def _residual_scatter(measured: Measured, posed: Posed, found: _Estimate) -> Scatter | None:
-    """σ of one reading from the residuals; for raw data from all of them, whatever the method."""
-    if not isinstance(measured, Readings):
-        return scatter_of_residuals(posed.problem, found.slope, found.residual)
-    predicted = simulate(posed.problem.model, found.offsets, measured.plan)
-    residual = without_zeros(measured.plan, measured.value - predicted)
-    dof = len(measured) - measured.plan.setups - len(found.offsets)
-    return Scatter(float(np.sqrt(residual @ residual / dof)), dof) if dof > 0 else None
+    predicted, slope = problem.predict_with_jacobian(found.offsets)
+    residual = posed.data - predicted
+    if isinstance(measured, Readings):
+        # Of readings that repeat each other only the means are in the problem.
+        apart = measured.value - simulate(problem.model, found.offsets, measured.plan)
+        total = float((without_zeros(measured.plan, apart) ** 2).sum() - (residual**2).sum())
+    total += sum_of_squares(problem, slope, residual, problem.matrix @ ratio)
+    return Scatter(float(np.sqrt(max(total, 0.0) / dof)), dof)

@@ -23,10 +23,9 @@ from orthoglide_cal.files.session_file import (
     session_text,
     write_session,
 )
-from orthoglide_cal.files.text import MM_PER_INCH, parse_number, write_text
+from orthoglide_cal.files.text import parse_number, write_text
 
 __all__ = [
-    "MM_PER_INCH",
     "Check",
     "Conditions",
     "FoundSession",

@@ -50,8 +50,8 @@ def differences_from_table(table: Table, machine: Machine) -> Differences:
 
 
 def _name(text: str) -> str | None:
-    """The canonical name, without the leading d."""
-    name = re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
+    """The canonical name; the leading d may be missing, or a delta."""
+    name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
     if name not in _NAMED:
         raise InputError("This is not the name of a difference.", _known())
     return name
@@ -59,7 +59,7 @@ def _name(text: str) -> str | None:
 
 def _known() -> str:
     listed = "; ".join(
-        f"{kind} ({_WHAT[kind]}): {', '.join('d' + each.name for each in known)}"
+        f"{kind} ({_WHAT[kind]}): {', '.join(each.name for each in known)}"
         for kind, known in DIFFERENCES.items()
     )
     return f"Direction first, leg second. Known: {listed}."
@@ -70,7 +70,7 @@ def _kind(cells: Cells, names: Sequence[str | None]) -> DataKind:
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
     order = [DataKind.TWELVE, DataKind.SIX]
-    if {"z_x0", "z_y0"} & set(names):
+    if {"dz_x0", "dz_y0"} & set(names):
         order.insert(0, DataKind.SINGLE)
     kind = max(order, key=lambda each: sum(name in known[each] for name in names))
     first: dict[str, int] = {}
@@ -94,7 +94,7 @@ def _kind(cells: Cells, names: Sequence[str | None]) -> DataKind:
 def _remarks(kind: DataKind, names: Sequence[str | None], table: Table) -> list[str]:
     unknown = (name for name in table.columns if name not in DIFFERENCE_COLUMNS)
     remarks = unused("Columns", unknown, DIFFERENCE_COLUMNS)
-    missing = [f"d{each.name}" for each in DIFFERENCES[kind] if each.name not in names]
+    missing = [each.name for each in DIFFERENCES[kind] if each.name not in names]
     if missing:
         remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
     if kind is DataKind.TWELVE and set(names) <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:

@@ -20,7 +20,7 @@ from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import YAML_LIMIT, Document, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model import Measured, Model, Source
+from orthoglide_cal.model import Measured, Model, Source, gauge_doubts
 
 _CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
@@ -194,8 +194,10 @@ def _checked(document: Document, model: Model | None) -> Check:
         given = _table(document, model)
     measured = given.measured
     kind = "session" if given.is_session else measured.kind
-    name, remarks = given.model.machine.name, measured.remarks
-    return Check(path, source, kind, name, len(measured), remarks=remarks)
+    machine = given.model.machine
+    doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.gauge))
+    remarks = (*doubts, *measured.remarks)
+    return Check(path, source, kind, machine.name, len(measured), remarks=remarks)
 
 
 def _look(path: Path) -> FoundSession | None:

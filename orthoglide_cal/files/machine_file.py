@@ -110,6 +110,7 @@ def machine_in(file: Group) -> Model | None:
         "workspace_mm": file.take("workspace_mm", positive),
         "gauge": _gauge(file.group("gauge")),
         "offsets_mm": _offsets(file.group("offsets_mm", required=False)),
+        "homing_mm": file.take("homing_mm", positive, None),
         "tolerances": _tolerances(file.group("tolerances", required=False)),
     }
     accepted = [_identified(entry) for entry in file.groups("identified")]
@@ -130,6 +131,7 @@ def is_machine_file(tree: Tree) -> bool:
 def machine_values(model: Model) -> dict[str, Any]:
     """Plain values of the machine file, in the file's order."""
     machine = model.machine
+    homing = {} if machine.homing_mm is None else {"homing_mm": machine.homing_mm}
     return {
         "schema_version": 1,
         "kind": machine.kind,
@@ -139,8 +141,9 @@ def machine_values(model: Model) -> dict[str, Any]:
         "tool_offset_mm": machine.tool_offset_mm,
         "joint_limits_mm": list(machine.joint_limits_mm),
         "workspace_mm": machine.workspace_mm,
-        "gauge": asdict(machine.gauge),
+        "gauge": _stated(machine.gauge),
         "offsets_mm": dict(zip(AXES, machine.offsets_mm, strict=True)),
+        **homing,
         "tolerances": dict(machine.tolerances),
         "identified": [
             {
@@ -193,9 +196,19 @@ def _gauge(group: Group) -> Gauge | None:
         "range_mm": group.take("range_mm", positive),
         "revolution_mm": group.take("revolution_mm", positive, None),
         "repeatability_mm": group.take("repeatability_mm", positive),
+        "placement_mm": group.take("placement_mm", not_negative, None),
+        "scale_u": group.take("scale_u", not_negative, None),
     }
     group.refuse_unknown()
     return Gauge(**values) if group.sound else None
+
+
+def _stated(gauge: Gauge) -> dict[str, float | None]:
+    """What is stated of a gauge; no revolution is a statement, too."""
+    values = asdict(gauge)
+    return {
+        key: value for key, value in values.items() if value is not None or key == "revolution_mm"
+    }
 
 
 def _offsets(group: Group) -> tuple[float | None, ...]:
@@ -205,7 +218,7 @@ def _offsets(group: Group) -> tuple[float | None, ...]:
 
 
 def _tolerances(group: Group) -> dict[str, float | None]:
-    return {id: group.take(id, positive) for id in group.names(_cause)}
+    return {id: group.take(id, not_negative) for id in group.names(_cause)}
 
 
 def _day(value: Any) -> str:

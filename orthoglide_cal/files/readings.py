@@ -20,7 +20,7 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.table import Cells, Row, Table
-from orthoglide_cal.files.text import Faults, listed, number_text, parse_count, unused
+from orthoglide_cal.files.text import Faults, listed, number_text, parse_count, parse_number, unused
 from orthoglide_cal.model import (
     AXES,
     Contact,
@@ -86,6 +86,16 @@ class Conditions:
     retaken: int = 0
     skipped: int = 0
     notes: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def mean_temperature_c(self) -> float | None:
+        """Of the thermometer, else what the environment's `temperature_c` says; None if neither."""
+        if self.temperature_c is not None:
+            return sum(self.temperature_c) / 2.0
+        try:
+            return parse_number(dict(self.environment)["temperature_c"])
+        except (KeyError, InputError):
+            return None
 
 
 def axis(text: str) -> int:
@@ -275,7 +285,8 @@ def _axes(cells: Cells) -> tuple[Ints, Ints]:
     for index in np.flatnonzero((leg == direction) & (leg >= 0)).tolist():
         other = " or ".join(name for name in AXES if name != AXES[leg[index]])
         what = "A gauge along the leg's own axis says nothing of the leg."
-        cells.note(index, "direction", what, f"Give the direction across the leg: {other}.")
+        remedy = f"Give the direction across the leg: {other}; or correct the leg."
+        cells.note(index, "direction", what, remedy)
     return leg, direction
 
 

@@ -17,8 +17,8 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.text import MM_PER_INCH, Document, Faults, parse_number, shortened
-from orthoglide_cal.model import Floats
+from orthoglide_cal.files.text import Document, Faults, parse_number, shortened
+from orthoglide_cal.model import MM_PER_INCH, Floats
 
 T = TypeVar("T")
 

@@ -23,7 +23,6 @@ from orthoglide_cal.model import Source
 
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
 YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
-MM_PER_INCH = 25.4
 
 # They would reach the terminal with the next message (escape sequences).
 _CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")

@@ -2,6 +2,13 @@
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.differences import ideal_plan, reduction
+from orthoglide_cal.model.gauge_doubts import (
+    GaugeDoubt,
+    gauge_doubts,
+    off_scale,
+    other_unit,
+    too_steady,
+)
 from orthoglide_cal.model.kinds import double_posture, single_posture
 from orthoglide_cal.model.machine import Gauge, Machine
 from orthoglide_cal.model.model import (
@@ -14,6 +21,7 @@ from orthoglide_cal.model.model import (
 from orthoglide_cal.model.readings import (
     AXES,
     DIFFERENCES,
+    MM_PER_INCH,
     Contact,
     DataKind,
     Difference,
@@ -39,6 +47,7 @@ from orthoglide_cal.model.readings import (
 __all__ = [
     "AXES",
     "DIFFERENCES",
+    "MM_PER_INCH",
     "Cause",
     "Contact",
     "DataKind",
@@ -48,6 +57,7 @@ __all__ = [
     "Estimate",
     "Floats",
     "Gauge",
+    "GaugeDoubt",
     "Ints",
     "Machine",
     "Measured",
@@ -65,14 +75,18 @@ __all__ = [
     "differentiate",
     "double_posture",
     "freeze",
+    "gauge_doubts",
     "ideal_plan",
     "number_setups",
+    "off_scale",
     "other_axes",
+    "other_unit",
     "places_of",
     "reduction",
     "simulate",
     "simulate_with_jacobian",
     "single_posture",
+    "too_steady",
     "without_zeros",
     "zero_free",
 ]

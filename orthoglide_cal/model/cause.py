@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -88,22 +89,26 @@ class Cause:
         id: cause id of the contract.
         title: in words.
         stage: where it acts.
-        unit: of its parameters and of its tolerance in the machine file.
+        unit: of its parameters and of its size in the machine file.
+        sizes: id of a kind of machine → plausible size of a parameter (one standard deviation, in
+            `unit`) where the machine file gives none; it does not happen on other kinds.
         scale: one unit in internal units (mm, rad, mm/h, 1).
         names: of its parameters.
         nuisance: further parameters, not reported, behind the named ones: name → plausible size
-            in tolerances.
+            in sizes of the cause.
         positive: True if the parameters cannot be negative.
         lasting: True if the same machine still has it in the next session.
         compensable: True if a controller can compensate it.
         timed: True if it can only be seen in readings whose time order is known.
-        advice: what a technician can do about it.
+        weight: how likely it is before anything is read, beside 1 for most causes.
+        advice: what a technician can do about it; "{where}" stands for its place in words.
     """
 
     id: str
     title: str
     stage: Stage
     unit: str
+    sizes: Mapping[str, float] = MappingProxyType({})
     scale: float = 1.0
     names: tuple[str, ...] = ()
     nuisance: tuple[tuple[str, float], ...] = ()
@@ -111,11 +116,20 @@ class Cause:
     lasting: bool = False
     compensable: bool = False
     timed: bool = False
+    weight: float = 1.0
     advice: str
+
+    def size(self, machine: Machine) -> float:
+        """Plausible size of a parameter (one standard deviation), in `unit`; 0 rules it out."""
+        return machine.tolerances.get(self.id, self.sizes.get(machine.kind, 0.0))
+
+    def assumed(self, machine: Machine) -> bool:
+        """Whether that size is the default of its kind: the machine file gives none."""
+        return self.id not in machine.tolerances
 
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
-        return machine.tolerances.get(self.id, 0.0) > 0.0
+        return self.size(machine) > 0.0
 
     def admissible(self, value: float) -> float:
         """The nearest value that a parameter can have: a width is not negative."""
@@ -144,13 +158,21 @@ class Cause:
         """A place in words; empty for the whole machine."""
         return ""
 
+    def spoiled(self, place: Place, plan: Plan) -> Ints:
+        """Indices of the readings that it spoils at a place; none for the whole machine."""
+        return np.zeros(0, dtype=np.intp)
+
+    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
+        """Indices of the readings that taking again would mend; () if that mends nothing."""
+        return ()
+
     def prior_std(self, machine: Machine) -> Floats:
         """Plausible size (one standard deviation) of each parameter, in internal units.
 
         Shape (p,), the named parameters and then the nuisance ones.
         """
-        sizes = [1.0] * len(self.names) + [size for _, size in self.nuisance]
-        return np.asarray(sizes) * self.scale * machine.tolerances[self.id]
+        shares = [1.0] * len(self.names) + [share for _, share in self.nuisance]
+        return np.asarray(shares) * self.scale * self.size(machine)
 
     def at(self, theta: Numbers, place: Place = EVERYWHERE) -> Effect:
         """The effect of parameters `theta`, shape (..., p) in internal units."""
@@ -190,6 +212,15 @@ class Cause:
     ) -> Numbers:
         """Gauge positions (..., n) [mm]; `fraction` is where on the leg the gauge touches."""
         return heights
+
+    def undone(
+        self, readings: Floats, theta: Floats, place: Place, plan: Plan, machine: Machine
+    ) -> Floats:
+        """Readings (n,) as they would be without a fault of the contact or the record [mm].
+
+        As they are where it cannot be undone in them.
+        """
+        return readings
 
     def record(
         self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine

@@ -29,6 +29,11 @@ from orthoglide_cal.model.readings import AXES, Numbers, Posture, freeze
 
 # Sine of the angle between the legs below which a posture counts as singular.
 SINGULAR = 1e-9
+# Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
+# millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
+# reads 0.06 % short.
+PLACEMENT_MM = 1.0
+SCALE_U = 0.001
 
 
 @dataclass(frozen=True)
@@ -40,12 +45,27 @@ class Gauge:
         range_mm: travel of the plunger.
         revolution_mm: travel of one turn of the dial; None for a gauge without a dial.
         repeatability_mm: standard deviation of one reading as the maker or the last check states.
+        placement_mm: how well its stand is put at its place along the leg, one standard deviation;
+            None if nobody stated it.
+        scale_u: standard uncertainty of its scale (1); None if nobody stated it.
     """
 
     resolution_mm: float
     range_mm: float
     revolution_mm: float | None
     repeatability_mm: float
+    placement_mm: float | None = None
+    scale_u: float | None = None
+
+    @property
+    def placement_std_mm(self) -> float:
+        """`placement_mm`, or its default."""
+        return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
+
+    @property
+    def scale_std(self) -> float:
+        """`scale_u`, or its default."""
+        return SCALE_U if self.scale_u is None else self.scale_u
 
     @cached_property
     def rounding_mm(self) -> float:
@@ -71,8 +91,10 @@ class Machine:
         workspace_mm: edge of the cube-like workspace.
         gauge: the indicator normally used on it.
         offsets_mm: joint offsets already active in the controller (x, y, z).
-        tolerances: cause id → plausible size (one standard deviation, contract's unit).
+        tolerances: cause id → plausible size (one standard deviation, contract's unit), 0 for a
+            cause that is ruled out; `Cause.size` says what holds for the others.
         kind: id of the kind of machine, see `model.kinds`.
+        homing_mm: how far a home switch can plausibly be off; None for what is usual of its kind.
     """
 
     name: str
@@ -85,6 +107,7 @@ class Machine:
     offsets_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tolerances: Mapping[str, float] = field(default_factory=dict)
     kind: str = "orthoglide"
+    homing_mm: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tolerances", MappingProxyType(dict(self.tolerances)))

@@ -59,6 +59,12 @@ class Model:
         """Names of the parameters that a calibration determines: the joint offsets."""
         return self.kind.calibrated
 
+    @property
+    def homing_mm(self) -> float:
+        """The largest joint offset that a home switch can plausibly leave [mm]."""
+        stated = self.machine.homing_mm
+        return self.kind.homing_mm if stated is None else stated
+
     def extended(self, effects: Iterable[Effect]) -> Model:
         """The model with more causes, after those that it has."""
         return replace(self, accepted=(*self.accepted, *effects))
@@ -174,18 +180,21 @@ def differentiate(
     return readings[0].real, readings[1:].imag.T / STEP
 
 
-def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> Floats:
-    """What one standard deviation of each accepted cause's parameters adds to readings, (n, p)."""
-    accepted = model.accepted
-    moved = [
-        Model(model.machine, (*accepted[:k], other, *accepted[k + 1 :]))
-        for k, effect in enumerate(accepted)
-        for other in effect.moved()
-    ]
-    if not moved:
-        return np.zeros((len(plan), 0))
-    before = simulate(model, offsets, plan)
-    return np.stack([simulate(other, offsets, plan) - before for other in moved], axis=-1)
+def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:
+    """What one standard deviation of each accepted cause's parameters adds to readings.
+
+    Returns:
+        Shape (n, p) [mm] for each accepted cause, p its independent uncertainties.
+    """
+    accepted, before = model.accepted, simulate(model, offsets, plan)
+    found = []
+    for k, effect in enumerate(accepted):
+        columns = np.zeros((len(plan), 0))
+        for other in effect.moved():
+            moved = replace(model, accepted=(*accepted[:k], other, *accepted[k + 1 :]))
+            columns = np.column_stack((columns, simulate(moved, offsets, plan) - before))
+        found.append(columns)
+    return tuple(found)
 
 
 def _simulate(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 AXES = ("x", "y", "z")
+MM_PER_INCH = 25.4
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -244,8 +245,8 @@ class Difference(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As the paper writes it, direction first, leg second: "y_x", "y_x+", "z_x0"."""
-        return self.series.name + (_SIGNS[self.posture] if self.posture else "")
+        """As the paper writes it, direction first, leg second: "dy_x", "dy_x+", "dz_x0"."""
+        return "d" + self.series.name + (_SIGNS[self.posture] if self.posture else "")
 
 
 # The order of Table 4: direction first, leg second.

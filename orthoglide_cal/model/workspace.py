@@ -33,6 +33,7 @@ class WorkspaceError:
         levels_mm: heights z of the slices, shape (3,).
         before_mm, after_mm: at [slice, y, x], shape (3, n, n).
         before_max_mm, before_mean_mm, after_max_mm, after_mean_mm: over the whole cube.
+        left_max_mm: what the causes alone leave of it after the offsets are entered.
         nominal_edge_mm: edge of the workspace as the machine file states it.
     """
 
@@ -44,6 +45,7 @@ class WorkspaceError:
     before_mean_mm: float
     after_max_mm: float
     after_mean_mm: float
+    left_max_mm: float
     nominal_edge_mm: float
 
     def __post_init__(self) -> None:
@@ -86,7 +88,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     joints, tool = reached(np.zeros(3))
     slope = tool_derivative(geometry, joints, tool)
     spread = np.einsum("nij,jk,nik->n", slope, covariance, slope)
-    after = np.linalg.norm(tool - points, axis=-1) + k * np.sqrt(spread)
+    left = np.linalg.norm(tool - points, axis=-1)
+    after = left + k * np.sqrt(spread)
     shape = (SAMPLES, SAMPLES, SAMPLES)
     levels = [0, SAMPLES // 2, SAMPLES - 1]
     return WorkspaceError(
@@ -98,6 +101,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         before_mean_mm=float(before.mean()),
         after_max_mm=float(after.max()),
         after_mean_mm=float(after.mean()),
+        left_max_mm=float(left.max()),
         nominal_edge_mm=model.machine.workspace_mm,
     )
 
@@ -146,7 +150,7 @@ def compensation(model: Model, points: int) -> Compensation:
     if not chosen:
         raise UsageError(
             "The machine file holds no accepted cause that a table could compensate.",
-            "Accept one first: orthocal diagnose FILE --accept CAUSE",
+            "Accept one first, with diagnose and its option --accept.",
         )
     known = Model(model.machine, chosen)
     _, grid = _grid(model, points)

@@ -134,7 +134,7 @@ def table_4(model: Model) -> Reproduction:
     """Expected improvement of the three experiments."""
     rows = []
     for number, printed in published.EXPERIMENTS.items():
-        table = solve(experiment(number), model).table
+        table = solve(experiment(number), model).promised()
         for name, values, size, computed in (
             ("measured", printed.measured, printed.rms_before, [r.measured_mm for r in table]),
             ("expected", printed.expected, printed.rms_after, [r.expected_mm for r in table]),

@@ -151,7 +151,7 @@ def difference_rows(
         y = top + row * (k + 0.5)
         first, second = across(float(measured_mm[k])), across(float(predicted_mm[k]))
         drawn = (
-            words(6, y + 4, f"d{one.name}", class_="strong"),
+            words(6, y + 4, one.name, class_="strong"),
             line(first, y, second, y, "gap"),
             mark(second, y, 2, "mark", 5.0),
             mark(first, y, 0, "mark open", 5.5),
@@ -160,7 +160,7 @@ def difference_rows(
         parts.append(tag("g", *drawn, class_=f"c-{AXES[one.series.leg]}"))
     worst = int(np.argmax(np.abs(left)))
     finding = (
-        f"Of {len(differences)} differences d{differences[worst].name} is missed most: measured"
+        f"Of {len(differences)} differences {differences[worst].name} is missed most: measured"
         f" {signed(float(measured_mm[worst]), 3)} mm, {model}"
         f" {signed(float(predicted_mm[worst]), 3)} mm."
     )

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from orthoglide_cal.errors import command, file_words, visible
-from orthoglide_cal.model import AXES
+from orthoglide_cal.estimation import PromisedDifference, stays
+from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.model import AXES, Model
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.escape import in_csv
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
@@ -28,6 +30,7 @@ from orthoglide_cal.results import Adjustment, Calibration, CheckPosture, Export
 
 FORCED = "FORCED: this result must not be used."
 _COMPENSATION_DECIMALS = 4  # tenths of a micrometre
+_TAKING_METHODS = ("solve", "report", "export")
 
 
 def check_words(check: CheckPosture) -> str:
@@ -57,23 +60,66 @@ def expected(check: CheckPosture) -> str:
     return f"{with_uncertainty(check.expected_mm, check.tolerance_mm)} mm"
 
 
-def verify_command(adjustment: Adjustment, before: str, machine_file: Path | None) -> str:
+def follow_up(
+    verb: str, calibration: Calibration, machine_file: Path | None, options: str = ""
+) -> str:
+    """A command about the same input, with what was given for it, and further options."""
+    solution = calibration.solution
+    if solution is not None and verb in _TAKING_METHODS:
+        chosen = "" if solution.method_is_default else f"--method {solution.method}"
+        options = f"{chosen} {options}".strip()
+    path = calibration.input.measured.source.path
+    return command(verb, path, machine=machine_file, options=options)
+
+
+def verify_command(
+    calibration: Calibration, adjustment: Adjustment, machine_file: Path | None
+) -> str:
     """What to type once the offsets were entered and the session was measured again."""
     applied = " ".join(plain(change, adjustment.decimals) for change in adjustment.applied_mm)
+    before = calibration.input.measured.source.path
     return command("verify", before, "AFTER", machine=machine_file, options=f"--applied {applied}")
 
 
-def remedy_command(remedy: Remedy, path: str, machine_file: Path | None) -> str | None:
+def table_command(calibration: Calibration, machine_file: Path | None) -> str | None:
+    """What to type for a table that takes out what offsets leave; None where none would."""
+    adjustment, model = calibration.adjustment, calibration.input.model
+    if adjustment is None or not stays(adjustment.promised):
+        return None
+    if not any(effect.cause.compensable for effect in model.accepted):
+        return None
+    return follow_up("export", calibration, machine_file, "--format table")
+
+
+def remainder(promised: Sequence[PromisedDifference], model: Model) -> str | None:
+    """What offsets do not remove, in a sentence; None where nothing but noise is left."""
+    if not stays(promised):
+        return None
+    left = two_figures(rms(np.array([row.expected_mm for row in promised])))
+    causes = " and ".join(effect.cause.id for effect in model.accepted)
+    return f"Offsets do not remove {causes or 'this'}: {left} mm r.m.s. is left after correction."
+
+
+def cautions(calibration: Calibration) -> tuple[str, ...]:
+    """What to know although the offsets may be entered."""
+    told, adjustment = calibration.release.cautions, calibration.adjustment
+    left = remainder(adjustment.promised, calibration.model) if adjustment else None
+    return told if left is None else (left, *told)
+
+
+def remedy_command(
+    remedy: Remedy, calibration: Calibration, machine_file: Path | None
+) -> str | None:
     """What to type about this file; None where there is nothing to type."""
     if remedy.verb is None:
         return None
-    return command(remedy.verb, path, machine=machine_file, options=remedy.options)
+    return follow_up(remedy.verb, calibration, machine_file, remedy.options)
 
 
 def remedy_words(calibration: Calibration, machine_file: Path | None) -> list[str]:
     """What to do instead of entering the offsets, each in one line with what to type."""
-    path, remedies = calibration.input.measured.source.path, calibration.release.remedies
-    typed = (remedy_command(remedy, path, machine_file) for remedy in remedies)
+    remedies = calibration.release.remedies
+    typed = (remedy_command(remedy, calibration, machine_file) for remedy in remedies)
     return [
         f"{remedy.sentence} {line or ''}".rstrip()
         for remedy, line in zip(remedies, typed, strict=True)
@@ -91,7 +137,7 @@ def _head(export: Export) -> list[str]:
     ]
     if export.forced:
         lines += [FORCED, *export.forced]
-    return lines + [f"Note: {line}" for line in found.release.cautions]
+    return lines + [f"Note: {line}" for line in cautions(found)]
 
 
 def _after_entering(export: Export, machine_file: Path | None) -> list[str]:
@@ -101,7 +147,10 @@ def _after_entering(export: Export, machine_file: Path | None) -> list[str]:
     if check is not None:
         before = f"(before: {signed(check.before_mm, 2)} mm)"
         lines.append(f"{check_words(check)} {expected(check)} {before}.")
-    verify = verify_command(export.adjustment, "BEFORE", machine_file)
+    table = table_command(export.calibration, machine_file)
+    if table is not None:
+        lines.append(f"What offsets leave, a table of corrections takes out: {table}")
+    verify = verify_command(export.calibration, export.adjustment, machine_file)
     lines.append(f"Then measure again and run: {verify}")
     return lines
 
@@ -125,7 +174,7 @@ def as_text(export: Export, machine_file: Path | None = None) -> str:
         *map(visible, _head(export)),
         "",
         "Joint offsets, mm (true joint position = indicated + offset; U: expanded uncertainty,"
-        f" {coverage_words(adjustment.k)}, {100 * adjustment.confidence:.0f} %)",
+        f" {coverage_words(adjustment.budget.k)}, {100 * adjustment.confidence:.0f} %)",
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",
         "At the isotropic posture, as the controller is set now:",
@@ -180,7 +229,7 @@ def _values(export: Export, machine_file: Path | None) -> dict[str, Any]:
         "status": export.status,
         "forced": bool(export.forced),
         "reasons_against": list(export.forced),
-        "cautions": list(found.release.cautions),
+        "cautions": list(cautions(found)),
         "joints": {
             joint.axis: {
                 **fields_of(joint, "previous_mm", "change_mm", "new_mm"),
@@ -188,7 +237,7 @@ def _values(export: Export, machine_file: Path | None) -> dict[str, Any]:
             }
             for joint in adjustment.joints
         },
-        "coverage_factor": adjustment.k,
+        "coverage_factor": adjustment.budget.k,
         "confidence": adjustment.confidence,
         "rehome": True,
         "check": _check_values(adjustment.check) if adjustment.check else None,
@@ -236,7 +285,7 @@ def as_csv(export: Export) -> str:
             "change_mm": plain(joint.change_mm, decimals),
             "new_mm": plain(joint.new_mm, decimals),
             "expanded_uncertainty_mm": plain(joint.expanded_mm, decimals + 1),
-            "coverage_factor": plain(adjustment.k, 3),
+            "coverage_factor": plain(adjustment.budget.k, 3),
             "confidence": f"{adjustment.confidence:g}",
             "status": export.status,
             "reasons_against": in_csv(" ".join(export.forced)),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import groupby
 
 import numpy as np
 
-from orthoglide_cal.model import AXES, Floats
+from orthoglide_cal.model import AXES, Floats, Series
 from orthoglide_cal.report.canvas import line, rectangle, svg, tick_text, words
 from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.report.words import two_figures
@@ -30,6 +30,7 @@ def machine(
     leg_length_mm: float,
     joint_limits_mm: tuple[float, float],
     gauges: Sequence[tuple[int, int, float]],
+    faults: Collection[tuple[int, int]] = (),
 ) -> Html:
     """Isometric sketch at the isotropic posture.
 
@@ -37,6 +38,7 @@ def machine(
         leg_length_mm: L.
         joint_limits_mm: travel of the carriages from the isotropic posture.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
+        faults: (leg, direction) whose readings a fault spoils: a ring around their gauges.
     """
     scale = LEG / leg_length_mm
     parts: list[Html] = []
@@ -59,7 +61,7 @@ def machine(
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     x, y = CENTRE.tolist()
     parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
-    parts += [_gauge(*gauge) for gauge in gauges]
+    parts += [_gauge(*gauge, (gauge[0], gauge[1]) in faults) for gauge in gauges]
     placed = ", ".join(
         f"leg {AXES[leg]} in direction {AXES[direction]} at {100 * place:.0f} % of the leg"
         for leg, direction, place in gauges
@@ -67,6 +69,9 @@ def machine(
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
     if gauges:
         finding += f" Gauges: {placed}."
+    if faults:
+        marked = "; ".join(Series(*fault).words for fault in sorted(faults))
+        finding += f" Marked, because a fault spoils its readings: {marked}."
     return svg("machine", WIDTH, HEIGHT, "The machine and its gauges", finding, *parts)
 
 
@@ -79,7 +84,7 @@ def _line(start: Floats, stop: Floats, class_: str) -> Html:
     return line(x1, y1, x2, y2, class_)
 
 
-def _gauge(leg: int, direction: int, place: float) -> Html:
+def _gauge(leg: int, direction: int, place: float, faulty: bool) -> Html:
     """A dial on the side towards which its direction points: that way its reading grows."""
     touch = _at(leg, 1.0 - place)
     toward = ON_PAPER[direction] / np.linalg.norm(ON_PAPER[direction])
@@ -88,6 +93,7 @@ def _gauge(leg: int, direction: int, place: float) -> Html:
     return tag(
         "g",
         _line(touch + 5.0 * toward, dial - 12.0 * toward, "plunger"),
+        tag("circle", cx=x, cy=y, r=17.0, class_="fault") if faulty else None,
         tag("circle", cx=x, cy=y, r=12.0, class_="dial"),
         words(x, y + 4, f"+{AXES[direction]}", "middle", "small"),
         class_=f"c-{AXES[leg]}",

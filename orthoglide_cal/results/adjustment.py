@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis
-from orthoglide_cal.estimation import PromisedDifference, Solution, promise
-from orthoglide_cal.estimation.accuracy import CONFIDENCE, entered_decimals, half_width
-from orthoglide_cal.model import AXES, Difference, Floats, Measured, Model, Posture, freeze
+from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise
+from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, entered_decimals
+from orthoglide_cal.estimation.budget import Budget, warmth
+from orthoglide_cal.model import AXES, Difference, Floats, Measured, Posture, freeze
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,7 @@ class Adjustment:
     Attributes:
         causes: ids of the causes found beside the offsets; empty for the offsets alone.
         offsets_mm: Δρ that the controller does not know yet, shape (3,).
-        covariance_mm2: of the offsets, shape (3, 3).
-        expanded_mm: U at the confidence below, shape (3,).
-        k: coverage factor, U/u.
-        dof: degrees of freedom of k; None for the normal distribution.
+        budget: where their uncertainty comes from.
         previous_mm: offsets active in the controller so far, shape (3,).
         decimals: of what is entered.
         promised: each difference as measured, modelled, and expected once these offsets are
@@ -69,10 +68,7 @@ class Adjustment:
 
     causes: tuple[str, ...]
     offsets_mm: Floats
-    covariance_mm2: Floats
-    expanded_mm: Floats
-    k: float
-    dof: int | None
+    budget: Budget
     previous_mm: Floats
     decimals: int
     promised: tuple[PromisedDifference, ...]
@@ -81,12 +77,33 @@ class Adjustment:
     confidence = CONFIDENCE
 
     def __post_init__(self) -> None:
-        freeze(self, "offsets_mm", "covariance_mm2", "expanded_mm", "previous_mm")
+        freeze(self, "offsets_mm", "previous_mm")
+
+    @property
+    def covariance_mm2(self) -> Floats:
+        """Of the offsets, shape (3, 3)."""
+        return self.budget.covariance_mm2
 
     @property
     def std_mm(self) -> Floats:
         """Standard uncertainties u of the offsets, shape (3,) [mm]."""
-        return np.sqrt(np.diag(self.covariance_mm2))
+        return self.budget.std_mm
+
+    @property
+    def expanded_mm(self) -> Floats:
+        """Expanded uncertainties U at the confidence above, shape (3,) [mm]."""
+        return self.budget.expanded_mm
+
+    @property
+    def k(self) -> float:
+        """Coverage factor, U/u."""
+        return self.budget.k
+
+    @property
+    def interval_mm(self) -> Floats:
+        """Offsets ± U, shape (3, 2) [mm]."""
+        reach = self.expanded_mm
+        return np.stack((self.offsets_mm - reach, self.offsets_mm + reach), axis=1)
 
     @property
     def applied_mm(self) -> tuple[float, ...]:
@@ -103,40 +120,62 @@ class Adjustment:
         )
 
 
-def adjust(
-    measured: Measured, solution: Solution, diagnosis: Diagnosis | None, real: Model
+def as_found(
+    solution: Solution, diagnosis: Diagnosis | None, real: Known, mean_c: float | None
 ) -> Adjustment:
-    """What the offsets would be entered as, and the promise of the model that they rest on.
+    """The solution's own offsets, and what follows from entering them.
 
     Args:
-        measured: the data of both.
-        solution: the offsets as they stand, with Student's t of their degrees of freedom.
-        diagnosis: the one that knows the offsets better than the solution; None if none does.
-        real: the machine with the causes that the diagnosis finds in it.
+        solution: the offsets as they stand.
+        diagnosis: of the same data; None if there is none.
+        real: what is known of the machine in which they would be entered.
+        mean_c: mean temperature of the readings [°C]; None if unknown.
     """
-    if diagnosis is None:
-        causes: tuple[str, ...] = ()
-        offsets, covariance = solution.offsets_mm, solution.covariance_mm2
-        expanded, k, dof = solution.expanded_mm, solution.k, solution.dof or None
-        promised = solution.table
-    else:
-        causes = tuple(cause.id for cause in diagnosis.causes)
-        offsets, covariance = diagnosis.offsets_mm, diagnosis.covariance_mm2
-        k, dof = half_width(np.inf), None
-        expanded = k * diagnosis.std_mm
-        promised = promise(measured, real, offsets, offsets)
-    previous = real.machine.offsets_mm
+    budget = solution.budget.extended(diagnosis.adds_to(solution) if diagnosis else ())
+    budget = budget.extended(warmth(mean_c, real.model.machine.leg_length_mm))
+    right = diagnosis.put_right if diagnosis else solution.measured
+    return _adjustment(solution, (), solution.offsets_mm, budget, real, right, solution.noise)
+
+
+def as_diagnosed(
+    solution: Solution, diagnosis: Diagnosis, real: Known, mean_c: float | None
+) -> Adjustment:
+    """The offsets under what the diagnosis found, and what follows from entering them.
+
+    Args:
+        solution: of the same data, for the noise of a reading.
+        diagnosis: gives the offsets.
+        real: what is known of the machine in which they would be entered.
+        mean_c: mean temperature of the readings [°C]; None if unknown.
+    """
+    causes = tuple(cause.id for cause in diagnosis.causes)
+    budget = diagnosis.budget.extended(warmth(mean_c, real.model.machine.leg_length_mm))
+    noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
+    right = diagnosis.put_right
+    return _adjustment(solution, causes, diagnosis.offsets_mm, budget, real, right, noise)
+
+
+def _adjustment(
+    solution: Solution,
+    causes: tuple[str, ...],
+    offsets: Floats,
+    budget: Budget,
+    real: Known,
+    right: Measured,
+    noise: Scatter,
+) -> Adjustment:
+    previous = real.model.machine.offsets_mm
+    decimals = entered_decimals(budget.expanded_mm.tolist(), previous)
+    entered = np.array([_rounded(value, decimals) for value in offsets.tolist()])
+    promised = promise(solution.measured, real, entered, noise, right)
     return Adjustment(
         causes=causes,
         offsets_mm=offsets,
-        covariance_mm2=covariance,
-        expanded_mm=expanded,
-        k=k,
-        dof=dof,
+        budget=budget,
         previous_mm=np.array(previous),
-        decimals=entered_decimals(expanded.tolist(), previous),
+        decimals=decimals,
         promised=promised,
-        check=_check(solution, promised, k),
+        check=_check(solution, promised, budget.k),
     )
 
 
@@ -168,6 +207,6 @@ def _check(
         ends=posture is not None,
         before_mm=row.measured_mm,
         expected_mm=row.expected_mm,
-        # Two readings of the check, and at most as much again in the differences measured before.
-        tolerance_mm=k * 2.0 * sigma,
+        # The promise is of as many readings as were taken before; the check is of two.
+        tolerance_mm=math.hypot(row.expanded_mm, k * math.sqrt(2.0) * sigma),
     )

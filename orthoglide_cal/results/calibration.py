@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Container
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -10,17 +11,14 @@ from functools import cached_property
 from orthoglide_cal import __version__
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.errors import PostureError, UnusableResultError
-from orthoglide_cal.estimation import Solution, solve
+from orthoglide_cal.estimation import Known, Solution, solve
 from orthoglide_cal.files import Input
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.workspace import WorkspaceError, workspace_error
-from orthoglide_cal.results.adjustment import Adjustment, adjust
+from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
 from orthoglide_cal.results.release import Release, Remedy, release
 from orthoglide_cal.results.residuals import Explained, Residuals, explained, residuals
 from orthoglide_cal.verification import Size, Verification
-
-# How the answer depends on the tolerances takes time, and says nothing of healthy data.
-_DOUBTFUL = tuple(each for each in Verdict if each is not Verdict.CONSISTENT)
 
 
 @dataclass(frozen=True)
@@ -80,18 +78,58 @@ class Calibration:
             if cause.in_machine and cause.effect.cause.lasting
         )
 
+    @property
+    def found(self) -> tuple[Solution, Adjustment]:
+        """The solution, and what follows from its own offsets.
+
+        Raises:
+            UnusableResultError: there is none; says why, and what to do.
+        """
+        if self.solution is None or self.alone is None:
+            remedies = " ".join(remedy.sentence for remedy in self.release.remedies)
+            raise UnusableResultError(" ".join(self.release.reasons), remedies)
+        return self.solution, self.alone
+
+    @property
+    def diagnosed(self) -> tuple[Diagnosis, Adjustment]:
+        """The diagnosis, and what follows from the offsets that it leads to.
+
+        Raises:
+            UnusableResultError: there is none.
+        """
+        if self.diagnosis is None or self.adjustment is None:
+            raise UnusableResultError("There is no diagnosis.", " ".join(self.release.reasons))
+        return self.diagnosis, self.adjustment
+
+    @cached_property
+    def alone(self) -> Adjustment | None:
+        """The solution's own offsets, with the accepted causes alone; None without a result.
+
+        What is promised of them takes a cause into account that was named and does not bar them.
+        """
+        solution, diagnosis = self.solution, self.diagnosis
+        if solution is None:
+            return None
+        named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
+        if diagnosis is not None and named and self.release.usable:
+            real = Known(self.model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
+        else:
+            real = Known(self.input.model, solution.offsets_mm, solution.covariance_mm2)
+        return as_found(solution, diagnosis, real, self.input.conditions.mean_temperature_c)
+
     @cached_property
     def adjustment(self) -> Adjustment | None:
         """The offsets to enter, with their uncertainty; None without a result.
 
         Those of the solution; of the diagnosis where it knows better and those are not released.
         """
-        if self.solution is None:
-            return None
-        diagnosis = self.diagnosis
-        if self.release.usable or (diagnosis and diagnosis.verdict is Verdict.CONSISTENT):
-            diagnosis = None
-        return adjust(self.input.measured, self.solution, diagnosis, self.model)
+        solution, diagnosis = self.solution, self.diagnosis
+        if solution is None or diagnosis is None or self.release.usable:
+            return self.alone
+        if diagnosis.verdict is Verdict.CONSISTENT:
+            return self.alone
+        real = Known(self.model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
+        return as_diagnosed(solution, diagnosis, real, self.input.conditions.mean_temperature_c)
 
     @cached_property
     def residuals(self) -> Residuals | None:
@@ -114,7 +152,8 @@ class Calibration:
         if found is None:
             return None
         try:
-            return workspace_error(self.model, found.offsets_mm, found.covariance_mm2, found.k)
+            budget = found.budget
+            return workspace_error(self.model, found.offsets_mm, budget.covariance_mm2, budget.k)
         except PostureError:
             return None
 
@@ -140,6 +179,8 @@ def calibrate(
     given: Input,
     method: str | None = None,
     *,
+    diagnosed: Diagnosis | None = None,
+    sensitivity: Container[Verdict] = (),
     verification: Verification | None = None,
     issued: datetime | None = None,
 ) -> Calibration:
@@ -148,6 +189,8 @@ def calibrate(
     Args:
         given: the input.
         method: name of an estimator; the default for the data if None.
+        diagnosed: a diagnosis of it that was made already; it is made here if None.
+        sensitivity: verdicts for which the diagnosis says how they depend on the tolerances.
         verification: of a later session, to be shown as left.
         issued: time of issue; now if None.
 
@@ -161,14 +204,15 @@ def calibrate(
         solution = solve(measured, model, method)
     except UnusableResultError as error:
         remedies = (Remedy(error.remedy),) if error.remedy else ()
-        refused = Release(False, (error.what,), remedies)
+        refused = Release((error.what,), remedies, sound=False)
         return Calibration(identity, given, refused, verification=verification)
     try:
-        diagnosis = diagnose(measured, model, sensitivity=_DOUBTFUL)
+        diagnosed = diagnosed or diagnose(measured, model, sensitivity=sensitivity)
     except UnusableResultError:
-        diagnosis = None
-    decision = release(solution, diagnosis)
-    return Calibration(identity, given, decision, solution, diagnosis, verification)
+        # Numbers out of all proportion: the solution's own check is all there is.
+        diagnosed = None
+    decision = release(solution, diagnosed)
+    return Calibration(identity, given, decision, solution, diagnosed, verification)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.model import AXES, gauge_doubts
 
 
 @dataclass(frozen=True)
@@ -31,57 +33,100 @@ class Release:
     """The decision.
 
     Attributes:
-        usable: True if the offsets may be entered.
-        reasons: why not, in sentences; empty if usable.
+        reasons: why the offsets must not be entered, in sentences; empty if they may be.
         remedies: what to do instead.
         cautions: what to know although they may be entered.
+        sound: False if there are no offsets, or they fail their own check: whatever the diagnosis
+            says, they are of no use.
     """
 
-    usable: bool
     reasons: tuple[str, ...] = ()
     remedies: tuple[Remedy, ...] = ()
     cautions: tuple[str, ...] = ()
+    sound: bool = True
+
+    @property
+    def usable(self) -> bool:
+        """True if the offsets may be entered."""
+        return not self.reasons
 
 
 def release(solution: Solution, diagnosis: Diagnosis | None) -> Release:
     """Whether the solution's offsets may be entered, from its own check and the diagnosis.
 
-    A cause that was named only bars them if it moves them by more than their uncertainty.
+    Readings that this gauge can hardly have shown bar them, whatever fits them. A cause that was
+    named only bars them if it moves them by more than their uncertainty.
 
     Args:
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data; None if it was not or could not be made.
     """
-    if not solution.converged:
-        return Release(
-            False,
-            ("The search for the offsets did not converge.",),
-            (Remedy("Check the readings:", "validate"),),
-        )
-    if diagnosis is None and solution.suspicious:
-        return Release(False, (solution.judgement,), (Remedy("Find out what:", "diagnose"),))
-    if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
+    failures = tuple(_failures(solution, diagnosis))
+    judged = Release() if diagnosis is None else _judged(solution, diagnosis)
+    if not failures:
         # Without spare readings nothing can speak against the offsets, nor for them.
-        return Release(True, cautions=() if solution.dof else (solution.judgement,))
+        told = judged.usable and (not solution.dof or solution.suspicious)
+        return replace(judged, cautions=(*judged.cautions, *[solution.judgement] * told))
+    if diagnosis is not None and diagnosis.verdict is Verdict.UNEXPLAINED:
+        # What the check found is the explanation.
+        judged = Release()
+    return Release(
+        reasons=(*(reason for reason, _ in failures), *judged.reasons),
+        remedies=(*(remedy for _, remedy in failures), *judged.remedies),
+        sound=False,
+    )
+
+
+def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[str, Remedy]]:
+    """What the solution's own check has against it, each with what to do."""
+    if not solution.converged:
+        yield "The search for the offsets did not converge.", Remedy("Check the file:", "validate")
+        return
+    limit, offsets = solution.model.homing_mm, solution.offsets_mm.tolist()
+    beyond = [
+        f"{axis} {offset:+.1f} mm"
+        for axis, offset in zip(AXES, offsets, strict=True)
+        if abs(offset) > limit
+    ]
+    if beyond:
+        yield (
+            f"Offset {', '.join(beyond)}: no home switch is that far off (up to {limit:g} mm is"
+            " plausible).",
+            Remedy(
+                "Check the unit of the readings, their legs and directions, and the leg length in"
+                " the machine file. If a carriage really is that far off, move its home switch,"
+                " or state homing_mm in the machine file."
+            ),
+        )
+    for doubt in gauge_doubts(solution.measured, solution.model.machine.gauge):
+        yield doubt.what, Remedy(doubt.remedy)
+    if diagnosis is None and solution.suspicious:
+        yield solution.judgement, Remedy("Measure again with more postures.")
+
+
+def _judged(solution: Solution, diagnosis: Diagnosis) -> Release:
+    """What the diagnosis has against the offsets."""
+    if diagnosis.verdict is Verdict.CONSISTENT:
+        return Release()
     if diagnosis.verdict is Verdict.NAMED:
         return _named(solution, diagnosis)
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
         rivals = ", ".join(diagnosis.ambiguous_with) or "another cause"
         return Release(
-            False,
             (
                 f"Something is wrong beside the offsets, and these data cannot tell {first}"
                 f" from {rivals}.",
             ),
-            _next(diagnosis) or (Remedy("Measure again with more postures."),),
+            _next(diagnosis)
+            or tuple(dict.fromkeys(Remedy(cause.advice) for cause in diagnosis.causes))
+            or (Remedy("Measure again with more postures."),),
         )
     return Release(
-        False,
         (
-            "The model leaves out something that no known cause explains: residuals of"
-            f" {diagnosis.lack_of_fit.residual_mm:.3f} mm where the gauge's noise is"
-            f" {diagnosis.lack_of_fit.noise_mm:.3f} mm.",
+            "The model leaves out something that no known cause explains: readings scatter about"
+            f" it by {diagnosis.lack_of_fit.residual_mm:.3f} mm where the gauge's noise is"
+            f" {diagnosis.lack_of_fit.noise_mm:.3f} mm (standard deviations).",
         ),
         (
             *_next(diagnosis),
@@ -96,7 +141,6 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
     largest = f"{float(shift.max()):.3f} mm"
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
         return Release(
-            True,
             cautions=(
                 f"{names} was found; it moves no offset by more than {largest}, which is within"
                 " the uncertainty.",
@@ -113,7 +157,6 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
         for cause in diagnosis.causes
     ]
     return Release(
-        False,
         (f"{names} was found: the offsets without it would be wrong by up to {largest}.",),
         tuple(dict.fromkeys(remedies)),
     )

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.estimation.forecast import Prediction
-from orthoglide_cal.files import MM_PER_INCH
-from orthoglide_cal.model import AXES, Floats, Gauge, Ints
+from orthoglide_cal.model import AXES, MM_PER_INCH, Floats, Gauge, Ints, off_scale, too_steady
 from orthoglide_cal.session.events import Doubt, Questioned, Taken
 from orthoglide_cal.session.gauges.formats import Token, Unit
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
@@ -34,8 +33,6 @@ _ORDINARY = math.erfc(3.0 / math.sqrt(2.0))
 # 1/c (Ville's inequality); a session watches nine of them.
 RATIO = 3e4
 _TURNS = 3
-# A reading may miss the gauge's scale by this fraction of a division through rounding alone.
-_OFF_SCALE = 0.02
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 
@@ -107,6 +104,7 @@ def judge(
     question = (
         check_reading(coming, value, gauge)
         or check_number(coming, value, gauge, inches=inches)
+        or check_repeats(coming, value, gauge)
         or doubt
     )
     taken = (at, step.number, minutes, value, token.raw[:80], source)
@@ -147,7 +145,30 @@ def _off_scale(value: float, division: float, inches: bool) -> bool:
         in_tenths = division / MM_PER_INCH * 1e5
         if abs(in_tenths - round(in_tenths)) > 1e-6:
             return False
-    return abs(value / division - round(value / division)) > _OFF_SCALE
+    return bool(off_scale(np.array(value), division))
+
+
+def check_repeats(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
+    """The question that repeats raise which hardly differ: a gauge that is held, or another unit.
+
+    Asked once in a session; what was kept is not questioned again.
+    """
+    settled = {doubt for doubt, _ in coming.so_far.settled}
+    # A session's first repeat is the first that can say something.
+    if not coming.repeats or settled & {Doubt.DEAD, Doubt.SCATTER}:
+        return None
+    cells = [step.cell for step in coming.steps]
+    numbers = {cell: number for number, cell in enumerate(dict.fromkeys(cells))}
+    cell = np.array([numbers[each] for each in cells])
+    found = too_steady(np.append(coming.so_far.value, value), coming.setup, cell, gauge)
+    if found is None:
+        return None
+    stated = f"though the gauge repeats within {gauge.repeatability_mm:g} mm"
+    if found.scatter_mm == 0.0:
+        text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
+        return Question(Doubt.DEAD, text)
+    text = f"repeated readings differ by {found.scatter_mm:.1g} mm only, {stated}: is the unit mm?"
+    return Question(Doubt.SCATTER, text)
 
 
 def check_reading(coming: NextReading, value: float, gauge: Gauge) -> Question | None:

@@ -27,6 +27,8 @@ class Doubt(StrEnum):
 
     RANGE = "range"  # beyond the gauge's travel
     GRID = "resolution"  # finer than the gauge can show
+    DEAD = "dead"  # its repeats never differ
+    SCATTER = "scatter"  # its repeats differ far less than the gauge does
     LAYOUT = "keyboard"  # typed through a wrong keyboard layout
     DOUBLE = "double"  # the same key stroke twice
     REVOLUTION = "revolution"  # whole turns of the dial
@@ -38,8 +40,9 @@ class Doubt(StrEnum):
 
     @property
     def compares(self) -> bool:
-        """Whether it comes from comparing a reading with others, not from the reading alone."""
-        return self not in (Doubt.RANGE, Doubt.GRID, Doubt.LAYOUT, Doubt.DOUBLE)
+        """Whether the reading does not fit the others; not that the gauge can hardly show it."""
+        alone = (Doubt.RANGE, Doubt.GRID, Doubt.DEAD, Doubt.SCATTER, Doubt.LAYOUT, Doubt.DOUBLE)
+        return self not in alone
 
 
 @dataclass(frozen=True)

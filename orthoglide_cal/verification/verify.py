@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
-from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Solution, pose_differences, promise, solve
+from orthoglide_cal.diagnosis import diagnose
+from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.estimation import PromisedDifference, Solution, pose_differences, solve
 from orthoglide_cal.estimation.accuracy import half_width, rms
 from orthoglide_cal.estimation.methods import table_kind
 from orthoglide_cal.files import Input, machine_values
-from orthoglide_cal.model import Difference, Floats, Model, freeze
+from orthoglide_cal.model import Difference, Floats, Measured, Model, freeze
 from orthoglide_cal.verification.comparison import Comparison, compare
 from orthoglide_cal.verification.response import Response, respond
 
@@ -51,18 +52,29 @@ class Deviation:
     """One difference before and after the correction [mm].
 
     Attributes:
-        difference: which.
-        before_mm: measured before.
-        promised_mm: what the model said would remain.
+        promise: as it was measured before, and as the model said it would be left.
         after_mm: measured after.
         expanded_mm: expanded uncertainty U of the value measured after.
     """
 
-    difference: Difference
-    before_mm: float
-    promised_mm: float
+    promise: PromisedDifference
     after_mm: float
     expanded_mm: float
+
+    @property
+    def difference(self) -> Difference:
+        """Which."""
+        return self.promise.difference
+
+    @property
+    def before_mm(self) -> float:
+        """Measured before."""
+        return self.promise.measured_mm
+
+    @property
+    def promised_mm(self) -> float:
+        """What the model said would be left."""
+        return self.promise.expected_mm
 
 
 class Outcome(StrEnum):
@@ -159,11 +171,11 @@ def verify(
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     model = before.model
-    first, second = (solve(each.measured, model) for each in (before, after))
+    (first, kept), (second, _) = (_solved(each, model) for each in (before, after))
     comparison = compare(before.measured, after.measured, model)
     response = respond(comparison, first.offsets_mm, applied)
     factor = half_width(np.inf)
-    deviations = _deviations(before, after, first.offsets_mm, applied, factor)
+    deviations = _deviations(first, kept, after, applied, factor)
     return Verification(
         before=first,
         after=second,
@@ -193,8 +205,19 @@ def decide(deviations: Sequence[Deviation], limit_mm: float) -> Decision:
     return Decision(limit_mm, outcome, largest)
 
 
+def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
+    """The offsets, as unsure as the diagnosis leaves them, and the data without passing faults."""
+    solution = solve(given.measured, model)
+    try:
+        found = diagnose(given.measured, model)
+    except UnusableResultError:
+        return solution, given.measured
+    budget = solution.budget.extended(found.adds_to(solution))
+    return replace(solution, budget=budget), found.put_right
+
+
 def _deviations(
-    before: Input, after: Input, offsets: Floats, applied: Floats, factor: float
+    before: Solution, right: Measured, after: Input, applied: Floats, factor: float
 ) -> tuple[Deviation, ...]:
     """The differences of Table 4 before, promised and after, where both sessions hold them."""
     model = before.model
@@ -203,8 +226,8 @@ def _deviations(
     measured = zip(later.data.tolist(), reach.tolist(), strict=True)
     came_true = dict(zip(later.which, measured, strict=True))
     deviations = tuple(
-        Deviation(row.difference, row.measured_mm, row.expected_mm, *came_true[row.difference])
-        for row in promise(before.measured, model, offsets, applied)
+        Deviation(row, *came_true[row.difference])
+        for row in before.promised(applied, right)
         if row.difference in came_true
     )
     if not deviations:

@@ -24,6 +24,8 @@ CONTRACT = {
     "misread": ("record", "mm", 1),
     "sign_flip": ("record", "", 0),
     "swapped_gauges": ("record", "", 0),
+    "exchanged_columns": ("record", "", 0),
+    "wrong_unit": ("record", "", 0),
 }
 PLAN = double_posture(PROTOTYPE)
 every_cause = pytest.mark.parametrize("cause", CAUSES.values(), ids=list(CAUSES))
@@ -95,6 +97,11 @@ def test_each_takes_its_size_from_the_tolerances(cause: Cause) -> None:
     expected = PROTOTYPE.tolerances[cause.id] * cause.scale
     assert stds[: len(cause.names)] == pytest.approx(expected)
     assert cause.scale == {"mrad": 1e-3, "1e-3": 1e-3}.get(cause.unit, 1.0)
+
+
+@every_cause
+def test_its_default_is_what_the_prototype_s_file_states(cause: Cause) -> None:
+    assert cause.sizes["orthoglide"] == PROTOTYPE.tolerances[cause.id]
 
 
 def test_what_lies_in_the_measurement_is_never_compensable() -> None:

@@ -73,6 +73,8 @@ def test_faults_of_the_measurement_are_those_of_the_truth(
     mine = as_plan(plan)
     record = written(CAUSES[id], size, place, mine, simulate(model, offsets, mine) + zeros)
     assert np.abs(record - true).max() < 1e-9
+    spoiled = CAUSES[id].spoiled(place, mine).tolist()
+    assert spoiled == np.flatnonzero(np.abs(true - surface) > 1e-9).tolist()
     assert np.abs(record - surface).max() > 0.05
 
 
@@ -127,7 +129,7 @@ def test_only_a_gauge_with_a_dial_has_turns_to_miscount() -> None:
     plain = replace(PROTOTYPE, gauge=replace(PROTOTYPE.gauge, revolution_mm=None))
     assert slip.possible(PROTOTYPE)
     assert not slip.possible(plain)
-    assert not slip.possible(replace(PROTOTYPE, tolerances={}))
+    assert not slip.possible(replace(PROTOTYPE, tolerances={"gauge_slip": 0.0}))
     assert CAUSES["misread"].possible(plain)
 
 
@@ -150,14 +152,17 @@ def test_places_are_counted_from_the_plan() -> None:
         id for id, cause in CAUSES.items() if not isinstance(cause, PatternCause | RelabelCause)
     }
     assert {count[id] for id in wide} == {1}
-    assert count["gauge_drift"] == count["sign_flip"] == 6
+    assert count["gauge_drift"] == 6
+    assert count["sign_flip"] == 6 + 1
+    assert count["exchanged_columns"] == 1
+    assert count["wrong_unit"] == 4
     assert count["swapped_gauges"] == 3
     assert count["misread"] == 60
     assert count["stand_shift"] == 54
     # Each reading alone, and all from the second to the last but one of each set-up.
     assert count["gauge_slip"] == 60 + 6 * 8
     half = PLAN.subset(np.flatnonzero((PLAN.leg != 1) & (PLAN.direction != 2)))
-    assert len(CAUSES["sign_flip"].places(half, PROTOTYPE)) == 3
+    assert len(CAUSES["sign_flip"].places(half, PROTOTYPE)) == 3 + 1
     assert [p.index for p in CAUSES["swapped_gauges"].places(half, PROTOTYPE)] == [(2,)]
 
 
@@ -189,7 +194,10 @@ def test_labels_lead_a_technician_to_the_reading() -> None:
         ("gauge_slip", (2, 0)): "leg x, direction y, max, cycle 1 (reading 3)",
         ("gauge_drift", (2, 0)): "leg z, direction x",
         ("sign_flip", (1, 2)): "leg y, direction z",
+        ("sign_flip", ()): "all readings",
         ("swapped_gauges", (1,)): "leg y",
+        ("exchanged_columns", ()): "",
+        ("wrong_unit", (0,)): "inches written as mm",
         ("axis_gap", ()): "",
     }
     for (id, index), label in words.items():
@@ -218,7 +226,8 @@ def test_twice_is_not_at_all(cause: RelabelCause, plan: Plan) -> None:
         assert cause.reversible(plan, place)
         once = written(cause, None, place, plan, values)
         assert np.abs(once - values).max() > 0.1
-        assert written(cause, None, place, plan, once) == pytest.approx(values, abs=0.0)
+        twice = written(cause, None, place, plan, once)
+        assert twice == pytest.approx(values / cause.unit_mm(place) ** 2, rel=1e-12)
 
 
 @every_relabel
@@ -230,6 +239,7 @@ def test_undoing_it_needs_no_gauge_zeros(cause: RelabelCause) -> None:
         zeros = rng.uniform(-4.0, 4.0, 6)[PLAN.setup]
         data = contrasts @ written(cause, None, place, PLAN, clean + zeros)
         undone = contrasts @ written(cause, None, place, PLAN, contrasts.T @ data)
+        undone *= cause.unit_mm(place) ** 2
         assert undone == pytest.approx(contrasts @ clean, abs=1e-12)
         assert np.abs(data - contrasts @ clean).max() > 0.1
 

@@ -17,6 +17,7 @@ CAUSES = (
     "encoder_scale=1,-1,2", "backlash=0.02,0.01,0.03", "thermal_drift=0.05,0.1,-0.1",
     "bar_skew=1,2,-1,0.5,0.2,-2", "gauge_drift@x,y=0.05", "stand_shift@12=0.1",
     "gauge_slip@7=1", "gauge_slip@7+=-1", "misread@60=0.1", "sign_flip@z,x", "swapped_gauges@y",
+    "sign_flip", "exchanged_columns", "wrong_unit@1", "wrong_unit@4",
 )  # fmt: skip
 
 
@@ -150,6 +151,12 @@ def test_causes_that_make_no_sense(cause: str, said: str) -> None:
     assert shown.exit_code == 2
     assert said in shown.stderr
     assert shown.stdout == ""
+
+
+def test_readings_that_do_not_pair_up_cannot_be_exchanged() -> None:
+    shown = run("simulate", "--protocol", "single", "--cause", "exchanged_columns")
+    assert shown.exit_code == 2
+    assert "exchanged_columns cannot act in this session" in shown.stderr
 
 
 @pytest.mark.parametrize("option", ["--noise", "--resolution"])

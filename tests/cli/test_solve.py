@@ -7,17 +7,19 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from orthoglide_cal import estimation
 from orthoglide_cal.files import default_machine, machine_text, read_input
+from orthoglide_cal.results import calibrate
 from tests.cli.program import DOUBLE, SESSION, SINGLE, SIX, lines, process, run
 
 FIELDS: dict[str, Any] = {
     "schema_version": int, "input": dict, "machine": str, "method": str, "offsets_mm": dict,
     "std_mm": dict, "ci95_mm": dict, "correlation": list, "sigma_mm": float,
     "sigma_rho_mm": float, "dof": int, "rms_before_mm": float, "rms_after_mm": float,
-    "converged": bool, "table": list, "warnings": list,
+    "converged": bool, "table": list, "warnings": list, "expanded_mm": dict, "k": float,
+    "budget": list, "usable": bool, "reasons": list,
 }  # fmt: skip
 
 
@@ -36,7 +38,7 @@ def test_json_has_every_field_of_the_contract(file: str) -> None:
         "kind": measured.kind,
         "readings": len(measured),
     }
-    for name in ("offsets_mm", "std_mm"):
+    for name in ("offsets_mm", "std_mm", "expanded_mm"):
         assert list(found[name]) == ["x", "y", "z"]
         assert all(type(value) is float for value in found[name].values())
     for axis in "xyz":
@@ -45,18 +47,32 @@ def test_json_has_every_field_of_the_contract(file: str) -> None:
     assert [len(row) for row in found["correlation"]] == [3, 3, 3]
     assert len(found["table"]) == 6
     for row in found["table"]:
-        assert set(row) == {"difference", "measured_mm", "modelled_mm", "expected_mm"}
+        names = {"difference", "measured_mm", "modelled_mm", "expected_mm", "expanded_mm"}
+        assert set(row) == names
+        # On the nominal machine, but for the rounding of what is entered.
         gap = row["measured_mm"] - row["modelled_mm"]
-        assert row["expected_mm"] == pytest.approx(gap, abs=1e-12)
+        assert row["expected_mm"] == pytest.approx(gap, abs=5e-4)
+        assert row["expanded_mm"] > 0.0
+    for axis in "xyz":
+        variance = sum(source["std_mm"][axis] ** 2 for source in found["budget"])
+        assert found["std_mm"][axis] == pytest.approx(math.sqrt(variance))
+        assert found["expanded_mm"][axis] == pytest.approx(found["k"] * found["std_mm"][axis])
+    for source in found["budget"]:
+        assert set(source) == {"source", "type", "std_mm", "size", "unit", "assumed", "sensitivity"}
+        assert source["type"] in ("A", "B")
+    assert found["usable"] == (not found["reasons"])
     assert all(type(warning) is str for warning in found["warnings"])
 
 
 def test_json_is_the_solution() -> None:
     (found,) = lines(run("solve", "--json", DOUBLE))
-    solution = estimation.solve(read_input(DOUBLE, default_machine()).measured, default_machine())
+    solution, adjustment = calibrate(read_input(DOUBLE, default_machine())).found
     assert list(found["offsets_mm"].values()) == solution.offsets_mm.tolist()
-    assert list(found["std_mm"].values()) == solution.std_mm.tolist()
-    assert list(found["ci95_mm"].values()) == solution.interval_mm.tolist()
+    assert list(found["std_mm"].values()) == adjustment.std_mm.tolist()
+    assert list(found["expanded_mm"].values()) == adjustment.expanded_mm.tolist()
+    low, high = np.array(list(found["ci95_mm"].values())).T
+    assert (high - low) / 2.0 == pytest.approx(adjustment.expanded_mm)
+    assert (high + low) / 2.0 == pytest.approx(solution.offsets_mm)
     assert found["sigma_rho_mm"] == solution.sigma_rho_mm
     assert found["dof"] == 51
 
@@ -84,14 +100,16 @@ def test_without_spare_readings_nothing_is_not_a_number() -> None:
 
 
 def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
-    """New = active + Δρ, with the machine's active offsets."""
+    """New = active + Δρ, with the machine's active offsets; after the verdict."""
     machine = tmp_path / "tuned.yaml"
     text = machine_text(default_machine())
     machine.write_text(
         text.replace("{x: 0.0, y: 0.0, z: 0.0}", "{x: 0.25, y: -1.5, z: 0.0}"), encoding="utf-8"
     )
-    shown = run("solve", "--machine", str(machine), SIX).stdout
-    (found,) = lines(run("solve", "--json", "--machine", str(machine), SIX))
+    shown = run("solve", "--machine", str(machine), DOUBLE).stdout
+    (found,) = lines(run("solve", "--json", "--machine", str(machine), DOUBLE))
+    assert found["usable"]
+    assert shown.index("may be entered") < shown.index("type in")
     cells = {row.split()[0]: row.split() for row in shown.splitlines() if row[:3] in {"  x", "  y"}}
     for axis, active in (("x", 0.25), ("y", -1.5)):
         row = cells[axis]
@@ -103,12 +121,13 @@ def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
 
 def test_text_shows_the_papers_table_4() -> None:
     shown = run("solve", SIX).stdout.splitlines()
-    at = next(i for i, line in enumerate(shown) if line.startswith("Expected improvement"))
+    at = next(i for i, line in enumerate(shown) if line.startswith("Left if these offsets"))
     assert shown[at + 1].split() == ["dx_y", "dx_z", "dy_x", "dy_z", "dz_x", "dz_y", "r.m.s."]
     measured, expected = shown[at + 2].split(), shown[at + 3].split()
     assert " ".join(measured[1:]) == "-0.43 -0.37 +0.42 -0.18 -1.14 -0.70 0.62"
-    assert " ".join(expected[2:]) == "-0.28 +0.25 +0.21 -0.14 -0.13 +0.09 0.20"
-    assert "0.6219 before, 0.1953 after" in shown[at + 5]
+    assert expected[:3] == ["would", "be", "left"]
+    assert " ".join(expected[3:]) == "-0.28 +0.25 +0.21 -0.14 -0.13 +0.09 0.20"
+    assert "0.6219 before, 0.1953 with" in shown[at + 6]
 
 
 def test_text_puts_the_sigmas_side_by_side() -> None:
@@ -125,7 +144,8 @@ def test_text_puts_the_sigmas_side_by_side() -> None:
 @pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])
 def test_text_fits_80_columns(file: str) -> None:
     shown = process("solve", file, environment={"COLUMNS": "80"}).stdout
-    assert max(len(line) for line in shown.splitlines()) <= 80
+    # What is to be typed stays on one line.
+    assert max(len(line) for line in shown.splitlines() if "orthocal " not in line) <= 80
 
 
 def test_healthy_residuals_are_said_to_be_so() -> None:
@@ -134,15 +154,20 @@ def test_healthy_residuals_are_said_to_be_so() -> None:
     assert "diagnose" not in shown
 
 
-def test_unhealthy_residuals_name_the_command_to_run_next(tmp_path: Path) -> None:
+def test_what_must_not_be_entered_stands_without_an_order(tmp_path: Path) -> None:
+    """A named cause: first why not, then the command to run next; done, so the exit code is 0."""
     copy = tmp_path / "my session.yaml"
     copy.write_bytes(Path(SESSION).read_bytes())
-    shown = run("solve", str(copy)).stdout
+    done = run("solve", str(copy))
+    assert done.exit_code == 0
+    shown = done.stdout
+    assert shown.index("Do not enter these offsets") < shown.index("as found")
+    assert "type in" not in shown
     assert "larger than this gauge's noise would give" in " ".join(shown.split())
-    assert f"orthocal diagnose {shlex.quote(str(copy))}\n" in shown
+    assert f"orthocal diagnose {shlex.quote(str(copy))} --accept axis_gap\n" in shown
     machine = Path("configs") / "orthoglide_prototype.yaml"
-    shown = run("solve", "--machine", str(machine), SIX).stdout
-    assert f"orthocal diagnose {shlex.quote(SIX)} --machine {machine}\n" in shown
+    shown = run("solve", "--machine", str(machine), str(copy)).stdout
+    assert f"{shlex.quote(str(copy))} --machine {machine} --accept axis_gap\n" in shown
 
 
 @pytest.mark.parametrize("depth", [1, 4, 9, 14])

@@ -11,13 +11,17 @@ from orthoglide_cal.diagnosis.fit import fit_explanation
 from orthoglide_cal.diagnosis.scores import score_all
 from tests import truth
 from tests.diagnosis.sessions import known
+from tests.machines import sure
 from tests.readings import some
 
 SWAP = CAUSES["swapped_gauges"]
 
 
-def swapped(seed: int, gauge: truth.Gauge, beside: tuple[str, ...] = ()) -> truth.Session:
-    return truth.make_session(seed, truth.PROTOTYPE, gauge, ("swapped_gauges", *beside))
+def swapped(
+    seed: int, gauge: truth.Gauge, beside: tuple[str, ...] = (), exact: bool = False
+) -> truth.Session:
+    hidden = ("swapped_gauges", *beside)
+    return truth.make_session(seed, truth.PROTOTYPE, gauge, hidden, exact=exact)
 
 
 @pytest.mark.parametrize("gauge", [truth.MICRON, truth.DIAL], ids=lambda gauge: gauge.name)
@@ -66,7 +70,8 @@ def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
 ) -> None:
     """Evidence, offsets and residuals of each leg's exchange, by either way."""
     assert isinstance(SWAP, RelabelCause)
-    readings, model = known(swapped(3, truth.MICRON))
+    readings, model = known(swapped(3, truth.MICRON, exact=True))
+    model = sure(model)
     white = Whitened.of(readings, model)
     candidates = Candidates.of(model, ordered=True)
     score = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]

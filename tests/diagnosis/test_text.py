@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.diagnosis import Explanation
-from orthoglide_cal.diagnosis import diagnose as judge
 from orthoglide_cal.files import readings_csv
 from orthoglide_cal.model import double_posture
 from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.results import calibrate
 from tests import truth
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, written
 from tests.diagnosis.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
+from tests.results.sessions import given
 
 
 class TestText:
@@ -57,7 +58,7 @@ class TestText:
         assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
         assert "readings left out of the fit" in text
         assert "tolerances halved and doubled" in text
-        assert "type in" in text
+        assert "type in" not in text
         assert "-0.189" in text
 
     def test_an_open_answer_offers_no_compensation(self) -> None:
@@ -81,11 +82,13 @@ class TestText:
         from orthoglide_cal.report.markdown import markdown
 
         readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
-        found = judge(readings, model)
-        text = markdown(diagnosis_document(found, readings).page())
+        found = calibrate(given(readings, model))
+        assert found.diagnosis is not None
+        text = markdown(diagnosis_document(found).page())
         assert "nothing is wrong at all" not in text
-        faint = replace(found, ranking={**found.ranking, Explanation(): 0.217})
-        text = markdown(diagnosis_document(faint, readings).page())
+        ranking = {**found.diagnosis.ranking, Explanation(): 0.217}
+        faint = replace(found, diagnosis=replace(found.diagnosis, ranking=ranking))
+        text = markdown(diagnosis_document(faint).page())
         assert "21.7 % that nothing is wrong at all" in text
 
     def test_names_from_outside_are_shown_not_obeyed(self, tmp_path: Path) -> None:

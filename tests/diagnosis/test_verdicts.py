@@ -11,6 +11,7 @@ from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.estimation import solve
 from tests import truth
 from tests.diagnosis.sessions import known
+from tests.machines import sure
 from tests.readings import some
 from tests.truth.effects import Effect
 
@@ -62,15 +63,19 @@ def test_a_clear_cause_is_named(cause: str, gauge: truth.Gauge, seed: int) -> No
     assert ids(found) == (cause,)
     assert found.verdict in ("named", "ambiguous")
     if found.verdict == "ambiguous":
-        # Only a blunder of the same reading may compete with a blunder.
+        # Only a blunder of the same reading may compete with a blunder; and beside skewed bars no
+        # reading tells whether the gauges of a leg were exchanged.
         blunders = {"misread", "stand_shift", "gauge_slip"}
-        assert {cause, *found.ambiguous_with} <= blunders
+        together = {cause, *found.ambiguous_with}
+        assert together <= blunders or together == {"bar_skew", "swapped_gauges"}
     named = found.causes[0]
     assert named.probability > 0.5
     assert named.rms_after_mm < 1.3 * gauge.sigma < 1.3 * named.rms_before_mm
     assert named.heldout_before_mm is not None
     assert named.heldout_after_mm is not None
-    assert named.heldout_after_mm < 1.6 * gauge.sigma
+    # Its own scatter from session to session is 15 %, of eighteen cells.
+    expected = truth.expected_heldout(session)
+    assert named.heldout_after_mm < 1.5 * expected < named.heldout_before_mm
     assert np.abs(found.offsets_mm - session.offsets).max() < 4.0 * found.std_mm.max()
 
 
@@ -122,8 +127,8 @@ def test_what_is_not_listed_is_unexplained(outside: str) -> None:
     assert found.causes == ()
     assert found.lack_of_fit.p_value < 1e-6
     # Its size is part of the uncertainty: wider than the gauge's noise alone would say.
-    healthy = judged(healthy_session())
-    assert np.all(found.std_mm > 3.0 * healthy.std_mm)
+    healthy, model = known(healthy_session())
+    assert np.all(found.std_mm > 3.0 * solve(healthy, sure(model)).std_mm)
     assert any("pattern" in note for note in found.notes)
 
 

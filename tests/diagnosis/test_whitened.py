@@ -8,7 +8,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES, RelabelCause
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.files import read_input
-from orthoglide_cal.model import DIFFERENCES, DataKind, Series, double_posture, simulate
+from orthoglide_cal.model import DIFFERENCES, DataKind, Model, Series, double_posture, simulate
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import readings_of
 
@@ -59,9 +59,13 @@ def test_undoing_it_in_the_data_is_undoing_it_in_the_readings(cause: RelabelCaus
         zeros = rng.uniform(-4.0, 4.0, 6)[plan.setup]
         written = cause.record(clean + zeros, np.zeros(0), place, plan, PROTOTYPE)
         white = Whitened.of(readings_of(PROTOTYPE, plan, written), NOMINAL)
-        undone = white.relabelled(white.data, cause, place)
-        assert undone == pytest.approx(white.matrix @ clean, abs=1e-12)
-        assert white.relabelled(undone, cause, place) == pytest.approx(white.data, abs=1e-12)
+        undone, unit = white.undone(cause, place), cause.unit_mm(place)
+        if undone is None:  # no gauge has noise of 0.1 mm, in no unit
+            assert unit != 1.0
+            continue
+        assert undone == pytest.approx(white.matrix @ clean, abs=1e-11)
+        again = white.relabelled(undone, cause, place) / unit
+        assert again == pytest.approx(white.data, rel=1e-9, abs=1e-11)
         assert np.abs(white.data - white.matrix @ clean).max() > 0.1
 
 
@@ -72,6 +76,18 @@ def test_a_clock_that_was_only_assumed_leaves_rates_three_times_as_open() -> Non
     assert sure == PROTOTYPE.tolerances
     assert {id for id in sure if assumed[id] != sure[id]} == {"thermal_drift", "gauge_drift"}
     assert all(assumed[id] == 3.0 * sure[id] for id in ("thermal_drift", "gauge_drift"))
+
+
+def test_defaults_are_scaled_like_what_is_given() -> None:
+    silent = Model(replace(PROTOTYPE, tolerances={"misread": 0.2}))
+    plan = double_posture(PROTOTYPE)
+    readings = replace(readings_of(PROTOTYPE, plan, np.linspace(0.0, 1.0, 60)), timed=False)
+    white = Whitened.of(readings, silent)
+    doubled = white.scaled(2.0).machine
+    for id, cause in CAUSES.items():
+        factor = 3.0 if cause.unit == "mm/h" else 1.0
+        assert cause.size(white.machine) == factor * cause.size(silent.machine) > 0.0, id
+        assert cause.size(doubled) == 2.0 * cause.size(white.machine), id
 
 
 def test_scaling_changes_the_tolerances_and_nothing_else() -> None:

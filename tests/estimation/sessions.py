@@ -21,6 +21,7 @@ from orthoglide_cal.model import (
     ideal_plan,
     reduction,
     simulate,
+    simulate_with_jacobian,
     without_zeros,
 )
 from orthoglide_cal.model.synthetic import synthetic_session
@@ -106,6 +107,11 @@ def solve_many(model: Model, plan: Plan, values: Floats, kind: DataKind) -> Many
     fit = fit_offsets(problem, values @ matrix.T)
     assert np.all(fit.converged)
     spare = without_zeros(plan, values - simulate(model, fit.offsets_mm, plan))
+    # Whatever the method, σ is of what no offsets explain.
+    slope = simulate_with_jacobian(model, fit.offsets_mm, plan)[1]
+    slope = without_zeros(plan, np.swapaxes(slope, -1, -2))
+    off = np.linalg.solve(slope @ np.swapaxes(slope, -1, -2), slope @ spare[..., None])
+    spare = spare - (np.swapaxes(slope, -1, -2) @ off)[..., 0]
     dof = len(plan) - plan.setups - 3
     sigma = np.sqrt((spare**2).sum(axis=-1) / dof)
     sigma = np.maximum(sigma, model.machine.gauge.rounding_mm)

@@ -12,8 +12,8 @@ from orthoglide_cal.estimation.accuracy import (
     chance_of_residual,
     half_width,
     scatter_of_repeats,
-    scatter_of_residuals,
     sigma_rho,
+    sum_of_squares,
     unit_covariance,
 )
 from orthoglide_cal.model import (
@@ -25,6 +25,7 @@ from orthoglide_cal.model import (
     Plan,
     double_posture,
     simulate,
+    simulate_with_jacobian,
     single_posture,
 )
 from orthoglide_cal.model.synthetic import written_down
@@ -40,7 +41,7 @@ from tests.estimation.sessions import (
     readings,
     solve_many,
 )
-from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models
+from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, sure
 
 
 def test_six_differences_are_independent() -> None:
@@ -83,24 +84,30 @@ def test_covariances_come_in_batches() -> None:
     assert together[3, 2] == pytest.approx(unit_covariance(problem, slope[3, 2]), rel=1e-12)
 
 
+@pytest.mark.parametrize("influenced", [False, True], ids=["noise", "influences"])
 @pytest.mark.parametrize("kind", [SIX, TWELVE, SINGLE])
-def test_sigma_from_the_residuals_of_differences(kind: DataKind) -> None:
-    """Unbiased within 5 standard errors over 4000 sets: chance of failure below 1e-6."""
+def test_what_noise_leaves_of_differences_is_chi_squared(kind: DataKind, influenced: bool) -> None:
+    """σ² χ² of k − 3 degrees of freedom, of 4000 sets of differences.
+
+    A Kolmogorov–Smirnov test at 1e-5, by either of two estimators for each of six cases.
+    """
+    rng = np.random.default_rng(5)
     problem = problem_of(kind, NOMINAL)
-    slope = problem.at_zero[1]
-    projector = np.eye(len(slope)) - slope @ np.linalg.pinv(slope)
-    noise = np.random.default_rng(5).standard_normal((4000, len(problem.plan)))
-    found = [
-        scatter_of_residuals(problem, slope, projector @ row) for row in noise @ problem.matrix.T
-    ]
-    variances = np.array([s.sigma_mm**2 for s in found if s is not None])
-    assert len(variances) == 4000
-    assert variances.mean() == pytest.approx(1.0, abs=5.0 * variances.std() / np.sqrt(4000))
-    assert found[0] is not None
-    # Satterthwaite: the variance of the estimate is 2/dof.
-    assert variances.var() == pytest.approx(2.0 / found[0].dof, rel=0.15)
-    if kind is SIX:
-        assert found[0].dof == pytest.approx(3.0, abs=1e-9)
+    slope, k = problem.at_zero[1], len(problem.matrix)
+    # Unequal influences of a few standard deviations of noise each.
+    ratio = rng.normal(0.0, [3.0, 1.0], (k, 2)) if influenced else np.zeros((k, 2))
+    noise = 0.02 * rng.standard_normal((4000, len(problem.plan))) @ problem.matrix.T
+    data = noise + 0.02 * rng.standard_normal((4000, 2)) @ ratio.T
+    # Plain least squares, and the first three differences alone.
+    first_three = np.linalg.pinv(np.where(np.arange(k)[:, None] < 3, slope, 0.0))
+    if kind is SINGLE:  # of which the first three do not tell Δρ_y
+        first_three = np.linalg.pinv(slope * np.linspace(1.0, 5.0, k)[:, None])
+        first_three = first_three * np.linspace(1.0, 5.0, k)
+    for estimator in (np.linalg.pinv(slope), first_three):
+        assert estimator @ slope == pytest.approx(np.eye(3), abs=1e-9)
+        residual = data - data @ estimator.T @ slope.T
+        found = [sum_of_squares(problem, slope, row, ratio) / 0.02**2 for row in residual]
+        assert stats.kstest(found, stats.chi2(k - 3).cdf).pvalue > 1e-5
 
 
 def test_no_spare_difference_means_no_sigma() -> None:
@@ -150,11 +157,13 @@ def test_without_repeats_there_is_no_sigma_of_repeats() -> None:
 def test_sigma_of_raw_readings_is_from_all_of_them_whatever_the_method(method: str) -> None:
     session = readings(NOMINAL_LARGE, double_posture(LARGE), 0.1 * OFFSETS)
     plan = session.plan
-    solution = solve(session, NOMINAL_LARGE, method)
-    left = session.value - simulate(NOMINAL_LARGE, solution.offsets_mm, plan)
-    sums = sum(
-        float(((left[plan.setup == k] - left[plan.setup == k].mean()) ** 2).sum()) for k in range(6)
-    )
+    solution = solve(session, sure(NOMINAL_LARGE), method)
+    # What offsets and zeros cannot explain, by a fit of both.
+    h, slope = simulate_with_jacobian(NOMINAL_LARGE, solution.offsets_mm, plan)
+    design = np.hstack((slope, plan.zeros))
+    left = session.value - h
+    left = left - design @ np.linalg.lstsq(design, left, rcond=None)[0]
+    sums = float(left @ left)
     assert solution.dof == 60 - 6 - 3
     assert solution.sigma_residuals_mm == pytest.approx(np.sqrt(sums / 51), rel=1e-9)
     assert solution.sigma_mm == solution.sigma_residuals_mm
@@ -190,7 +199,7 @@ def test_chance_of_residual_is_chi_squared() -> None:
 
 
 def test_correlations_sigma_rho_and_expanded_uncertainty() -> None:
-    solution = solve(readings(NOMINAL_LARGE, double_posture(LARGE)), NOMINAL_LARGE)
+    solution = solve(readings(NOMINAL_LARGE, double_posture(LARGE)), sure(NOMINAL_LARGE))
     matrix = solution.correlation
     assert np.diag(matrix).tolist() == [1.0, 1.0, 1.0]
     x, y = solution.std_mm[:2]
@@ -206,7 +215,8 @@ def test_correlations_sigma_rho_and_expanded_uncertainty() -> None:
 def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() -> None:
     """By fits that believe other gaps; these are known with correlations, which must not be lost.
 
-    The program's derivative is a step of one standard deviation: right within 2e-3 of itself.
+    The program's derivative is a step of one standard deviation: right within 2e-3 of itself. All
+    readings at once are weighted anew by that doubt; the paper's methods stay as they are.
     """
     gaps = np.array([0.3, -0.4, 0.25])
     root = 0.01 * np.array([[2.0, 0.0, 0.0], [1.5, 1.0, 0.0], [-0.7, 0.8, 0.5]])
@@ -215,10 +225,10 @@ def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() ->
     )
 
     def believing(values: Floats, covariance: Floats | None = None) -> Model:
-        return NOMINAL.extended([Effect(CAUSES["axis_gap"], values, covariance=covariance)])
+        return sure(NOMINAL).extended([Effect(CAUSES["axis_gap"], values, covariance=covariance)])
 
-    for method in ("readings", "six", "twelve"):
-        sure = solve(session, believing(gaps), method)
+    for method in ("six", "twelve"):
+        certain = solve(session, believing(gaps), method)
         doubtful = solve(session, believing(gaps, root @ root.T), method)
         by_gap = [
             solve(session, believing(gaps + step), method).offsets_mm
@@ -226,12 +236,11 @@ def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() ->
             for step in 1e-3 * np.eye(3)
         ]
         columns = np.stack(by_gap, axis=1) / 2e-3 @ root
-        carried = doubtful.covariance_mm2 - sure.covariance_mm2
+        carried = doubtful.covariance_mm2 - certain.covariance_mm2
         assert carried == pytest.approx(columns @ columns.T, rel=2e-3, abs=1e-9)
-        assert doubtful.offsets_mm == pytest.approx(sure.offsets_mm, abs=1e-12)
-        # Student's factor for the noise, the normal one for what is carried.
-        expected = np.hypot(sure.expanded_mm, stats.norm.ppf(0.975) * np.sqrt(np.diag(carried)))
-        assert doubtful.expanded_mm == pytest.approx(expected, rel=1e-6)
+        assert doubtful.offsets_mm == pytest.approx(certain.offsets_mm, abs=1e-12)
+        # Of exact readings only the rounding is uncertain, and of that nothing is counted.
+        assert doubtful.k == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
         assert np.all(np.diag(carried) > 1e-6)
 
 
@@ -274,7 +283,7 @@ def test_many_sessions_at_once_give_what_single_solves_give(kind: DataKind) -> N
     many = solve_many(NOMINAL_LARGE, plan, values, kind)
     session = readings(NOMINAL_LARGE, plan)
     for k in range(4):
-        alone = solve(replace(session, value=values[k]), NOMINAL_LARGE, kind)
+        alone = solve(replace(session, value=values[k]), sure(NOMINAL_LARGE), kind)
         assert many.fit.offsets_mm[k] == pytest.approx(alone.offsets_mm, abs=1e-9)
         assert many.std_mm[k] == pytest.approx(alone.std_mm, rel=1e-7)
         assert many.interval_mm[k] == pytest.approx(alone.interval_mm, abs=1e-8)

@@ -47,11 +47,11 @@ def test_six_of_twelve_are_predicted_at_the_times_of_the_twelve() -> None:
 
 def test_six_of_twelve_need_both_ends() -> None:
     names = [each.name for each in DIFFERENCES[TWELVE]]
-    twelve = only(differences(TWELVE, NOMINAL), *(n for n in names if n not in ("x_z-", "y_x+")))
+    twelve = only(differences(TWELVE, NOMINAL), *(n for n in names if n not in ("dx_z-", "dy_x+")))
     posed = pose_differences(twelve, NOMINAL, SIX)
-    assert [each.name for each in posed.which] == ["x_y", "y_z", "z_x", "z_y"]
+    assert [each.name for each in posed.which] == ["dx_y", "dy_z", "dz_x", "dz_y"]
     assert solve(twelve, NOMINAL, "six").offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
-    assert len(solve(twelve, NOMINAL).table) == 4
+    assert len(solve(twelve, NOMINAL).promised()) == 4
 
 
 @pytest.mark.parametrize("kind", [SIX, TWELVE, SINGLE])
@@ -64,7 +64,7 @@ def test_the_order_in_the_file_does_not_matter(kind: DataKind) -> None:
     shuffled = only(straight, *names)
     one, two = solve(straight, BENT), solve(shuffled, BENT)
     assert two.offsets_mm == pytest.approx(one.offsets_mm, abs=1e-12)
-    assert two.table == one.table
+    assert two.promised() == one.promised()
     # What is predicted for the file stands in the order of the file.
     expected = dict(zip(straight.which, one.predicted_mm, strict=True))
     assert two.predicted_mm == pytest.approx([expected[e] for e in shuffled.which], abs=1e-12)

@@ -45,11 +45,11 @@ def of(plan: Plan, leg: str, direction: str) -> np.ndarray:
 @pytest.mark.parametrize(
     ("names", "undetermined"),
     [
-        (("x_y", "y_x"), ("z",)),
-        (("y_z", "z_y"), ("x",)),
-        (("x_z", "z_x"), ("y",)),
-        (("x_y",), ("x", "y", "z")),
-        (("x_y", "x_z"), ("x", "y", "z")),
+        (("dx_y", "dy_x"), ("z",)),
+        (("dy_z", "dz_y"), ("x",)),
+        (("dx_z", "dz_x"), ("y",)),
+        (("dx_y",), ("x", "y", "z")),
+        (("dx_y", "dx_z"), ("x", "y", "z")),
     ],
 )
 def test_six_differences(
@@ -58,7 +58,7 @@ def test_six_differences(
     full = differences(SIX, model)
     error = refused(only(full, *names), model)
     assert error.undetermined == undetermined
-    added = [f"{direction}_{leg}" for leg, direction in DOUBLE_WORDS.findall(error.remedy)]
+    added = [f"d{direction}_{leg}" for leg, direction in DOUBLE_WORDS.findall(error.remedy)]
     assert added
     mended = only(full, *names, *added)
     assert solve(mended, model).offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
@@ -70,9 +70,9 @@ def test_six_differences(
 @pytest.mark.parametrize(
     ("names", "undetermined"),
     [
-        (("z_x0", "z_y0"), ("x", "y")),
-        (("z_x0", "z_x+", "z_x-"), ("y",)),
-        (("z_x+", "z_y-"), ("x", "y", "z")),
+        (("dz_x0", "dz_y0"), ("x", "y")),
+        (("dz_x0", "dz_x+", "dz_x-"), ("y",)),
+        (("dz_x+", "dz_y-"), ("x", "y", "z")),
     ],
 )
 def test_single_posture_differences(names: tuple[str, ...], undetermined: tuple[str, ...]) -> None:
@@ -80,7 +80,7 @@ def test_single_posture_differences(names: tuple[str, ...], undetermined: tuple[
     error = refused(only(full, *names), NOMINAL)
     assert error.undetermined == undetermined
     sign = {"iso": "0", "max": "+", "min": "-"}
-    added = [f"{d}_{leg}{sign[posture]}" for leg, d, posture in SINGLE_WORDS.findall(error.remedy)]
+    added = [f"d{d}_{leg}{sign[posture]}" for leg, d, posture in SINGLE_WORDS.findall(error.remedy)]
     mended = solve(only(full, *dict.fromkeys((*names, *added))), NOMINAL)
     # The linear method neglects terms of the order Δρ²/L.
     assert mended.offsets_mm == pytest.approx(OFFSETS, abs=0.1)
@@ -146,10 +146,10 @@ def test_one_direction_of_one_leg_is_too_little_for_every_method(method: str) ->
 
 def test_known_causes_do_not_make_the_offsets_visible() -> None:
     full = differences(SIX, BENT)
-    error = refused(only(full, "x_y", "x_z"), BENT)
+    error = refused(only(full, "dx_y", "dx_z"), BENT)
     assert DOUBLE_WORDS.findall(error.remedy)
 
 
 def test_no_number_survives_a_refusal() -> None:
-    error = refused(only(differences(SIX, NOMINAL), "x_y"), NOMINAL)
+    error = refused(only(differences(SIX, NOMINAL), "dx_y"), NOMINAL)
     assert not re.search(r"\d\.\d", str(error))

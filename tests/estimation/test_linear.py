@@ -32,7 +32,7 @@ from tests.estimation.sessions import (
     problem_of,
     readings,
 )
-from tests.machines import NOMINAL, PROTOTYPE, both_models, extended
+from tests.machines import NOMINAL, PROTOTYPE, both_models, extended, sure
 
 UNEQUAL = [0.31, 0.27, 0.55, -0.12, 0.08, 0.49]
 
@@ -94,7 +94,7 @@ def test_coefficients_of_the_prototype(name: str, printed: float, half_digit: fl
     assert np.abs(matrix_of(TWELVE, NOMINAL)).max() == pytest.approx(0.3223, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["x_y", "z_x"])
+@pytest.mark.parametrize("name", ["dx_y", "dz_x"])
 def test_six_is_max_minus_min_of_twelve(name: str) -> None:
     twelve = dict(zip(DIFFERENCES[TWELVE], matrix_of(TWELVE, NOMINAL), strict=True))
     six = dict(zip(DIFFERENCES[SIX], matrix_of(SIX, NOMINAL), strict=True))
@@ -138,6 +138,7 @@ def test_single_sequential_is_eq_11(model: Model) -> None:
 @both_models
 def test_uncertainty_of_single_sequential_is_that_of_its_own_formula(model: Model) -> None:
     """Eq. (11) as a function of the six differences, each of two readings: V = 2 σ² M Mᵀ."""
+    model = sure(model)
     rows = [
         solve(of_values(SINGLE, row), model, "single-sequential").offsets_mm for row in np.eye(6)
     ]

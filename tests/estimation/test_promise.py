@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation import promise, solve
+from orthoglide_cal.estimation import Known, promise, solve
+from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.model import (
     AXES,
     DIFFERENCES,
@@ -14,6 +15,7 @@ from orthoglide_cal.model import (
     Difference,
     Floats,
     Measured,
+    Model,
     Plan,
     Posture,
     Series,
@@ -41,6 +43,7 @@ from tests.truth.forward import PARTS, SIZE, carriages_and_tool
 
 # Neither what was found nor near it, and different on every axis.
 ENTERED = np.array([0.6, -1.1, 0.9])
+NOISE = Scatter(0.006, 51.0)
 
 Heights = dict[tuple[Series, Posture, Contact], float]
 
@@ -92,6 +95,10 @@ FORMS = ["six", "twelve", "single", "double-posture readings", "single-posture r
 forms = pytest.mark.parametrize("form", FORMS)
 
 
+def known(model: Model, offsets: Floats) -> Known:
+    return Known(model, offsets, 1e-5 * np.eye(3))
+
+
 def shown_as(form: str) -> DataKind:
     """The differences of the promise."""
     return SINGLE if "single" in form else SIX
@@ -114,7 +121,7 @@ def test_on_the_nominal_machine_it_is_the_papers_measured_minus_modelled(number:
     """Table 4, where what was found is entered as it is."""
     printed, data = published.EXPERIMENTS[number], experiment(number)
     found = solve(data, NOMINAL).offsets_mm
-    rows = promise(data, NOMINAL, found, found)
+    rows = promise(data, known(NOMINAL, found), found, NOISE)
     assert [row.difference for row in rows] == list(DIFFERENCES[SIX])
     assert [row.measured_mm for row in rows] == pytest.approx(printed.measured, abs=1e-12)
     assert [row.expected_mm for row in rows] == pytest.approx(printed.expected, abs=PRINTED_MM)
@@ -126,7 +133,7 @@ def test_on_the_nominal_machine_it_is_the_papers_measured_minus_modelled(number:
 def test_it_is_what_the_truth_reads_once_other_offsets_are_entered(form: str) -> None:
     """What is measured then is the truth's reading plus the misfit that was measured before."""
     data = measured(form, OFFSETS, noise=0.05)
-    rows = promise(data, BENT, OFFSETS, ENTERED)
+    rows = promise(data, known(BENT, OFFSETS), ENTERED, NOISE)
     assert [row.difference for row in rows] == list(DIFFERENCES[shown_as(form)])
     misfits = []
     for row in rows:
@@ -141,7 +148,7 @@ def test_it_is_what_the_truth_reads_once_other_offsets_are_entered(form: str) ->
 @forms
 def test_it_keeps_what_the_gap_leaves(form: str) -> None:
     """Entering the offsets does not mend the rails."""
-    rows = promise(measured(form, OFFSETS), BENT, OFFSETS, OFFSETS)
+    rows = promise(measured(form, OFFSETS), known(BENT, OFFSETS), OFFSETS, NOISE)
     left = [true_difference(shown_as(form), row.difference, np.zeros(3)) for row in rows]
     assert np.abs(left).max() > 0.05
     assert [row.expected_mm for row in rows] == pytest.approx(left, abs=1e-9)
@@ -155,16 +162,13 @@ def test_it_keeps_what_the_gap_leaves(form: str) -> None:
 def test_a_solution_promises_what_comes_true(form: str) -> None:
     solution = solve(measured(form, OFFSETS), BENT)
     assert solution.offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
-    assert solution.table == promise(
-        measured(form, OFFSETS), BENT, solution.offsets_mm, solution.offsets_mm
-    )
-    for row in solution.table:
+    for row in solution.promised():
         after = true_difference(SIX, row.difference, OFFSETS - solution.offsets_mm)
         assert row.expected_mm == pytest.approx(after, abs=1e-9)
 
 
 def test_nothing_entered_changes_nothing() -> None:
-    for row in promise(experiment(1), BENT, OFFSETS, np.zeros(3)):
+    for row in promise(experiment(1), known(BENT, OFFSETS), np.zeros(3), NOISE):
         assert row.expected_mm == row.measured_mm
 
 
@@ -178,10 +182,12 @@ def test_the_change_is_of_every_entry_of_a_problem() -> None:
 
 
 def test_nothing_is_promised_where_nothing_was_measured() -> None:
-    rows = promise(only(differences(SIX, NOMINAL), "z_y", "x_z"), NOMINAL, OFFSETS, ENTERED)
-    assert [row.difference.name for row in rows] == ["x_z", "z_y"]
+    two = only(differences(SIX, NOMINAL), "dz_y", "dx_z")
+    rows = promise(two, known(NOMINAL, OFFSETS), ENTERED, NOISE)
+    assert [row.difference.name for row in rows] == ["dx_z", "dz_y"]
     session = readings(NOMINAL, double_posture(PROTOTYPE))
     part = some(session, session.plan.displacement != PROTOTYPE.joint_limits_mm[0])
-    assert promise(part, NOMINAL, OFFSETS, OFFSETS) == ()
-    legs = [AXES[row.difference.series.leg] for row in promise(session, NOMINAL, OFFSETS, OFFSETS)]
+    assert promise(part, known(NOMINAL, OFFSETS), OFFSETS, NOISE) == ()
+    rows = promise(session, known(NOMINAL, OFFSETS), OFFSETS, NOISE)
+    legs = [AXES[row.difference.series.leg] for row in rows]
     assert legs == ["y", "z", "x", "z", "x", "y"]

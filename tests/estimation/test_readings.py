@@ -33,7 +33,7 @@ from tests.estimation.sessions import (
     readings,
     solve_many,
 )
-from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, extended
+from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, extended, sure
 from tests.readings import some
 
 
@@ -56,7 +56,7 @@ def test_the_default_for_raw_readings_is_least_squares_with_zeros(
     machine = model.machine
     plan = double_posture(machine) if protocol == "double" else single_posture(machine, 3)
     session = readings(model, plan)
-    solution = solve(session, model)
+    solution = solve(session, sure(model))
     offsets, covariance = explicit(session, model)
     assert solution.method is Method.READINGS
     assert solution.offsets_mm == pytest.approx(offsets, abs=1e-9)
@@ -102,7 +102,7 @@ def test_extra_postures_are_just_more_readings(model: Model) -> None:
     assert more.offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
     only = solve(readings(model, other, seed=None), model)
     assert only.offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
-    assert only.table == ()
+    assert only.promised() == ()
 
 
 @pytest.mark.parametrize("gauge_at", [0.2, 0.66, 0.9])
@@ -131,7 +131,7 @@ def test_unequal_repeats_weigh_as_many_as_they_are() -> None:
     session = readings(NOMINAL, double_posture(PROTOTYPE))
     part = some(session, np.random.default_rng(5).choice(60, 35, replace=False))
     offsets, covariance = explicit(part, NOMINAL)
-    solution = solve(part, NOMINAL)
+    solution = solve(part, sure(NOMINAL))
     assert solution.offsets_mm == pytest.approx(offsets, abs=1e-9)
     assert solution.covariance_mm2 == pytest.approx(solution.sigma_mm**2 * covariance, rel=1e-7)
     assert solution.dof == 35 - 6 - 3
@@ -152,7 +152,7 @@ def test_a_whole_leg_may_be_missing() -> None:
     part = some(session, session.plan.leg != 2)
     solution = solve(part, NOMINAL)
     assert solution.offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
-    assert [row.difference.name for row in solution.table] == ["x_y", "y_x", "z_x", "z_y"]
+    assert [row.difference.name for row in solution.promised()] == ["dx_y", "dy_x", "dz_x", "dz_y"]
 
 
 def test_gauge_zeros_do_not_matter() -> None:
@@ -185,7 +185,7 @@ def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause) -> None
     sizes = cause.prior_std(PROTOTYPE) * np.linspace(1.0, 2.0, cause.unknowns)
     effect = cause.at(sizes)
     assert effect.cause.repeats != cause.timed
-    model = NOMINAL.extended([effect])
+    model = sure(NOMINAL).extended([effect])
     session = readings(model, double_posture(PROTOTYPE), seed=4)
     offsets, covariance = explicit(session, model)
     solution = solve(session, model)

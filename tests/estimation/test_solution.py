@@ -86,7 +86,7 @@ def test_nobody_can_write_into_a_result() -> None:
     fit = fit_offsets(solution.posed.problem, np.stack((solution.posed.data,) * 2))
     held = dict(arrays_in((solution, fit, solution.posed.problem.at_zero)))
     assert {name.rpartition(".")[2] for name in held} >= {
-        "offsets_mm", "covariance_mm2", "interval_mm", "data", "matrix", "theta",
+        "offsets_mm", "covariance_mm2", "data", "matrix", "theta",
         "residuals_mm", "remaining_mm", "iterations",
     }  # fmt: skip
     for name, array in held.items():
@@ -156,11 +156,18 @@ def test_entering_the_offsets_removes_them() -> None:
 
 
 def test_the_table_shows_the_differences_of_the_protocol() -> None:
-    double = solve(DOUBLE_SESSION, NOMINAL).table
-    assert [row.difference.name for row in double] == ["x_y", "x_z", "y_x", "y_z", "z_x", "z_y"]
+    double = solve(DOUBLE_SESSION, NOMINAL).promised()
+    assert [row.difference.name for row in double] == [
+        "dx_y",
+        "dx_z",
+        "dy_x",
+        "dy_z",
+        "dz_x",
+        "dz_y",
+    ]
     assert max(abs(row.expected_mm) for row in double) < 0.03
     assert max(abs(row.modelled_mm) for row in double) > 0.3
-    single = solve(SINGLE_SESSION, NOMINAL).table
+    single = solve(SINGLE_SESSION, NOMINAL).promised()
     assert [row.difference.name for row in single] == [
-        "z_x0", "z_y0", "z_x+", "z_x-", "z_y+", "z_y-",
+        "dz_x0", "dz_y0", "dz_x+", "dz_x-", "dz_y+", "dz_y-",
     ]  # fmt: skip

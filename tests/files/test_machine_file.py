@@ -56,6 +56,23 @@ def changed(tmp_path: Path, *pairs: tuple[str, str]) -> Path:
     return path
 
 
+def test_how_well_a_gauge_stands_and_counts_may_be_stated(tmp_path):
+    """And is written back; what nobody stated stays out of the file."""
+    revolution = "revolution_mm: 1.0 "
+    stated = (revolution, "placement_mm: 0.4\n  scale_u: 0.0003\n  " + revolution)
+    model = read_machine(changed(tmp_path, stated))
+    gauge = model.machine.gauge
+    assert (gauge.placement_mm, gauge.scale_u) == (0.4, 0.0003)
+    assert (gauge.placement_std_mm, gauge.scale_std) == (0.4, 0.0003)
+    assert machine_from_text(machine_text(model), "m.yaml").machine.gauge == gauge
+    silent = default_machine()
+    assert (silent.machine.gauge.placement_mm, silent.machine.gauge.scale_u) == (None, None)
+    assert (silent.machine.gauge.placement_std_mm, silent.machine.gauge.scale_std) == (1.0, 0.001)
+    assert not {"placement_mm", "scale_u"} & set(machine_values(silent)["gauge"])
+    with pytest.raises(InputError, match="placement_mm"):
+        read_machine(changed(tmp_path, (revolution, "placement_mm: -1\n  " + revolution)))
+
+
 L = "leg_length_mm: 310.25"
 
 BAD = [
@@ -86,7 +103,12 @@ BAD = [
     ("{x: 0, y: 0, z: 0}", "{x: 0, q: 1}", 21, "offsets_mm.q", "1", "not known", "x, y, z"),
     ("misread: 0.1", "misred: 0.1", 36, "tolerances.misred", "misred", "not a cause id",
      "'misread'? Known: axis_gap"),
-    ("backlash: 0.02", "backlash: 0", 30, "tolerances.backlash", "0", "greater than zero", "size"),
+    ("backlash: 0.02", "backlash: -0.02", 30, "tolerances.backlash", "-0.02", "negative",
+     "zero or more"),
+    ("backlash: 0.02", "backlash: .inf", 30, "tolerances.backlash", ".inf", "not a number",
+     "plain number"),
+    ("backlash: 0.02", "backlash: .nan", 30, "tolerances.backlash", ".nan", "not a number",
+     "plain number"),
     ("schema_version: 1", "schema_version: 2", 3, "schema_version", "2", "version", "Write 1"),
     ("name: Orthoglide prototype", "name: ''", 4, "name", "", "empty", "word"),
 ]  # fmt: skip
@@ -129,6 +151,8 @@ def test_optional_parts(tmp_path):
     assert machine.kind == "orthoglide"
     assert machine.gauge.revolution_mm is None
     assert machine.offsets_mm == (0.0, 0.0, 0.0)
+    assert machine.homing_mm is None
+    assert model.homing_mm == 5.0
     assert dict(machine.tolerances) == {}
     assert model.accepted == ()
 
@@ -184,6 +208,7 @@ def test_round_trip_is_exact(tmp_path):
         leg_length_mm=1000 / 3,
         offsets_mm=(0.1, -1e-7, 123.456),
         gauge=Gauge(0.001, 12.0, None, 0.002),
+        homing_mm=1.75,
     )
     model, path = Model(machine, (accepted(),)), tmp_path / "new.yaml"
     write_text(path, machine_text(model))
@@ -191,6 +216,13 @@ def test_round_trip_is_exact(tmp_path):
     assert read.machine == machine
     assert machine_values(read) == machine_values(model)
     assert path.read_text() == machine_text(model)
+
+
+def test_a_written_file_keeps_the_tolerances_that_were_given_and_no_more():
+    given = {"backlash": 0.0, "misread": 0.25}
+    model = Model(dataclasses.replace(MACHINE, tolerances=given))
+    assert yaml.safe_load(machine_text(model))["tolerances"] == given
+    assert machine_from_text(machine_text(model), "m.yaml").machine == model.machine
 
 
 def test_the_file_holds_every_key_in_order():

@@ -30,9 +30,9 @@ from tests.model.geometries import mixed_plan
 OFFSETS = np.array([0.4, -0.9, 0.6])
 KINDS = (DataKind.SIX, DataKind.TWELVE, DataKind.SINGLE)
 NAMES = {
-    DataKind.SIX: "x_y x_z y_x y_z z_x z_y",
-    DataKind.TWELVE: "x_y+ x_y- x_z+ x_z- y_x+ y_x- y_z+ y_z- z_x+ z_x- z_y+ z_y-",
-    DataKind.SINGLE: "z_x0 z_y0 z_x+ z_x- z_y+ z_y-",
+    DataKind.SIX: "dx_y dx_z dy_x dy_z dz_x dz_y",
+    DataKind.TWELVE: "dx_y+ dx_y- dx_z+ dx_z- dy_x+ dy_x- dy_z+ dy_z- dz_x+ dz_x- dz_y+ dz_y-",
+    DataKind.SINGLE: "dz_x0 dz_y0 dz_x+ dz_x- dz_y+ dz_y-",
 }
 
 

@@ -113,11 +113,21 @@ def test_what_a_cause_takes_from_the_model(id: str) -> None:
     assert NOMINAL.repeats
 
 
-def test_a_cause_is_possible_where_its_tolerance_says_so() -> None:
+def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
+    gap, silent = CAUSES["axis_gap"], replace(PROTOTYPE, tolerances={"misread": 0.2})
+    stated = replace(PROTOTYPE, tolerances={"axis_gap": 0.07})
+    assert (gap.size(stated), gap.assumed(stated)) == (0.07, False)
+    assert (gap.size(silent), gap.assumed(silent)) == (gap.sizes["orthoglide"], True)
+    assert gap.possible(stated)
+    assert gap.possible(silent)
+    assert gap.prior_std(stated) == pytest.approx([0.07] * 3)
+    assert gap.prior_std(silent) == pytest.approx([gap.sizes["orthoglide"]] * 3)
+
+
+def test_what_is_ruled_out_or_has_no_size_is_not_possible() -> None:
     gap = CAUSES["axis_gap"]
-    assert gap.possible(PROTOTYPE)
     assert not gap.possible(replace(PROTOTYPE, tolerances={"axis_gap": 0.0}))
-    assert not gap.possible(replace(PROTOTYPE, tolerances={}))
+    assert not gap.possible(replace(PROTOTYPE, tolerances={}, kind="linear_delta"))
 
 
 # --- effects ----------------------------------------------------------------------------------

@@ -243,12 +243,12 @@ def test_what_the_uncertainty_of_accepted_causes_adds_to_readings() -> None:
         Effect(lean, np.array([1e-3, -2e-3, 5e-4]), covariance=sizes[1]),
     )
     model, plan = NOMINAL.extended(accepted), mixed_plan(PROTOTYPE)
-    carried = carried_uncertainty(model, OFFSETS, plan)
+    carried = np.hstack(carried_uncertainty(model, OFFSETS, plan))
     assert carried.shape == (len(plan), 6)
     slope = differentiate(NOMINAL, OFFSETS, plan, accepted)[1]
     expected = slope[:, 3:6] @ sizes[0] @ slope[:, 3:6].T + slope[:, 9:] @ sizes[1] @ slope[:, 9:].T
     assert carried @ carried.T == pytest.approx(expected, abs=2e-3 * expected.max())
-    assert carried_uncertainty(NOMINAL, OFFSETS, plan).shape == (len(plan), 0)
+    assert carried_uncertainty(NOMINAL, OFFSETS, plan) == ()
 
 
 # --- batches, and postures that cannot be taken -----------------------------------------------

@@ -9,9 +9,8 @@ from functools import cache
 from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Verdict, diagnose
+from orthoglide_cal.diagnosis import DOUBTFUL
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import Check, Input, read_input
 from orthoglide_cal.model import Gauge, Model
 from orthoglide_cal.paper.tables import table_5
@@ -22,7 +21,7 @@ from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import Identity, history, identify
+from orthoglide_cal.results import Identity, calibrate, history, identify
 from orthoglide_cal.verification import verify
 from tests.machines import NOMINAL, SAMPLES
 from tests.results.cases import CALIBRATIONS, GAP, HOSTILE, ISSUED, hostile
@@ -67,13 +66,12 @@ def solved() -> Document:
     """Readings with a hostile name, of a machine with a hostile name and active offsets."""
     harmful = hostile().input
     model = changed(harmful.model, name=HOSTILE[3], offsets_mm=(0.25, -1.5, 0.0))
-    return solution_document(solve(harmful.measured, model))
+    return solution_document(calibrate(replace(harmful, model=model), issued=ISSUED))
 
 
 def suspicious() -> Document:
     """The paper's second experiment: the next command is named."""
-    found = _experiment()
-    return solution_document(solve(found.measured, found.model), Path("my machine.yaml"))
+    return solution_document(calibrate(_experiment(), issued=ISSUED), Path("my machine.yaml"))
 
 
 def diagnosed() -> Document:
@@ -81,15 +79,13 @@ def diagnosed() -> Document:
     model = changed(NOMINAL, name=HOSTILE[3], gauge=FINE.machine.gauge)
     good = session(TRUE, 4, model.extended([CAUSES["axis_gap"].at(GAP)]))
     measured = replace(good, source=replace(good.source, path=HOSTILE[3] + ".csv"))
-    found = diagnose(measured, model, sensitivity=tuple(Verdict))
-    return diagnosis_document(found, measured, Path(HOSTILE[0]))
+    found = calibrate(given(measured, model), sensitivity=DOUBTFUL, issued=ISSUED)
+    return diagnosis_document(found, Path(HOSTILE[0]))
 
 
 def undecided() -> Document:
     """The paper's second experiment: several explanations, differences instead of readings."""
-    measured = _experiment().measured
-    found = diagnose(measured, NOMINAL, sensitivity=tuple(Verdict))
-    return diagnosis_document(found, measured)
+    return diagnosis_document(calibrate(_experiment(), sensitivity=DOUBTFUL, issued=ISSUED))
 
 
 def faulty() -> Document:

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from scipy.stats import t as student
 from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
@@ -68,7 +69,10 @@ def test_report_json(healthy: Path):
     found = json.loads(run("report", healthy, "--json").stdout)
     assert found["usable"] is True
     assert found["number"].startswith("OC-")
-    assert found["answer"]["coverage_factor"] == pytest.approx(2.0076, abs=1e-3)
+    # Student's t of more than the 51 that the noise alone has.
+    answer = found["answer"]
+    assert answer["dof"] > 51
+    assert answer["coverage_factor"] == pytest.approx(student.ppf(0.975, answer["dof"]), abs=1e-4)
     assert found["solution"]["offsets_mm"]["z"] == pytest.approx(-1.76, abs=0.02)
     assert found["diagnosis"]["verdict"] == "consistent"
     assert found["conditions"]["operator"] is None

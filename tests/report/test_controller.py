@@ -157,7 +157,7 @@ def test_compensation_table_is_numbers():
 @pytest.mark.parametrize("name", sorted(FORMATS.keys() - {"csv"}))
 def test_the_command_to_verify_keeps_the_machine_file(released, name):
     text = FORMATS[name](released, Path("mine.yaml"))
-    assert "orthocal verify BEFORE AFTER --machine mine.yaml --applied" in text
+    assert "orthocal verify made.csv AFTER --machine mine.yaml --applied" in text
 
 
 def test_previous_offsets_keep_their_digits():

@@ -22,7 +22,7 @@ from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.report.json import json_line
-from orthoglide_cal.report.words import difference_decimals, signed
+from orthoglide_cal.report.words import difference_decimals, signed, two_figures
 from orthoglide_cal.results import Calibration, calibrate, export, identify
 from orthoglide_cal.verification import verify
 from tests.machines import ROOT, SAMPLES
@@ -89,14 +89,50 @@ def test_renderers_know_nothing_of_calibration(renderer: str) -> None:
 
 
 def test_an_offset_has_the_same_digits_in_every_command() -> None:
-    """A sound session by solve and report; one with a cause by diagnose and report."""
-    sound, wrong = cases.healthy(), cases.named_in_machine()
-    assert sound.solution is not None
-    assert wrong.diagnosis is not None
-    solved = solution_document(sound.solution)
-    diagnosed = diagnosis_document(wrong.diagnosis, wrong.input.measured)
-    assert offsets(solved, "type in") == offsets(calibration_document(sound), "enter")
-    assert offsets(diagnosed, "type in") == offsets(calibration_document(wrong), "would be")
+    """By solve, diagnose and report."""
+    sound = cases.healthy()
+    entered = offsets(calibration_document(sound), "enter")
+    assert offsets(solution_document(sound), "type in") == entered
+    assert offsets(diagnosis_document(sound), "type in") == entered
+
+
+def test_the_green_tick_is_for_what_the_offsets_mend() -> None:
+    """Offsets do not remove an accepted gap: said on every page, with the table that does."""
+    gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
+    found = calibrate(given(session(TRUE, 11, gaped), gaped), issued=cases.ISSUED)
+    left = f"Offsets do not remove axis_gap: {two_figures(found.expected.rms_mm)} mm r.m.s."
+    for document in (solution_document(found), calibration_document(found)):
+        page = document.page()
+        assert page.notice is not None
+        assert page.notice.tone is doc.Tone.WARN
+        assert left in str(page.notice.lines)
+        assert any(command.endswith("--format table") for command in commands(document))
+    assert any(left in line for line in json.loads(as_json(export(found)))["cautions"])
+    assert "axis_gap, which offsets do not remove" in repr(calibration_document(found).page())
+    sound = calibration_document(cases.healthy())
+    assert sound.page().notice.tone is doc.Tone.GOOD
+    assert not any("--format table" in command for command in commands(sound))
+
+
+def test_the_faulty_gauge_is_marked_on_the_machine() -> None:
+    marked = repr(calibration_document(cases.named_in_measurement()).page())
+    assert "Marked with a ring: misread: leg x, direction z, min, cycle 2 (reading 12)." in marked
+    assert marked.count('class="fault"') == 1
+    assert 'class="fault"' not in repr(calibration_document(cases.named_in_machine()).page())
+
+
+@pytest.mark.parametrize("made", [solution_document, diagnosis_document, calibration_document])
+def test_offsets_that_must_not_be_entered_stand_without_an_order(
+    made: Callable[[Calibration], doc.Document],
+) -> None:
+    page = made(cases.named_in_machine()).page()
+    shown = repr(page)
+    assert "type in" not in shown
+    assert "Enter the new" not in shown
+    assert page.notice is not None
+    said = f"{page.notice.title} {page.notice.lines}"
+    assert "Do not enter" in said
+    assert "offsets without it would be wrong" in said
 
 
 def test_offsets_end_where_their_uncertainty_does() -> None:
@@ -182,21 +218,21 @@ def test_the_page_promises_what_the_forced_export_does() -> None:
     """A gap is found: what is expected belongs to the offsets beside it, wherever it stands."""
     session_file = read_input(str(SAMPLES / "session.yaml"))
     calibration = calibrate(session_file, issued=cases.ISSUED)
-    adjustment, solution = calibration.adjustment, calibration.solution
+    adjustment, alone = calibration.adjustment, calibration.alone
     assert adjustment is not None
-    assert solution is not None
+    assert alone is not None
     assert adjustment.causes == ("axis_gap",)
     document = calibration_document(calibration)
     table = next(grid for grid in grids(document) if grid.head[-1:] == ("r.m.s.",))
-    expected = next(row for row in table.rows if row[0] == "expected after")
+    expected = next(row for row in table.rows if row[0] == "left after")
     check = json.loads(as_json(export(calibration, force=True)))["check"]
-    column = table.head.index(f"d{check['difference']}")
+    column = table.head.index(check["difference"])
     assert expected[column] == signed(check["expected_mm"], 3)
     found_and_left = next(grid for grid in grids(document) if "as found" in grid.head)
     assert found_and_left.rows[0][2] == expected[-1]
     data = document.data()
     own = {row["difference"]: row["expected_mm"] for row in data["solution"]["table"]}
-    assert own == {row.difference.name: row.expected_mm for row in solution.table}
+    assert own == {row.difference.name: row.expected_mm for row in alone.promised}
     assert data["expected"]["rms_mm"] == pytest.approx(float(str(expected[-1])), abs=5.1e-4)
 
 

@@ -121,6 +121,10 @@ def test_machine_names_every_gauge():
     assert "leg z in direction x at 25 % of the leg" in drawn
     assert drawn.count('class="dial"') == 2
     assert "+y" in drawn
+    assert "fault" not in drawn
+    marked = views.machine(310.25, (-100.0, 60.0), [(0, 1, 0.5), (2, 0, 0.25)], [(2, 0)])
+    assert marked.count('class="fault"') == 1
+    assert "leg z, direction x" in marked
 
 
 def test_explained_shares_and_strips():

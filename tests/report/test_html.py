@@ -94,15 +94,16 @@ def test_a_report_is_no_certificate(made):
 
 
 def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
-    page = calibration_document(cases.healthy()).page()
+    page, budget = calibration_document(cases.healthy()).page(), cases.healthy().adjustment.budget
     outline = Outline()
     outline.feed(html(page))
     words = " ".join(" ".join(outline.words).split())
+    assert 51 < budget.dof < 500
     for wanted in (
         *(section.title or "" for section in page.sheet),
         *(section.title or "" for section in page.sections),
-        "k = 2.01",
-        "51 degrees of freedom",
+        f"k = {budget.k:.2f}",
+        f"{budget.dof:.0f} effective degrees of freedom",
         "95 %",
         "A. Martin",
         "2026-03-03 09:31:00 +01:00",

@@ -13,15 +13,15 @@ import pytest
 from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.diagnosis import DOUBTFUL, Verdict
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import promise, solve
+from orthoglide_cal.estimation import Known, promise, solve, stays
 from orthoglide_cal.model import Series, Stage, simulate, single_posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import calibrate, calibration, export, identify, release
-from orthoglide_cal.results.adjustment import adjust
+from orthoglide_cal.results.adjustment import as_found
 from orthoglide_cal.results.residuals import residuals
-from tests.machines import NOMINAL, PROTOTYPE
+from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.results import cases
 from tests.results.sessions import FINE, TRUE, given, session
 
@@ -43,17 +43,53 @@ def with_active(found, *active):
 
 
 def of_solution(measured, model=NOMINAL):
-    return adjust(measured, solve(measured, model), None, model)
+    return alone(solve(measured, model), model)
+
+
+def alone(solution, model=NOMINAL):
+    return as_found(
+        solution, None, Known(model, solution.offsets_mm, solution.covariance_mm2), None
+    )
 
 
 def test_expanded_uncertainty_uses_students_t():
-    solution = cases.healthy().solution
-    adjustment = cases.healthy().adjustment
+    """Of 51 degrees of freedom where only the noise of the readings is uncertain."""
+    measured = cases.healthy().input.measured
+    solution = solve(measured, sure(NOMINAL))
+    adjustment = of_solution(measured, sure(NOMINAL))
     assert adjustment.causes == ()
-    assert adjustment.dof == 51
-    assert adjustment.k == pytest.approx(float(student.ppf(0.975, 51)), rel=1e-9)
-    assert adjustment.expanded_mm == pytest.approx(adjustment.k * solution.std_mm)
-    assert adjustment.covariance_mm2 == pytest.approx(solution.covariance_mm2)
+    budget = adjustment.budget
+    assert budget.dof == pytest.approx(51)
+    assert budget.k == pytest.approx(float(student.ppf(0.975, 51)), rel=1e-9)
+    assert adjustment.expanded_mm == pytest.approx(budget.k * solution.std_mm)
+    assert budget.covariance_mm2 == pytest.approx(solution.covariance_mm2)
+
+
+def test_the_budget_holds_what_the_data_leave_open():
+    """Each cause that may hide in healthy data, by its probability: how far it would move the
+    offsets, and how much less sure it leaves them."""
+    found = cases.healthy()
+    (_, alone), *others = found.diagnosis.left_open
+    assert others
+    assert alone.effects == ()
+    budget = found.adjustment.budget
+    known = len(found.solution.budget.contributions)
+    assert budget.contributions[:known] == found.solution.budget.contributions
+    open_ = [each for each in budget.contributions[known:] if each.source != "temperature"]
+    assert [each.source for each in open_] == [fit.effects[0].cause.id for _, fit in others]
+    for each, (share, fit) in zip(open_, others, strict=True):
+        apart = fit.offsets - found.solution.offsets_mm
+        less_sure = fit.joint_covariance() - alone.joint_covariance()
+        expected = np.linalg.eigvalsh(share * (less_sure + np.outer(apart, apart)))
+        # A cause that leaves them a little surer takes nothing away.
+        assert np.linalg.eigvalsh(each.covariance_mm2) == pytest.approx(
+            np.maximum(expected, 0.0), rel=1e-6, abs=1e-15
+        )
+        assert expected.max() > 0.0
+    assert np.sum([each.covariance_mm2 for each in budget.contributions], axis=0) == pytest.approx(
+        budget.covariance_mm2
+    )
+    assert np.all(found.adjustment.std_mm > found.solution.std_mm)
 
 
 def test_adjustment_adds_to_what_is_active():
@@ -73,7 +109,7 @@ def test_adjustment_adds_to_what_is_active():
 def test_new_values_are_free_of_binary_rounding():
     wanted = replace(cases.healthy().solution, offsets_mm=np.array([0.2, 0.0, 0.0]))
     machine = replace(PROTOTYPE, offsets_mm=(0.1, 0.0, 0.0))
-    made = adjust(cases.healthy().input.measured, wanted, None, replace(NOMINAL, machine=machine))
+    made = alone(wanted, replace(NOMINAL, machine=machine))
     assert [joint.new_mm for joint in made.joints] == [0.3, 0.0, 0.0]
 
 
@@ -116,9 +152,10 @@ def test_the_check_is_the_promise_of_the_model_with_what_was_found():
     found = cases.named_in_machine()
     check, offsets = found.adjustment.check, found.adjustment.offsets_mm
     assert offsets is found.diagnosis.offsets_mm or np.all(offsets == found.diagnosis.offsets_mm)
-    promised = {
-        row.difference: row for row in promise(found.input.measured, found.model, offsets, offsets)
-    }
+    known = Known(found.model, offsets, found.diagnosis.covariance_mm2)
+    entered = np.array(found.adjustment.applied_mm)
+    rows = promise(found.input.measured, known, entered, found.solution.noise)
+    promised = {row.difference: row for row in rows}
     assert check.expected_mm == promised[check.difference].expected_mm
     gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
     plan = found.input.measured.plan
@@ -129,7 +166,7 @@ def test_the_check_is_the_promise_of_the_model_with_what_was_found():
     ]
     readings = simulate(gaped, TRUE - offsets, plan)
     assert check.expected_mm == pytest.approx(readings[ends[1]] - readings[ends[0]], abs=0.01)
-    plain = next(row for row in found.solution.table if row.difference == check.difference)
+    plain = next(row for row in found.solution.promised() if row.difference == check.difference)
     assert abs(plain.expected_mm - check.expected_mm) > 0.02
 
 
@@ -155,6 +192,23 @@ def test_a_solution_that_did_not_converge_is_not_released():
         assert decision.remedies[0].verb == "validate"
 
 
+@pytest.mark.parametrize(("stated", "offset", "usable"), [
+    (None, 4.9, True), (None, -5.1, False), (8.0, -5.1, True), (2.0, 2.1, False),
+])  # fmt: skip
+def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
+    """Whatever the diagnosis says: a wrong unit is as consistent as millimetres."""
+    machine = replace(PROTOTYPE, homing_mm=stated)
+    model = replace(NOMINAL, machine=machine)
+    found = calibrate(given(session((0.1, offset, -0.2), 21, model), model))
+    assert found.diagnosis.verdict is Verdict.CONSISTENT
+    assert found.release.usable == found.release.sound == usable
+    if not usable:
+        (reason,) = found.release.reasons
+        assert f"y {offset:+.1f} mm" in reason
+        assert f"up to {model.homing_mm:g} mm" in reason
+        assert "homing_mm" in found.release.remedies[0].sentence
+
+
 def test_a_cause_that_moves_nothing_does_not_bar_the_offsets():
     """A misread iso reading of few hundredths: named, but within the uncertainty."""
     solution, diagnosis = cases.healthy().solution, cases.named_in_measurement().diagnosis
@@ -178,21 +232,39 @@ def test_diagnosed_offsets_are_nearer_the_truth():
     assert np.all(np.abs(found.adjustment.offsets_mm - TRUE) < 2.0 * found.adjustment.expanded_mm)
 
 
+def test_the_place_of_the_fault_stands_in_the_first_line_of_the_advice():
+    found = cases.named_in_measurement()
+    (cause,) = found.diagnosis.causes
+    assert cause.where == "leg x, direction z, min, cycle 2 (reading 12)"
+    assert found.release.remedies[0].sentence == f"Take this reading again: {cause.where}."
+
+
+def test_all_commands_show_the_offsets_of_one_result():
+    """Of healthy data the solution's, also where the diagnosis has its own a little beside them."""
+    found = cases.single()
+    assert found.diagnosis.verdict is Verdict.CONSISTENT
+    assert found.adjustment is found.alone
+    assert np.array_equal(found.adjustment.offsets_mm, found.solution.offsets_mm)
+    wrong = cases.named_in_machine()
+    assert np.array_equal(wrong.alone.offsets_mm, wrong.solution.offsets_mm)
+    assert np.array_equal(wrong.adjustment.offsets_mm, wrong.diagnosis.offsets_mm)
+
+
 def test_the_offsets_keep_their_correlations():
     """The page's "at most" after the adjustment, from the covariance of the diagnosis."""
     found = cases.named_in_machine()
     adjustment, covariance = found.adjustment, found.diagnosis.covariance_mm2
-    assert np.array_equal(adjustment.covariance_mm2, covariance)
+    assert adjustment.budget.covariance_mm2 == pytest.approx(covariance, rel=1e-9)
     correlation = covariance / np.outer(found.diagnosis.std_mm, found.diagnosis.std_mm)
     assert np.abs(correlation - np.eye(3)).max() > 0.05
 
     def at_most(spread):
         return workspace_error(
-            found.model, adjustment.offsets_mm, spread, adjustment.k
+            found.model, adjustment.offsets_mm, spread, adjustment.budget.k
         ).after_max_mm
 
-    assert found.workspace.after_max_mm == at_most(covariance)
-    assert abs(at_most(covariance) - at_most(np.diag(np.diag(covariance)))) > 0.001
+    assert found.workspace.after_max_mm == pytest.approx(at_most(covariance), rel=1e-9)
+    assert at_most(np.diag(np.diag(covariance))) != pytest.approx(at_most(covariance), rel=1e-3)
 
 
 def test_the_causes_keep_their_correlations():
@@ -217,17 +289,17 @@ def test_one_input_is_diagnosed_once(monkeypatch):
         calibration, "diagnose", lambda *a, **k: made.append(once(*a, **k)) or made[-1]
     )
     for found in (cases.healthy(), cases.named_in_machine()):
-        calibrate(found.input)
+        calibrate(found.input, sensitivity=DOUBTFUL)
     assert [each.verdict for each in made] == [Verdict.CONSISTENT, Verdict.NAMED]
     assert [len(each.sensitivity) for each in made] == [0, 2]
 
 
 def test_as_found_expected_and_left():
     found = cases.as_left()
-    measured = [row.measured_mm for row in found.solution.table]
+    measured = [row.measured_mm for row in found.solution.promised()]
     assert found.as_found.rms_mm == pytest.approx(np.sqrt(np.mean(np.square(measured))))
     assert abs(found.as_found.largest_mm) == max(abs(value) for value in measured)
-    assert found.as_found.largest.name == "z_x"
+    assert found.as_found.largest.name == "dz_x"
     assert found.expected.rms_mm < 0.1 * found.as_found.rms_mm
     assert found.as_left.rms_mm == pytest.approx(found.expected.rms_mm, abs=0.02)
     assert cases.healthy().as_left is None
@@ -258,7 +330,7 @@ def test_pictures_leave_residuals_alone():
 
 def test_pictures_of_differences_and_of_leg_ends():
     shown = cases.ambiguous().residuals
-    assert shown.label[0] == "x_y"
+    assert shown.label[0] == "dx_y"
     assert shown.leg.tolist() == [series.leg for series in shown.series]
     assert np.isnan(shown.displacement_mm).all()
     assert set(shown.end) == {None}
@@ -332,7 +404,11 @@ def test_accepted_causes_act_in_everything_that_follows():
     assert found.model.accepted == gaped.accepted
     # Offsets do not remove a gap, neither from the legs' motion nor from the tool's place.
     assert found.expected.rms_mm > 0.05
+    assert found.workspace.left_max_mm > 0.05
+    assert stays(found.adjustment.promised)
+    assert not stays(cases.healthy().adjustment.promised)
     assert found.workspace.after_mean_mm > 0.05
-    assert cases.healthy().workspace.after_max_mm < 0.05
-    expected = {row.difference: row.expected_mm for row in found.solution.table}
+    straight = calibrate(given(session(TRUE, 11, FINE), FINE), issued=cases.ISSUED)
+    assert straight.workspace.after_max_mm < 0.05
+    expected = {row.difference: row.expected_mm for row in found.adjustment.promised}
     assert found.adjustment.check.expected_mm == expected[found.adjustment.check.difference]

@@ -235,3 +235,24 @@ def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
     far = check_number(past, 0.4, PROTOTYPE.gauge, inches=False)
     assert far is not None
     assert far.doubt is Doubt.RANGE
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_gauge_that_always_shows_the_same(seed: int) -> None:
+    """Asked once, then believed; each of its numbers alone is a possible one."""
+    steps = steps_of()
+    values = readings_of(steps, seed)
+    first: dict[object, float] = {}
+    held = [first.setdefault(step.cell, value) for step, value in zip(steps, values, strict=True)]
+    asked = [question for _, question in play(held, steps)]
+    assert [question.doubt for question in asked] == [Doubt.DEAD]
+    assert "never differ" in asked[0].text
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_inches_typed_as_mm(seed: int) -> None:
+    """Each number is questioned until one is kept; then it is their scatter, once."""
+    steps = steps_of()
+    inches = [round(value / 25.4, 4) for value in readings_of(steps, seed)]
+    doubts = [question.doubt for _, question in play(inches, steps)]
+    assert doubts == [Doubt.GRID, Doubt.SCATTER]

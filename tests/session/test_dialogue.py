@@ -103,7 +103,7 @@ def test_a_value_ends_at_the_digit_of_its_uncertainty(
     assert with_uncertainty(value, uncertainty) == shown
 
 
-@pytest.mark.parametrize(("until", "least"), [(0.04, 12), (0.0173, 2)])
+@pytest.mark.parametrize(("until", "least"), [(0.04, 12), (0.0261, 2)])
 def test_until_ends_early_with_the_closing_posture(
     tmp_path: Path, until: float, least: int
 ) -> None:

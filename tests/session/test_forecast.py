@@ -16,7 +16,7 @@ from orthoglide_cal.estimation.forecast import (
     Outlook,
     misfit_mm,
 )
-from orthoglide_cal.model import Effect, Plan, simulate
+from orthoglide_cal.model import Effect, Model, Plan, simulate
 from orthoglide_cal.model.kinds import plan_of
 from orthoglide_cal.model.machine import Geometry
 from tests.machines import NOMINAL, PROTOTYPE
@@ -207,3 +207,25 @@ def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
     none = dict.fromkeys(("axis_gap", "axis_squareness", "bar_skew", "encoder_scale"), 1e-09)
     only = replace(PROTOTYPE, tolerances={**none, part: tolerance})
     assert 0.5 < float(np.sqrt(np.mean(change**2))) / misfit_mm(only) < 1.5
+
+
+def test_sizes_that_the_machine_file_does_not_give_are_those_of_its_kind() -> None:
+    """What the prototype's file states is what is assumed for its kind."""
+    plan = timed_plan()
+    silent = replace(PROTOTYPE, tolerances={})
+    stated, assumed = (
+        in_full(plan),
+        Outlook(Model(silent), plan).forecast(np.arange(60), plan.setup, plan.order, plan.hours),
+    )
+    assert np.array_equal(assumed.common, stated.common)
+    assert np.array_equal(assumed.misfits, stated.misfits)
+
+
+def test_a_machine_that_can_have_nothing_leaves_offsets_zeros_and_noise() -> None:
+    sound = Model(replace(PROTOTYPE, tolerances=dict.fromkeys(CAUSES, 0.0)))
+    plan, values = timed_plan(30), np.array(readings_of(steps_of()[:30], 4))
+    found = Outlook(sound, plan).forecast(np.arange(30), plan.setup, plan.order, plan.hours)
+    assert not found.misfits.any()
+    prediction = found.predict(values[:29], np.arange(29), 29)
+    assert PROTOTYPE.gauge.noise_mm < float(prediction.std) < 2.0 * PROTOTYPE.gauge.noise_mm
+    assert abs(float(prediction.mean) - values[29]) < 5.0 * float(prediction.std)

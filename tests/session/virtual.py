@@ -13,7 +13,7 @@ from orthoglide_cal.files import machine_text, session_text
 from orthoglide_cal.model import Machine, Model
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
 from orthoglide_cal.session.asking import Asker, LiveGauge
-from orthoglide_cal.session.checks import Question, check_number, check_reading
+from orthoglide_cal.session.checks import Question, check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Event, Opened, Questioned, Taken
 from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
@@ -116,8 +116,10 @@ def play(
         value = float(values[index])
         now = 0.2 * index + 4.0 * (step.setup - 1) if minutes is None else float(minutes[index])
         beside = NextReading(ReadingsSoFar(state, setting), step, now)
-        question = check_reading(beside, value, gauge) or check_number(
-            beside, value, gauge, inches=False
+        question = (
+            check_reading(beside, value, gauge)
+            or check_number(beside, value, gauge, inches=False)
+            or check_repeats(beside, value, gauge)
         )
         if question is None:
             state = advance(state, taken(step.number, value, now))

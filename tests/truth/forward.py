@@ -124,7 +124,11 @@ def _deflect(plan: Plan, signal: Floats, disturbance: Disturbance) -> Floats:
 
 
 def signals(
-    plan: Plan, machine: Machine, states: Floats, disturbance: Disturbance | None = None
+    plan: Plan,
+    machine: Machine,
+    states: Floats,
+    disturbance: Disturbance | None = None,
+    misplaced: Floats | None = None,
 ) -> Floats:
     """Noise-free surface positions at the gauges for S conditions, without zeros.
 
@@ -136,6 +140,7 @@ def signals(
         machine: nominal dimensions.
         states: conditions, shape (S, 30), see `PARTS`.
         disturbance: something outside the list.
+        misplaced: how far along the leg each set-up's gauge is from its middle, shape (6,), [mm].
 
     Returns:
         Shape (S, N), [mm].
@@ -149,6 +154,9 @@ def signals(
     tool_across = tool[plan.direction, :, rows].T
     span = tool_along - foot_along
     gauge = (foot_along + 0.5 * span)[:, plan.stand]
+    if misplaced is not None:
+        # Towards the tool, which lies below the carriage on the leg's axis.
+        gauge = gauge + (np.sign(span) * misplaced[plan.setup])
     share = (gauge - foot_along) / span
     slope = 1e-3 * states[:, PARTS["bar_skew"]][:, plan.setup]
     surface = foot_across + share * (tool_across - foot_across) + slope * machine.leg * share

@@ -19,7 +19,15 @@ TOLERANCES: dict[str, float] = {
     "misread": 0.1,
     "sign_flip": 1.0,
     "swapped_gauges": 1.0,
+    "exchanged_columns": 1.0,
+    "wrong_unit": 1.0,
 }
+
+
+# Standard deviations that a machine file need not state: of a stand's place along the leg [mm], and
+# of a gauge's scale.
+PLACEMENT = 1.0
+SCALE = 0.001
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from .effects import (
     transposed,
     write_down,
 )
-from .forward import MACHINE_CAUSES, Disturbance, signals
-from .machines import Gauge, Machine
+from .forward import MACHINE_CAUSES, PARTS, Disturbance, signals
+from .machines import PLACEMENT, SCALE, TOLERANCES, Gauge, Machine
 from .outside import OUTSIDE
 from .plan import Floats, Plan, frozen, standard_plan
 
@@ -30,6 +30,32 @@ PAIR_MEASUREMENT = (
     "swapped_gauges",
 )
 PAIR_MACHINE = ("axis_gap", "axis_squareness", "encoder_scale", "backlash", "thermal_drift")
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What is uncertain of every session, healthy ones included, and hardly shows in it."""
+
+    legs: Floats
+    """Excess of the legs of a machine within its tolerance, shape (3,), [mm]."""
+    misplaced: Floats
+    """How far along the leg each set-up's gauge is from its middle, shape (6,), [mm]."""
+    scale: float
+    """Excess of the gauges' scale (1)."""
+
+    @staticmethod
+    def exact() -> "Setting":
+        """Legs, places and scale as they should be."""
+        return Setting(frozen(np.zeros(3)), frozen(np.zeros(6)), 0.0)
+
+    @staticmethod
+    def draw(rng: np.random.Generator) -> "Setting":
+        """Each with the standard deviation that the machine file states or leaves to be assumed."""
+        return Setting(
+            frozen(rng.normal(scale=TOLERANCES["leg_length"], size=3)),
+            frozen(rng.normal(scale=PLACEMENT, size=6)),
+            float(rng.normal(scale=SCALE)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +73,9 @@ class Session:
     outside: str | None
     """Name of an effect outside the list."""
     disturbance: Disturbance | None
+    setting: Setting
     clean: Floats
-    """The record without noise and rounding, shape (N,), [mm]."""
+    """The record without noise, rounding and what the setting does to it, shape (N,), [mm]."""
     readings: Floats
     """The record, shape (N,), [mm]."""
 
@@ -95,6 +122,7 @@ def measure(
     rng: np.random.Generator,
     outside: str | None = None,
     scale: float = 1.0,
+    setting: Setting | None = None,
 ) -> Session:
     """Let a technician read the gauges of this machine along this plan.
 
@@ -104,13 +132,17 @@ def measure(
         rng: zeros, noise and what an outside effect draws.
         outside: name of an effect outside the list.
         scale: enlarges the outside effect.
+        setting: exact if None.
     """
+    setting = setting or Setting.exact()
     zeros = rng.uniform(-0.25, 0.25, size=6) * gauge.range
     disturbance = OUTSIDE[outside](plan, gauge, rng, scale) if outside else None
     state = state_with(offsets, effects)
-    surface = signals(plan, machine, state[None], disturbance)[0] + zeros[plan.setup]
-    surface = surface + contact_shift(plan, effects)
-    noisy = surface + rng.normal(scale=gauge.noise, size=plan.count)
+    added = zeros[plan.setup] + contact_shift(plan, effects)
+    surface = signals(plan, machine, state[None], disturbance)[0] + added
+    state[PARTS["leg_length"]] += setting.legs
+    touched = signals(plan, machine, state[None], disturbance, setting.misplaced)[0] + added
+    noisy = (1.0 + setting.scale) * touched + rng.normal(scale=gauge.noise, size=plan.count)
     shown = np.round(noisy / gauge.resolution) * gauge.resolution
     effects = tuple(_settle_blunder(effect, shown, gauge) for effect in effects)
     return Session(
@@ -122,6 +154,7 @@ def measure(
         effects=effects,
         outside=outside,
         disturbance=disturbance,
+        setting=setting,
         clean=frozen(write_down(plan, gauge, surface, effects)),
         readings=frozen(np.round(write_down(plan, gauge, shown, effects), gauge.decimals)),
     )
@@ -136,6 +169,8 @@ def make_session(
     offset_sd: float = 0.5,
     scale: float = 1.0,
     pace: float = 0.4,
+    cycles: int = 3,
+    exact: bool = False,
 ) -> Session:
     """Draw one session. The same arguments give the same session.
 
@@ -146,13 +181,15 @@ def make_session(
         offset_sd: standard deviation of the joint offsets, [mm].
         scale: enlarges the outside effect.
         pace: mean time per posture, [min]; a slow technician sees more of what creeps.
+        cycles: repeats of the three postures on each leg.
+        exact: legs, places and scale as they should be; drawn otherwise.
     """
     unknown = [cause for cause in hidden if cause not in CAUSES]
     if unknown or (outside is not None and outside not in OUTSIDE):
         raise KeyError(f"no such effect: {unknown or outside}")
     words = "|".join((machine.name, gauge.name, *hidden, outside or ""))
     rng = np.random.default_rng([seed, zlib.crc32(words.encode())])
-    plan = standard_plan(machine, rng, pace=pace)
+    plan = standard_plan(machine, rng, cycles, pace=pace)
     offsets = rng.normal(scale=offset_sd, size=3)
     effects = tuple(
         draw_machine_cause(cause, rng)
@@ -160,7 +197,12 @@ def make_session(
         else draw_measurement_cause(cause, plan, rng)
         for cause in hidden
     )
-    return measure(machine, gauge, plan, offsets, effects, rng, outside, scale)
+    setting = Setting.draw(np.random.default_rng([seed, zlib.crc32(words.encode()), 1]))
+    if "leg_length" in hidden:
+        setting = replace(setting, legs=frozen(np.zeros(3)))
+    if exact:
+        setting = Setting.exact()
+    return measure(machine, gauge, plan, offsets, effects, rng, outside, scale, setting)
 
 
 def second_session(session: Session, seed: int) -> Session:
@@ -178,4 +220,16 @@ def second_session(session: Session, seed: int) -> Session:
         if effect.id in PERSISTENT:
             kept.append(effect)
     plan = standard_plan(session.machine, rng)
-    return measure(session.machine, session.gauge, plan, session.offsets, tuple(kept), rng)
+    setting = session.setting
+    if np.any(setting.misplaced):
+        anew = Setting.draw(np.random.default_rng([seed, 3]))
+        setting = replace(setting, misplaced=anew.misplaced)
+    return measure(
+        session.machine,
+        session.gauge,
+        plan,
+        session.offsets,
+        tuple(kept),
+        rng,
+        setting=setting,
+    )

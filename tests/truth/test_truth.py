@@ -32,6 +32,7 @@ from . import (
 from .effects import state_with, swapped_rows, transposed
 from .forward import PARTS, SIZE, carriages_and_tool, jacobian
 from .plan import SETUPS, Floats, Plan, frozen
+from .session import Setting
 
 OFFSETS = frozen([0.43, -0.71, 0.28])
 
@@ -134,13 +135,63 @@ def test_small_offsets_follow_equation_15() -> None:
 def test_healthy_noise_has_the_stated_size() -> None:
     """2 x 40 x 60 readings each: the r.m.s. is within 5 %, 4.9 of its standard deviations."""
     for gauge in GAUGES.values():
-        sessions = [make_session(seed, m, gauge) for m in MACHINES.values() for seed in range(40)]
+        sessions = [
+            make_session(seed, machine, gauge, exact=True)
+            for machine in MACHINES.values()
+            for seed in range(40)
+        ]
         noise = np.concatenate([s.readings - s.clean for s in sessions])
         assert noise.size == 4800
         assert np.sqrt(np.mean(noise**2)) == pytest.approx(gauge.sigma, rel=0.05)
         assert abs(noise.mean()) < 5.0 * gauge.sigma / np.sqrt(noise.size)
         steps = np.concatenate([s.readings for s in sessions]) / gauge.resolution
         assert np.allclose(steps, np.round(steps), atol=1e-6)
+
+
+def test_a_misplaced_gauge_reads_the_slope_of_its_leg() -> None:
+    """Further towards the tool by δ it reads more by δ times what the leg rises per millimetre."""
+    rng = np.random.default_rng(3)
+    plan, states = _plan(LARGE), _random_states(rng, 3)
+    states[:, PARTS["bar_skew"]] = 0.0
+    misplaced = np.array([1.3, -0.7, 2.1, -1.9, 0.4, 0.9])
+    carriages, tool = carriages_and_tool(plan, LARGE, states, np.zeros((plan.count, 3)))
+    rows = np.arange(plan.count)
+    leg = tool[:, :, rows] - carriages[plan.leg, :, :, rows].transpose(1, 2, 0)
+    rise = leg[plan.direction, :, rows].T / np.abs(leg[plan.leg, :, rows].T)
+    moved = signals(plan, LARGE, states, None, misplaced) - signals(plan, LARGE, states)
+    assert np.allclose(moved, misplaced[plan.setup] * rise, atol=1e-9)
+    assert np.abs(moved).max() > 1e-3
+
+
+def test_legs_places_and_scale_act_as_drawn() -> None:
+    """Ten thousand times too large, so that noise and rounding do not matter."""
+    rng = np.random.default_rng(6)
+    plan = _plan()
+    wild = Setting(frozen([1.1, -0.6, 0.4]), frozen(np.linspace(-20.0, 30.0, 6)), 0.02)
+    session = measure(PROTOTYPE, MICRON, plan, OFFSETS, (), rng, setting=wild)
+    state = state_with(OFFSETS, ())
+    state[PARTS["leg_length"]] = wild.legs
+    surface = signals(plan, PROTOTYPE, state[None], None, wild.misplaced)[0]
+    expected = 1.02 * (surface + session.zeros[plan.setup])
+    assert np.abs(session.readings - expected).max() < 6.0 * MICRON.sigma
+    assert np.abs(session.readings - session.clean).max() > 0.1
+
+
+def test_settings_have_the_stated_sizes() -> None:
+    """400 sessions: standard deviations within 20 %, 5.6 of their own at least."""
+    drawn = [make_session(seed, PROTOTYPE, DIAL).setting for seed in range(400)]
+    assert np.std([each.legs for each in drawn]) == pytest.approx(0.01, rel=0.2)
+    assert np.std([each.misplaced for each in drawn]) == pytest.approx(1.0, rel=0.2)
+    assert np.std([each.scale for each in drawn]) == pytest.approx(0.001, rel=0.2)
+    # The machine and the gauge stay; the stands are put there anew.
+    first = make_session(3, PROTOTYPE, DIAL)
+    later = second_session(first, 3).setting
+    assert np.array_equal(later.legs, first.setting.legs)
+    assert later.scale == first.setting.scale
+    assert not np.any(later.misplaced == first.setting.misplaced)
+    exact = make_session(3, PROTOTYPE, DIAL, exact=True)
+    assert not exact.setting.misplaced.any()
+    assert not second_session(exact, 3).setting.misplaced.any()
 
 
 def test_the_clock_walks_through_the_standard_session() -> None:

@@ -205,7 +205,7 @@ def test_decision_rule_with_guard_band(limit, outcome):
     result = verify(paper(2), paper(3), TRUE, limit_mm=limit)
     assert result.decision is not None
     largest = result.decision.largest
-    assert largest.difference.name == "y_x"
+    assert largest.difference.name == "dy_x"
     assert abs(largest.after_mm) == pytest.approx(0.34)
     noise = PROTOTYPE.gauge.noise_mm
     assert largest.expanded_mm == pytest.approx(1.95996 * 2**0.5 * noise, rel=1e-4)

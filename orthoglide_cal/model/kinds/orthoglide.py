@@ -61,6 +61,11 @@ class Orthoglide:
 
     id = "orthoglide"
     calibrated = AXES
+    # Causes that no reading tells from the offsets: a longer leg looks like a smaller offset.
+    unseen = ("leg_length",)
+    # The home switch or index pulse of such a carriage is set to within a few millimetres; an
+    # offset beyond that is a wrong unit, label or machine file.
+    homing_mm = 5.0
 
     def rails(self, machine: Machine) -> Geometry:
         """Orthogonal rails that meet in the origin, equal legs (modelling assumption iv)."""

@@ -6,26 +6,21 @@ their uncertainty, as found and as left. The pages behind it are made in `eviden
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from orthoglide_cal.errors import command
 from orthoglide_cal.files import Conditions
 from orthoglide_cal.model import AXES, DataKind
 from orthoglide_cal.model.workspace import WorkspaceError
 from orthoglide_cal.report import charts
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.canvas import interval_lines
-from orthoglide_cal.report.controller import (
-    check_words,
-    expected,
-    remedy_command,
-    remedy_words,
-    verify_command,
-)
+from orthoglide_cal.report.controller import cautions, remedy_words
 from orthoglide_cal.report.documents import evidence
+from orthoglide_cal.report.documents.budget import budget_section
+from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.documents.diagnosis import diagnosis_data
 from orthoglide_cal.report.documents.solution import solution_data
 from orthoglide_cal.report.documents.verification import (
@@ -70,11 +65,13 @@ def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
     if verification is not None:
         sheet = [verification_to_do(verification, machine_file)]
     else:
-        sheet = [_to_do(calibration, machine_file)]
+        sheet = [to_do(calibration, machine_file)]
     pages = [verification_outcome(verification)] if verification else []
     if calibration.adjustment is not None:
         sheet += _answer(calibration, calibration.adjustment)
     pages += evidence.evidence(calibration, machine_file)
+    if calibration.adjustment is not None:
+        pages.append(budget_section(calibration.adjustment))
     pages += [evidence.conditions(calibration), evidence.origin(calibration)]
     return doc.Page(
         kind=KIND,
@@ -87,7 +84,7 @@ def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
             )
         ),
-        notice=verification_notice(verification) if verification else _notice(calibration),
+        notice=verification_notice(verification) if verification else decision_notice(calibration),
         sheet=tuple(sheet),
         sections=tuple(pages),
         signatures=("Measured by", "Adjusted by", "Checked by"),
@@ -111,7 +108,7 @@ def calibration_data(calibration: Calibration, machine_file: Path | None = None)
         "usable": release.usable,
         "reasons_against": list(release.reasons),
         "remedies": remedy_words(calibration, machine_file),
-        "cautions": list(release.cautions),
+        "cautions": list(cautions(calibration)),
         "as_found": _size_data(calibration.as_found),
         "expected": _size_data(calibration.expected),
         "as_left": verification_data(left) if left else None,
@@ -123,8 +120,8 @@ def calibration_data(calibration: Calibration, machine_file: Path | None = None)
         if found
         else None,
         "workspace": _workspace_data(calibration.workspace),
-        "solution": solution_data(calibration.solution) if calibration.solution else None,
-        "diagnosis": diagnosis_data(diagnosis) if diagnosis else None,
+        "solution": solution_data(calibration) if calibration.solution else None,
+        "diagnosis": diagnosis_data(calibration) if diagnosis else None,
     }
 
 
@@ -132,9 +129,19 @@ def _answer_data(found: Adjustment) -> dict[str, Any]:
     return {
         "model": list(found.causes),
         **axes_of(found, "offsets_mm", "std_mm", "expanded_mm"),
-        "coverage_factor": found.k,
-        **fields_of(found, "confidence", "dof"),
+        "coverage_factor": found.budget.k,
+        "confidence": found.confidence,
+        "dof": _dof(found),
     }
+
+
+# Beyond this Student's t is the normal distribution to two decimals.
+NORMAL_DOF = 500.0
+
+
+def _dof(found: Adjustment) -> int | None:
+    """Effective degrees of freedom of k; None for the normal distribution."""
+    return None if found.budget.dof >= NORMAL_DOF else round(found.budget.dof)
 
 
 def _workspace_data(workspace: WorkspaceError | None) -> dict[str, Any] | None:
@@ -164,56 +171,6 @@ def _size_data(size: Size | None) -> dict[str, Any] | None:
     return {**fields_of(size, "rms_mm", "largest_mm"), "largest_difference": size.largest.name}
 
 
-def _notice(calibration: Calibration) -> doc.Notice:
-    """The decision in one box."""
-    solution, decision = calibration.solution, calibration.release
-    if solution is None:
-        return doc.Notice(doc.Tone.BAD, "There is no result", decision.reasons)
-    if not decision.usable:
-        return doc.Notice(doc.Tone.BAD, "Do not enter these offsets", decision.reasons)
-    if decision.cautions:
-        return doc.Notice(doc.Tone.WARN, "The offsets may be entered, with care", decision.cautions)
-    return doc.Notice(doc.Tone.GOOD, "The offsets may be entered", (solution.judgement,))
-
-
-def _to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
-    """What to do next, step by step."""
-    adjustment, decision = calibration.adjustment, calibration.release
-    path = calibration.input.measured.source.path
-    if adjustment is None or not decision.usable:
-        items = [
-            doc.Instruction(remedy.sentence, remedy_command(remedy, path, machine_file))
-            for remedy in decision.remedies
-        ]
-        if adjustment is not None:
-            forced = "An export that is forced all the same is marked as forced, in every format."
-            items.append(doc.Instruction(forced))
-        return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
-    values = ", ".join(
-        f"{joint.axis} {signed(joint.new_mm, adjustment.decimals)}" for joint in adjustment.joints
-    )
-    items = [
-        doc.Instruction(
-            ("Enter the new joint offsets in the controller, in mm: ", doc.Strong(values + ".")),
-            command("export", path, machine=machine_file, options="--format linuxcnc"),
-        ),
-        doc.Instruction("Re-home all three axes."),
-    ]
-    check = adjustment.check
-    if check is not None:
-        before = f" (before the adjustment: {signed(check.before_mm, 2)} mm)."
-        items.append(
-            doc.Instruction((f"{check_words(check)} ", doc.Strong(expected(check)), before))
-        )
-    items.append(
-        doc.Instruction(
-            "Measure again in the same way, and compare with the promise.",
-            verify_command(adjustment, path, machine_file),
-        )
-    )
-    return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
-
-
 def _answer(calibration: Calibration, adjustment: Adjustment) -> list[doc.Section]:
     """The offsets, what they mend, and where their intervals lie."""
     sections = [_offsets(adjustment, calibration.release.usable)]
@@ -228,34 +185,35 @@ def _answer(calibration: Calibration, adjustment: Adjustment) -> list[doc.Sectio
 
 def _offsets(adjustment: Adjustment, usable: bool) -> doc.Section:
     """The offsets with expanded uncertainty."""
-    rows = tuple(
-        (
-            doc.Strong(joint.axis),
-            signed(joint.previous_mm, adjustment.decimals),
-            with_uncertainty(value, joint.expanded_mm),
-            doc.Strong(signed(joint.new_mm, adjustment.decimals)),
-        )
-        for joint, value in zip(adjustment.joints, adjustment.offsets_mm.tolist(), strict=True)
-    )
+    digits, joints = adjustment.decimals, adjustment.joints
+    values = zip(adjustment.offsets_mm.tolist(), joints, strict=True)
+    columns: dict[str, Iterable[doc.Blank]] = {
+        "axis": [doc.Strong(joint.axis) for joint in joints],
+        "now": [signed(joint.previous_mm, digits) for joint in joints],
+        "Δρ ± U": [with_uncertainty(value, joint.expanded_mm) for value, joint in values],
+    }
+    if usable:
+        columns["enter"] = [doc.Strong(signed(joint.new_mm, digits)) for joint in joints]
     grid = doc.Grid(
-        ("axis", "now", "Δρ ± U", "enter" if usable else "would be"),
-        rows,
+        tuple(columns),
+        tuple(zip(*columns.values(), strict=True)),
         caption="In mm. Now: active in the controller. True joint position = indicated + Δρ.",
     )
     coverage = doc.Paragraph(_coverage(adjustment), small=True)
-    return doc.Section("Joint offsets", (grid, coverage), beside=True)
+    title = "Joint offsets" if usable else "Joint offsets as found"
+    return doc.Section(title, (grid, coverage), beside=True)
 
 
 def _coverage(adjustment: Adjustment) -> str:
     """How U was made."""
-    if adjustment.dof is None:
-        source = "normal distribution"
-    else:
-        source = f"Student's t with {adjustment.dof} degrees of freedom"
+    dof = _dof(adjustment)
+    source = "normal distribution"
+    if dof is not None:
+        source = f"Student's t with {dof} effective degrees of freedom"
     causes = " and ".join(adjustment.causes)
     return (
-        f"U = k·u is the expanded uncertainty with {coverage_words(adjustment.k)} ({source}), for a"
-        f" confidence of {100 * adjustment.confidence:.0f} %."
+        f"U = k·u is the expanded uncertainty with {coverage_words(adjustment.budget.k)}"
+        f" ({source}), for a confidence of {100 * adjustment.confidence:.0f} %."
         + (f" Model: offsets and {causes}." if causes else "")
     )
 
@@ -263,13 +221,13 @@ def _coverage(adjustment: Adjustment) -> str:
 def _found_and_left(sizes: Sequence[Size | None], digits: int) -> doc.Section:
     """Deviation from parallelism as found, as expected, and as left."""
     columns = [
-        (plain(size.rms_mm, digits), signed(size.largest_mm, digits), f"d{size.largest.name}")
+        (plain(size.rms_mm, digits), signed(size.largest_mm, digits), size.largest.name)
         if size is not None
         else (None, None, None)
         for size in sizes
     ]
     grid = doc.Grid(
-        ("", "as found", "expected", "as left"),
+        ("", "as found", "left after correction", "as left"),
         tuple(zip(("r.m.s.", "largest", "which"), *columns, strict=True)),
         caption="Deviation of the legs from parallel motion, mm"
         + ("." if sizes[-1] else "; as left is blank until it is measured again."),
@@ -280,7 +238,7 @@ def _found_and_left(sizes: Sequence[Size | None], digits: int) -> doc.Section:
 def _intervals(calibration: Calibration, adjustment: Adjustment) -> doc.Section:
     """The offsets with their intervals as a picture."""
     values, halves = adjustment.offsets_mm.tolist(), adjustment.expanded_mm.tolist()
-    causes, alone = " and ".join(adjustment.causes), calibration.solution
+    causes, alone = " and ".join(adjustment.causes), calibration.alone
     name = f"with {causes}" if causes else "offsets"
     bars = [charts.Bar(name, values, halves)]
     if causes and alone is not None:

@@ -5,7 +5,6 @@ The calibration report shows the same blocks for the verdict, its causes and wha
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -16,8 +15,9 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Explanation, NamedCause, Verdict
 from orthoglide_cal.errors import command, file_words
-from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.model import (
+    Cause,
     Contact,
     Differences,
     Estimate,
@@ -41,28 +41,25 @@ from orthoglide_cal.report.words import (
     unit_words,
     with_uncertainty,
 )
+from orthoglide_cal.results import Calibration
 
-# Verdict → its tone, what it says, and how the offsets shown with it take it into account.
+# Verdict → its tone, what it says, and how other offsets than the solution's take it into account.
 _VERDICTS = {
     Verdict.CONSISTENT: (
         doc.Tone.GOOD,
         "Consistent: nothing shows beyond this gauge's noise; the model fits.",
-        "(true position = indicated + Δρ)",
+        "",
     ),
-    Verdict.NAMED: (
-        doc.Tone.WARN,
-        "Named: {causes}.",
-        "(true = indicated + Δρ), the cause taken into account",
-    ),
+    Verdict.NAMED: (doc.Tone.WARN, "Named: {causes}.", ", the cause taken into account"),
     Verdict.AMBIGUOUS: (
         doc.Tone.WARN,
         "Ambiguous: these data leave open what is wrong. Likeliest: {causes}.",
-        "(true = indicated + Δρ), the open choice part of std. dev.",
+        ", the open choice part of std. dev.",
     ),
     Verdict.UNEXPLAINED: (
         doc.Tone.BAD,
         "Unexplained: something is wrong that no listed cause explains.",
-        "(true = indicated + Δρ), the unexplained part of std. dev.",
+        ", the unexplained part of std. dev.",
     ),
 }
 # A parameter of one leg and direction has the name of that series.
@@ -79,33 +76,30 @@ _SIGNS = 30
 
 
 def diagnosis_document(
-    diagnosis: Diagnosis,
-    measured: Measured,
-    machine_file: Path | None = None,
-    held_out_file: bool = False,
+    calibration: Calibration, machine_file: Path | None = None, held_out_file: bool = False
 ) -> doc.Document:
     """The whole answer.
 
     Args:
-        diagnosis: what was found.
-        measured: the data, for the picture.
-        machine_file: as the user gave it, for the command to run next.
+        calibration: a result with a diagnosis.
+        machine_file: as the user gave it, for the commands to run next.
         held_out_file: True if the held-out errors are those of a later file.
     """
     return doc.Document(
-        partial(diagnosis_data, diagnosis),
-        partial(_diagnosis_page, diagnosis, measured, machine_file, held_out_file),
+        partial(diagnosis_data, calibration),
+        partial(_diagnosis_page, calibration, machine_file, held_out_file),
     )
 
 
 def _diagnosis_page(
-    diagnosis: Diagnosis, measured: Measured, machine_file: Path | None, held_out_file: bool
+    calibration: Calibration, machine_file: Path | None, held_out_file: bool
 ) -> doc.Page:
-    tone, _, meaning = _VERDICTS[diagnosis.verdict]
+    diagnosis, found = calibration.diagnosed
+    tone, _, taken = _VERDICTS[diagnosis.verdict]
     causes = (*cause_blocks(diagnosis, machine_file, held_out_file), *next_blocks(diagnosis))
-    expanded = half_width(math.inf) * diagnosis.std_mm
-    machine = diagnosis.model.machine
-    offsets = offsets_grid(diagnosis.offsets_mm, diagnosis.std_mm, expanded, machine)
+    release = calibration.release
+    told = () if release.usable else ("Do not enter the offsets.", *release.reasons)
+    title = "Joint offsets, mm (true = indicated + Δρ)"
     return doc.Page(
         kind="Diagnosis",
         title=file_words(diagnosis.source.path),
@@ -115,17 +109,21 @@ def _diagnosis_page(
                 ("Machine", doc.Given(diagnosis.machine)),
             )
         ),
-        notice=doc.Notice(tone, headline(diagnosis)),
+        notice=doc.Notice(tone if release.sound else doc.Tone.BAD, headline(diagnosis), told),
         sections=(
             *((doc.Section(None, causes),) if causes else ()),
-            *_pictures(diagnosis, measured),
-            doc.Section(f"Joint offsets, mm {meaning}", (offsets, *note_blocks(diagnosis))),
+            *_pictures(diagnosis, calibration.input.measured),
+            doc.Section(
+                title if found is calibration.alone else title + taken,
+                (offsets_grid(found, release.usable), *note_blocks(diagnosis)),
+            ),
         ),
     )
 
 
-def diagnosis_data(diagnosis: Diagnosis) -> dict[str, Any]:
+def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
     """The contract's fields, then a few more; lengths in mm, None where nothing is known."""
+    diagnosis, found = calibration.diagnosed
     lack, following = diagnosis.lack_of_fit, diagnosis.next_measurement
     return {
         "schema_version": SCHEMA_VERSION,
@@ -144,7 +142,13 @@ def diagnosis_data(diagnosis: Diagnosis) -> dict[str, Any]:
             "separates": ["+".join(ids) for ids in following.separates],
             "separation_sigma": following.separation_sigma,
         },
-        **axes_of(diagnosis, "offsets_mm", "std_mm"),
+        **axes_of(found, "offsets_mm", "std_mm"),
+        **fields_of(calibration.release, "usable", "reasons"),
+        "assumed_tolerances": dict(diagnosis.assumed_tolerances),
+        "sensitivity": {
+            how: {"verdict": verdict, "causes": list(ids)}
+            for how, (verdict, ids) in diagnosis.sensitivity.items()
+        },
         "notes": list(diagnosis.notes),
     }
 
@@ -280,8 +284,11 @@ def ranking_grid(diagnosis: Diagnosis) -> doc.Grid:
 
 
 def note_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
-    """Remarks, and how the answer depends on the tolerances."""
+    """Remarks, the sizes that were assumed, and how the answer depends on the tolerances."""
     notes = list(diagnosis.notes)
+    if assumed := diagnosis.assumed_tolerances:
+        sizes = ", ".join(_assumed(CAUSES[id], size) for id, size in assumed.items())
+        notes.append(f"Assumed sizes (not in the machine file): {sizes}.")
     answer = (diagnosis.verdict, {cause.id for cause in diagnosis.causes})
     changed = diagnosis.sensitivity
     if changed and all((verdict, set(ids)) == answer for verdict, ids in changed.values()):
@@ -293,13 +300,21 @@ def note_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
     return tuple(doc.Paragraph(note, small=True) for note in notes)
 
 
+def _assumed(cause: Cause, size: float) -> str:
+    """Without its size where the cause has none: it happens or it does not."""
+    return f"{cause.id} {size:g} {unit_words(cause.unit)}" if cause.unit else cause.id
+
+
 def fit_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
     """Do the offsets alone explain the data?"""
     lack = diagnosis.lack_of_fit
-    left, noise = plain(lack.residual_mm, 4), plain(lack.noise_mm, 4)
+    left = rms(diagnosis.measured_mm - diagnosis.nominal_mm)
+    # Both are root mean squares: the fit takes a part of the noise away, too.
+    noise = left * lack.noise_mm / lack.residual_mm if lack.residual_mm else lack.noise_mm
     said = [
-        f"Offsets only leave {left} mm per reading; this gauge's noise is {noise} mm. Noise alone"
-        f" leaves as much in {_sessions(lack.p_value)} ({lack.dof} degrees of freedom)."
+        f"Offsets only leave {plain(left, 4)} mm r.m.s.; this gauge's noise would leave"
+        f" {plain(noise, 4)} mm. Noise alone leaves as much in {_sessions(lack.p_value)}"
+        f" ({lack.dof} degrees of freedom)."
     ]
     if lack.repeats_mm is not None:
         judged = ""
@@ -348,7 +363,7 @@ def _differences(measured: Differences, diagnosis: Diagnosis) -> doc.Grid:
         head = "left with the cause" + "s" * (len(diagnosis.causes) > 1)
         columns[head] = diagnosis.measured_mm - diagnosis.explained_mm
     rows = (
-        (f"d{each.name}", *(signed(float(values[k]), 3) for values in columns.values()))
+        (each.name, *(signed(float(values[k]), 3) for values in columns.values()))
         for k, each in enumerate(measured.which)
     )
     return doc.Grid(("", *columns), tuple(rows), caption=comparison_words(measured.which)[1])

@@ -14,7 +14,7 @@ from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.files import Conditions
-from orthoglide_cal.model import Differences, Machine, Measured, Readings
+from orthoglide_cal.model import Differences, Machine, Measured, Model, Readings
 from orthoglide_cal.model.workspace import WorkspaceError
 from orthoglide_cal.report import charts, views
 from orthoglide_cal.report import document as doc
@@ -27,7 +27,7 @@ from orthoglide_cal.report.documents.diagnosis import (
     note_blocks,
     ranking_grid,
 )
-from orthoglide_cal.report.documents.solution import improvement, noise_grid
+from orthoglide_cal.report.documents.solution import left_after, noise_grid
 from orthoglide_cal.report.words import (
     METHOD_WORDS,
     counted,
@@ -55,12 +55,12 @@ def evidence(calibration: Calibration, machine_file: Path | None) -> list[doc.Se
     residuals, workspace = calibration.residuals, calibration.workspace
     if solution is None or adjustment is None or residuals is None:
         return []
-    sections = [improvement(solution, adjustment.promised, in_full=True)]
+    sections = [left_after(solution, adjustment.promised, in_full=True)]
     sections.append(_wrong(calibration.input.measured, solution, residuals))
     if calibration.diagnosis is not None:
         sections.append(_diagnosis(calibration.diagnosis, calibration.explained, machine_file))
     if workspace is not None:
-        sections.append(_workspace(workspace, " and ".join(adjustment.causes)))
+        sections.append(_workspace(workspace, calibration.model))
     return sections
 
 
@@ -70,7 +70,7 @@ def _wrong(measured: Measured, solution: Solution, found: Residuals) -> doc.Sect
     noise = solution.sigma_stated_mm
     if isinstance(measured, Differences):
         rms = solution.rms_after_mm
-        where, pictures = f"d{found.label[worst]}", [_differences(measured, found, rms)]
+        where, pictures = found.label[worst], [_differences(measured, found, rms)]
     else:
         where = f"{found.series[worst].words}, {found.label[worst]}{end_words(found.end[worst])}"
         where += f", cycle {int(found.cycle[worst])}"
@@ -84,7 +84,7 @@ def _wrong(measured: Measured, solution: Solution, found: Residuals) -> doc.Sect
 
 
 def _differences(measured: Differences, found: Residuals, rms: float) -> doc.Figure:
-    names, residual = [f"d{name}" for name in found.label], found.residual_mm.tolist()
+    names, residual = list(found.label), found.residual_mm.tolist()
     return doc.Figure(
         "Measured against predicted",
         f"r.m.s. of what is left: {two_figures(rms)} mm.",
@@ -159,8 +159,9 @@ def _explained(parts: Explained, found: Diagnosis) -> doc.Figure:
     )
 
 
-def _workspace(found: WorkspaceError, causes: str) -> doc.Section:
+def _workspace(found: WorkspaceError, model: Model) -> doc.Section:
     """Tool-position error in slices of the workspace, before and after."""
+    causes = " and ".join(effect.cause.id for effect in model.accepted)
     sizes = {
         "before, largest": found.before_max_mm,
         "before, mean": found.before_mean_mm,
@@ -171,8 +172,19 @@ def _workspace(found: WorkspaceError, causes: str) -> doc.Section:
     low, high = float(found.axis_mm[0]), float(found.axis_mm[-1])
     lead = doc.Paragraph(
         f"Before: up to {before} mm (mean {before_mean}). After the offsets are entered: at most"
-        f" {after} mm (mean {after_mean}), which their uncertainty leaves."
-        + (f" The model includes {causes}." if causes else "")
+        f" {after} mm (mean {after_mean})"
+        + (
+            f"; {two_figures(found.left_max_mm)} mm of that comes from {causes}, which offsets do"
+            " not remove."
+            if causes
+            else ", which their uncertainty leaves."
+        )
+        + "".join(
+            f" What {effect.cause.id} does depends on time or on the way there, and is not"
+            " included."
+            for effect in model.accepted
+            if effect.cause.timed
+        )
     )
     figure = doc.Figure(
         "Distance between commanded and true tool position, mm",
@@ -221,7 +233,7 @@ def conditions(calibration: Calibration) -> doc.Section:
         doc.Paragraph(sizes, small=True),
     ]
     if isinstance(calibration.input.measured, Readings):
-        blocks.append(_gauges(calibration.input.measured, machine))
+        blocks.append(_gauges(calibration.input.measured, machine, calibration.diagnosis))
         sign = "A reading grows when the leg moves towards the dial."
         blocks.append(doc.Paragraph(sign, small=True))
     if given.notes:
@@ -254,14 +266,24 @@ def _temperature(given: Conditions) -> doc.Blank:
     return None if named is None else doc.Given(f"{named} °C")
 
 
-def _gauges(readings: Readings, machine: Machine) -> doc.Figure:
-    plan = readings.plan
+def _gauges(readings: Readings, machine: Machine, found: Diagnosis | None) -> doc.Figure:
+    """The machine with its gauges, and a ring around those whose readings a cause spoils."""
+    plan, causes = readings.plan, found.causes if found else ()
+    faults = {
+        plan.series[k]: cause
+        for cause in causes
+        for k in cause.effect.cause.spoiled(cause.effect.place, plan).tolist()
+    }
+    marked = "; ".join(
+        f"{cause.id}: {cause.where}" for cause in dict.fromkeys(faults.values()) if cause.where
+    )
     at = [round(place, 3) for place in plan.gauge_at.tolist()]
     places = sorted(set(zip(plan.leg.tolist(), plan.direction.tolist(), at, strict=True)))
     return doc.Figure(
         "Where the gauges stood",
-        f"{counted(len(places), 'place')} on three legs.",
-        (views.machine(machine.leg_length_mm, machine.joint_limits_mm, places),),
+        f"{counted(len(places), 'place')} on three legs."
+        + (f" Marked with a ring: {marked}." if marked else ""),
+        (views.machine(machine.leg_length_mm, machine.joint_limits_mm, places, faults),),
         columns=1,
         key="● tool, ■ carriage, double line: leg, pale line: travel of the carriage, ○ dial with"
         " the direction in which its reading grows.",

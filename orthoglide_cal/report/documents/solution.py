@@ -1,19 +1,22 @@
-"""The document of `orthocal solve`: offsets, how sure they are, and whether the model fits."""
+"""The document of `orthocal solve`: may the offsets be entered, how sure they are, what is left."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.errors import command, file_words
+from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.errors import file_words
 from orthoglide_cal.estimation import PromisedDifference, Solution
-from orthoglide_cal.estimation.accuracy import entered_decimals, rms
-from orthoglide_cal.model import AXES, DataKind, Floats, Machine
+from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.model import AXES, DataKind
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.documents.budget import budget_section
+from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of, input_data
 from orthoglide_cal.report.words import (
     METHOD_WORDS,
@@ -24,21 +27,23 @@ from orthoglide_cal.report.words import (
     signed,
     two_figures,
 )
+from orthoglide_cal.results import Adjustment, Calibration
 
 
-def solution_document(solution: Solution, machine_file: Path | None = None) -> doc.Document:
+def solution_document(calibration: Calibration, machine_file: Path | None = None) -> doc.Document:
     """The whole answer.
 
     Args:
-        solution: what was found.
-        machine_file: as the user gave it, for the command to run next.
+        calibration: a result with a solution.
+        machine_file: as the user gave it, for the commands to run next.
     """
     return doc.Document(
-        partial(solution_data, solution), partial(_solution_page, solution, machine_file)
+        partial(solution_data, calibration), partial(_solution_page, calibration, machine_file)
     )
 
 
-def _solution_page(solution: Solution, machine_file: Path | None) -> doc.Page:
+def _solution_page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
+    solution, found = calibration.found
     return doc.Page(
         kind="Solution",
         title=file_words(solution.source.path),
@@ -49,32 +54,48 @@ def _solution_page(solution: Solution, machine_file: Path | None) -> doc.Page:
                 ("Machine", doc.Given(solution.machine)),
             )
         ),
+        notice=decision_notice(calibration),
+        sheet=(to_do(calibration, machine_file),),
         sections=(
-            _offsets(solution),
-            improvement(solution, solution.table),
-            _noise(solution),
-            _verdict(solution, machine_file),
+            _offsets(calibration),
+            left_after(solution, found.promised, usable=calibration.release.usable),
+            budget_section(found),
+            _noise(calibration),
         ),
     )
 
 
-def solution_data(solution: Solution) -> dict[str, Any]:
+def solution_data(calibration: Calibration) -> dict[str, Any]:
     """The contract's fields, then a few more; lengths in mm, None where nothing is known."""
+    solution, found = calibration.found
     unsure = solution.suspicious or solution.lack_of_fit_p is None
     return {
         "schema_version": SCHEMA_VERSION,
         "input": input_data(solution.source, solution.kind, solution.count),
         **fields_of(solution, "machine", "method"),
-        **axes_of(solution, "offsets_mm", "std_mm"),
-        "ci95_mm": by_axis(solution.interval_mm),
+        **axes_of(found, "offsets_mm", "std_mm"),
+        "ci95_mm": by_axis(found.interval_mm),
+        **axes_of(found, "expanded_mm"),
+        "k": found.budget.k,
+        "budget": [
+            {
+                "source": each.source,
+                "type": each.evaluation,
+                **axes_of(each, "std_mm"),
+                **fields_of(each, "size", "unit", "assumed"),
+                "sensitivity": by_axis(each.std_mm / each.size) if each.size else None,
+            }
+            for each in found.budget.contributions
+        ],
+        **fields_of(calibration.release, "usable", "reasons"),
         **fields_of(solution, "correlation", "sigma_mm", "sigma_rho_mm", "dof"),
         **fields_of(solution, "rms_before_mm", "rms_after_mm", "converged"),
         "table": [
             {
                 "difference": row.difference.name,
-                **fields_of(row, "measured_mm", "modelled_mm", "expected_mm"),
+                **fields_of(row, "measured_mm", "modelled_mm", "expected_mm", "expanded_mm"),
             }
-            for row in solution.table
+            for row in found.promised
         ],
         "warnings": [*solution.warnings, *([solution.judgement] if unsure else [])],
         **fields_of(solution, "sigma_residuals_mm", "sigma_repeats_mm", "sigma_floor_mm"),
@@ -84,67 +105,75 @@ def solution_data(solution: Solution) -> dict[str, Any]:
     }
 
 
-def offsets_grid(
-    offsets_mm: Floats, std_mm: Floats, expanded_mm: Floats, machine: Machine
-) -> doc.Grid:
-    """The offsets, and what to type in: those that are active now plus Δρ.
+def offsets_grid(found: Adjustment, usable: bool, beside: Adjustment | None = None) -> doc.Grid:
+    """The offsets, and only if they may be entered what to type in: those active now plus Δρ.
 
     Args:
-        offsets_mm, std_mm: Δρ with its standard deviations, shape (3,).
-        expanded_mm: half the lengths of the 95 % intervals, shape (3,).
-        machine: for the offsets active now.
+        found: with uncertainty.
+        usable: whether they may be entered.
+        beside: the offsets as a cause that was found would have them.
     """
-    digits = entered_decimals(expanded_mm.tolist(), machine.offsets_mm)
-    rows: list[tuple[doc.Line, ...]] = []
-    for k, axis in enumerate(AXES):
-        found, half, active = float(offsets_mm[k]), float(expanded_mm[k]), machine.offsets_mm[k]
-        values = [signed(v, digits) for v in (found, found - half, found + half, active)]
-        change, low, high, now = values
-        new = doc.Strong(signed(active + found, digits))
-        rows.append((axis, change, two_figures(float(std_mm[k])), f"{low} … {high}", now, new))
-    head = ("", "Δρ", "std. dev.", "95 % interval", "active now", "type in")
-    return doc.Grid(head, tuple(rows))
+    digits = found.decimals
+    columns: dict[str, Iterable[doc.Blank]] = {
+        "": AXES,
+        "Δρ": [signed(value, digits) for value in found.offsets_mm.tolist()],
+        "std. dev.": map(two_figures, found.std_mm.tolist()),
+        "95 % interval": [
+            f"{signed(low, digits)} … {signed(high, digits)}"
+            for low, high in found.interval_mm.tolist()
+        ],
+        "active now": [signed(joint.previous_mm, digits) for joint in found.joints],
+    }
+    if beside is not None:
+        head = f"with {' and '.join(beside.causes)}"
+        columns[head] = [signed(value, digits) for value in beside.offsets_mm.tolist()]
+    if usable:
+        columns["type in"] = [doc.Strong(signed(joint.new_mm, digits)) for joint in found.joints]
+    return doc.Grid(tuple(columns), tuple(zip(*columns.values(), strict=True)))
 
 
-def _offsets(solution: Solution) -> doc.Section:
+def _offsets(calibration: Calibration) -> doc.Section:
+    solution, found = calibration.found
+    usable, diagnosis = calibration.release.usable, calibration.diagnosis
     correlation = solution.correlation
     pairs = ", ".join(
         f"{AXES[i]}{AXES[j]} {signed(correlation[i, j], 2)}" for i, j in ((0, 1), (1, 2), (2, 0))
     )
     together = f"Correlations: {pairs}. Together: σ_ρ = {two_figures(solution.sigma_rho_mm)} mm."
-    to_do = (
-        "Type the last column into the controller as its joint offsets, home, and measure again."
-        " It is the offset that is active now (machine file) plus Δρ."
-    )
-    machine = solution.model.machine
-    grid = offsets_grid(solution.offsets_mm, solution.std_mm, solution.expanded_mm, machine)
+    named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED and not usable
+    beside = calibration.adjustment if named else None
+    kind = "Joint offsets" if usable else "Joint offsets as found"
     return doc.Section(
-        "Joint offsets, mm (true position = indicated + Δρ)",
-        (grid, doc.Paragraph(together), doc.Paragraph(to_do)),
+        f"{kind}, mm (true position = indicated + Δρ)",
+        (offsets_grid(found, usable, beside), doc.Paragraph(together)),
     )
 
 
-def improvement(
-    solution: Solution, table: Sequence[PromisedDifference], in_full: bool = False
+def left_after(
+    solution: Solution,
+    table: Sequence[PromisedDifference],
+    in_full: bool = False,
+    usable: bool = True,
 ) -> doc.Section:
-    """Table 4 of the paper: measured, and what should remain after the correction.
+    """Table 4 of the paper: measured, and what is left after the correction.
 
     Args:
         solution: of the offsets alone, for its residuals.
         table: the differences, with the promise of the offsets to enter.
         in_full: with what the model explains.
+        usable: False where the offsets are not to be entered: what would be left is no promise.
     """
     raw = solution.kind is DataKind.READINGS
     quality = doc.Paragraph(
         f"Residual r.m.s. of the {'readings' if raw else 'differences'}:"
-        f" {plain(solution.rms_before_mm, 4)} before, {plain(solution.rms_after_mm, 4)} after"
-        f"{'' if table is solution.table else ' (offsets alone)'}."
+        f" {plain(solution.rms_before_mm, 4)} before, {plain(solution.rms_after_mm, 4)} with the"
+        " offsets."
     )
     if not table:
         return doc.Section(None, (quality,))
     values = {
         "measured": [row.measured_mm for row in table],
-        "expected after": [row.expected_mm for row in table],
+        "left after" if usable else "would be left": [row.expected_mm for row in table],
     }
     if in_full:
         values["modelled"] = [row.modelled_mm for row in table]
@@ -153,11 +182,14 @@ def improvement(
     for title, row in values.items():
         size = plain(rms(np.array(row)), digits)
         rows.append((title, *(signed(value, digits) for value in row), size))
+    reach = (f"± {plain(row.expanded_mm, digits)}" for row in table)
+    rows.insert(2, ("", *reach, ""))
     differences = [row.difference for row in table]
     what, meaning = comparison_words(differences)
-    names = (f"d{each.name}" for each in differences)
+    names = (each.name for each in differences)
     grid = doc.Grid(("", *names, "r.m.s."), tuple(rows), caption=meaning)
-    return doc.Section(f"Expected improvement, mm (differences, {what})", (grid, quality))
+    title = "Left after correction" if usable else "Left if these offsets were entered"
+    return doc.Section(f"{title}, mm (differences, {what})", (grid, quality))
 
 
 def noise_grid(solution: Solution) -> doc.Grid:
@@ -173,17 +205,12 @@ def noise_grid(solution: Solution) -> doc.Grid:
     return doc.Grid(("", "repeats", "residuals", "stated", "floor q/√12", "used"), (("σ", *cells),))
 
 
-def _noise(solution: Solution) -> doc.Section:
+def _noise(calibration: Calibration) -> doc.Section:
+    solution = calibration.found[0]
     spare = f"; {solution.dof} degrees of freedom" if solution.dof else ""
     title = f"Standard deviation of one reading, mm{spare}"
-    return doc.Section(title, (noise_grid(solution),))
-
-
-def _verdict(solution: Solution, machine_file: Path | None) -> doc.Section:
-    blocks: list[doc.Block] = [doc.Paragraph(f"Note: {warning}") for warning in solution.warnings]
-    sound = solution.dof and not solution.suspicious
-    blocks.append(doc.Notice(doc.Tone.GOOD if sound else doc.Tone.WARN, solution.judgement))
-    if solution.suspicious:
-        next_one = command("diagnose", solution.source.path, machine=machine_file)
-        blocks.append(doc.Paragraph(("Run next: ", doc.Command(next_one))))
-    return doc.Section(None, tuple(blocks))
+    notes = [doc.Paragraph(f"Note: {warning}") for warning in solution.warnings]
+    if not calibration.release.usable:
+        # Otherwise it stands at the top.
+        notes.append(doc.Paragraph(solution.judgement))
+    return doc.Section(title, (noise_grid(solution), *notes))

@@ -14,10 +14,10 @@ import numpy as np
 
 from orthoglide_cal.errors import command
 from orthoglide_cal.estimation.accuracy import entered_decimals
-from orthoglide_cal.files import MM_PER_INCH
-from orthoglide_cal.model import AXES, DataKind
+from orthoglide_cal.model import AXES, MM_PER_INCH, DataKind
 from orthoglide_cal.report import charts
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.controller import remainder
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
 from orthoglide_cal.report.words import (
     chance,
@@ -88,6 +88,7 @@ def verification_data(verification: Verification) -> dict[str, Any]:
             {
                 "difference": d.difference.name,
                 **fields_of(d, "before_mm", "promised_mm", "after_mm", "expanded_mm"),
+                "promised_expanded_mm": d.promise.expanded_mm,
             }
             for d in verification.deviations
         ],
@@ -131,10 +132,12 @@ def _axis_data(axis: AxisResponse) -> dict[str, Any]:
 def verification_notice(verification: Verification) -> doc.Notice:
     """The answer in one box."""
     before, promised, after = _rms(verification)
+    left = remainder([d.promise for d in verification.deviations], verification.before.model)
     lines = (
         f"Promised {promised} mm, measured {after} mm (r.m.s.; before {before} mm).",
         _answer(verification),
         *_decision(verification),
+        *([left] if left else []),
     )
     outcome = verification.decision.outcome if verification.decision else Outcome.PASS
     response = verification.response
@@ -226,7 +229,7 @@ def _decision(verification: Verification) -> tuple[str, ...]:
     largest, reach = plain(abs(worst.after_mm), 3), plain(worst.expanded_mm, 3)
     return (
         f"{decision.outcome.capitalize()}: limit {decision.limit_mm:g} mm, largest deviation"
-        f" {largest} ± {reach} mm (d{name}; U with {coverage_words(verification.k)}, 95 %).",
+        f" {largest} ± {reach} mm ({name}; U with {coverage_words(verification.k)}, 95 %).",
     )
 
 
@@ -236,10 +239,13 @@ def verification_outcome(verification: Verification) -> doc.Section:
     rows: list[tuple[doc.Blank, ...]] = []
     for d in deviations:
         values = (d.before_mm, d.promised_mm, d.after_mm, d.after_mm - d.promised_mm)
-        rows.append((f"d{d.difference.name}", *(signed(value, digits) for value in values)))
-    rows.append(("r.m.s.", *map(doc.Strong, _rms(verification)), ""))
+        before, promised, after, missed = (signed(value, digits) for value in values)
+        reach = f"± {plain(d.promise.expanded_mm, digits)}"
+        rows.append((d.difference.name, before, promised, reach, after, missed))
+    sizes = [doc.Strong(size) for size in _rms(verification)]
+    rows.append(("r.m.s.", *sizes[:2], "", sizes[2], ""))
     grid = doc.Grid(
-        ("difference", "before", "promised", "measured", "missed by"),
+        ("difference", "before", "promised", "U", "measured", "missed by"),
         tuple(rows),
         caption="Deviation from parallel motion, mm.",
         last_is_total=True,

@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from orthoglide_cal.errors import UsageError, visible
-from orthoglide_cal.files import MM_PER_INCH
+from orthoglide_cal.model import MM_PER_INCH
 
 # Error messages that look like numbers: they must never become one.
 _ERROR_CODES = re.compile(r"[+-]?9{5,}(?:\.9+)?|9[0-9]{2}")

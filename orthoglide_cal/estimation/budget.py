@@ -1,0 +1,169 @@
+"""The uncertainty budget of the joint offsets (GUM): every source, its size, and what it adds.
+
+Sources are independent of each other, so their covariances add up; the expanded uncertainty is
+U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthwaite, GUM G.4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+
+from orthoglide_cal.estimation.accuracy import Scatter, half_width
+from orthoglide_cal.estimation.influences import Influence, Origin
+from orthoglide_cal.model import AXES, Floats, Gauge, freeze
+
+
+class Evaluation(StrEnum):
+    """How the size of a source is known (GUM 4)."""
+
+    A = "A"  # from the scatter of these readings
+    B = "B"  # from anything else
+
+
+@dataclass(frozen=True, eq=False)
+class Contribution:
+    """What one source adds to the uncertainty of the offsets.
+
+    Attributes:
+        source: an `Origin` or a cause id.
+        evaluation: type A or B.
+        size: its standard uncertainty, in `unit`; None where it has no single size.
+        unit: of the size; "" without one.
+        assumed: True if nobody stated its size: a default.
+        covariance_mm2: of the offsets, from this source alone, shape (3, 3).
+        dof: degrees of freedom; infinite for type B.
+        possible: True for what may be there or not, by the probability that the data leave it.
+    """
+
+    source: str
+    evaluation: Evaluation
+    size: float | None
+    unit: str
+    assumed: bool
+    covariance_mm2: Floats
+    dof: float = math.inf
+    possible: bool = False
+
+    def __post_init__(self) -> None:
+        freeze(self, "covariance_mm2")
+
+    @classmethod
+    def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Contribution:
+        """What is left of a covariance (3, 3) [mm²] beside other sources; never negative."""
+        size2, directions = np.linalg.eigh(covariance)
+        positive = (directions * np.maximum(size2, 0.0)) @ directions.T
+        return cls(source, Evaluation.B, None, "", False, positive, possible=possible)
+
+    @property
+    def std_mm(self) -> Floats:
+        """What it adds to the standard uncertainty of each offset, shape (3,) [mm]."""
+        return np.sqrt(np.maximum(np.diag(self.covariance_mm2), 0.0))
+
+
+@dataclass(frozen=True)
+class Budget:
+    """All contributions, at least one."""
+
+    contributions: tuple[Contribution, ...]
+
+    def extended(self, more: Iterable[Contribution]) -> Budget:
+        """With further contributions."""
+        return replace(self, contributions=(*self.contributions, *more))
+
+    @cached_property
+    def covariance_mm2(self) -> Floats:
+        """Of the offsets, from all sources, shape (3, 3)."""
+        return np.asarray(sum(each.covariance_mm2 for each in self.contributions))
+
+    @property
+    def std_mm(self) -> Floats:
+        """Combined standard uncertainties u, shape (3,) [mm]."""
+        return np.sqrt(np.diag(self.covariance_mm2))
+
+    @cached_property
+    def dof(self) -> float:
+        """Effective degrees of freedom u⁴/Σ(uᵢ⁴/νᵢ), of the offset that has the fewest."""
+        spent = sum(each.std_mm**4 / each.dof for each in self.contributions)
+        worst = float(np.max(spent / self.std_mm**4))
+        return 1.0 / worst if worst > 0.0 else math.inf
+
+    @cached_property
+    def k(self) -> float:
+        """Coverage factor, U/u."""
+        return half_width(self.dof)
+
+    @property
+    def expanded_mm(self) -> Floats:
+        """Expanded uncertainties U, shape (3,) [mm]."""
+        return self.k * self.std_mm
+
+    @property
+    def largest(self) -> Contribution:
+        """The source that adds most to the three offsets together."""
+        return max(self.contributions, key=lambda each: float(np.trace(each.covariance_mm2)))
+
+
+def budget_of(
+    estimator: Floats, gauge: Gauge, scatter: Scatter | None, uncertain: Iterable[Influence]
+) -> Budget:
+    """The budget of offsets that a linear estimator makes of readings.
+
+    Args:
+        estimator: what a small change of each reading does to the offsets, shape (3, n).
+        gauge: its resolution, and its stated repeatability where the readings have no scatter.
+        scatter: of one reading, as found; None takes what is stated of the gauge.
+        uncertain: what acts on the readings beside noise.
+    """
+    unit = estimator @ estimator.T
+    rounding2 = gauge.rounding_mm**2
+    if scatter is None:
+        noise2, evaluation, dof = gauge.repeatability_mm**2, Evaluation.B, math.inf
+    else:
+        noise2 = max(scatter.sigma_mm**2 - rounding2, 0.0)
+        evaluation, dof = Evaluation.A, math.inf
+        if noise2 > 0.0:
+            # The scatter holds the rounding, too; what is left of it is known no better.
+            dof = scatter.dof * (noise2 / scatter.sigma_mm**2) ** 2
+    parts = [
+        Contribution(Origin.NOISE, evaluation, math.sqrt(noise2), "mm", False, noise2 * unit, dof),
+        Contribution(
+            Origin.RESOLUTION, Evaluation.B, gauge.rounding_mm, "mm", False, rounding2 * unit
+        ),
+    ]
+    for each in uncertain:
+        moved = estimator @ each.columns
+        parts.append(
+            Contribution(
+                each.source, Evaluation.B, each.size, each.unit, each.assumed, moved @ moved.T
+            )
+        )
+    return Budget(tuple(parts))
+
+
+# Of steel; the legs of other machines may differ, which is why the size is an assumed one.
+EXPANSION_PER_K = 11.5e-6
+REFERENCE_C = 20.0  # ISO 1
+
+
+def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
+    """What readings taken away from the reference temperature leave open; nothing if unknown.
+
+    The legs L grow by α·L per kelvin and so do the rails; how much of it is left over between the
+    two is not known: anything up to all of it (rectangular).
+
+    Args:
+        mean_c: mean temperature of the readings [°C].
+        length_mm: L.
+    """
+    if mean_c is None:
+        return ()
+    kelvin = abs(mean_c - REFERENCE_C)
+    std = EXPANSION_PER_K * length_mm * kelvin / math.sqrt(3.0)
+    covariance = np.full((len(AXES), len(AXES)), std**2)
+    return (Contribution(Origin.TEMPERATURE, Evaluation.B, kelvin, "K", False, covariance),)

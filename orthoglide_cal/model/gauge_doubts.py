@@ -1,0 +1,346 @@
+"""Can this gauge have shown these readings? What speaks against it, before any model is asked.
+
+A gauge that is held shows the same number for ever; inches written as millimetres scatter 25
+times less than a gauge can. Both look like excellent data to a fit. Healthy readings are doubted
+once in a million sessions: every chance here is an upper bound, for a gauge as good as stated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.model.machine import Gauge
+from orthoglide_cal.model.readings import MM_PER_INCH, Floats, Ints, Measured, Readings
+
+# Chance at which healthy readings are doubted.
+CHANCE = 1e-6
+# A value may miss the gauge's divisions by this fraction of one through rounding alone.
+OFF_SCALE = 0.02
+# Readings in mm that were converted from a column in inches are whole multiples of this.
+_INCH_STEP = 1e-5 * MM_PER_INCH
+# A printed difference may be one of means; readings that each of them can have.
+_MEANS_OF = (*range(1, 11), 12, 20, 30)
+# A unit explains readings if with it they scatter at most this many times more than stated.
+_TOO_MUCH = 2.0
+# Median of |x| of a normal x, in standard deviations.
+_MEDIAN = 0.6745
+# Readings that differ by less are equal but for the rounding of a computer.
+_EQUAL_MM = 1e-9
+
+
+class GaugeDoubt(StrEnum):
+    """What may be wrong with the numbers of a gauge."""
+
+    RANGE = "range"  # further apart than its plunger travels
+    GRID = "resolution"  # finer than it can show
+    DEAD = "dead"  # repeats that never differ
+    SCATTER = "scatter"  # repeats that differ far less than the gauge does
+    UNIT = "unit"  # all of this is as it should be in another unit
+
+
+@dataclass(frozen=True)
+class Implausible:
+    """Something that this gauge can hardly have shown.
+
+    Attributes:
+        kind: what.
+        what: one sentence, with the place.
+        remedy: what to do.
+    """
+
+    kind: GaugeDoubt
+    what: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.remedy}"
+
+
+class Steady(NamedTuple):
+    """Readings whose repeats differ less than the gauge does.
+
+    Attributes:
+        setup: the gauge set-up; None for all of them together.
+        scatter_mm: standard deviation of the repeats; exactly 0 if they never differ.
+    """
+
+    setup: int | None
+    scatter_mm: float
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that may have been taken for millimetres.
+
+    Attributes:
+        mm: one of it in mm.
+        mistake: what happened.
+        remedy: how to mend it.
+    """
+
+    mm: float
+    mistake: str
+    remedy: str
+
+
+UNITS = (
+    Unit(MM_PER_INCH, "inches written as mm", "Name the column reading_in."),
+    Unit(1.0 / MM_PER_INCH, "mm written as inches", "Name the column reading_mm."),
+    Unit(1e-3, "micrometres written as mm", "Divide them by 1000."),
+    Unit(1e3, "metres written as mm", "Multiply them by 1000."),
+)
+
+
+def gauge_doubts(measured: Measured, gauge: Gauge) -> tuple[Implausible, ...]:
+    """What this gauge can hardly have shown; empty for healthy data.
+
+    Args:
+        measured: readings or differences; of differences only the decimals say something.
+        gauge: as stated in the machine file.
+    """
+    if not isinstance(measured, Readings):
+        return tuple(_finer_differences(measured.value, gauge))
+    found = (
+        *_steadier(measured, gauge),
+        *_finer(measured, gauge),
+        *_further(measured, gauge),
+    )
+    unit = other_unit(measured, gauge)
+    if unit is None:
+        return found
+    # Where another unit makes all of it ordinary, the rest need not be said.
+    what = f"This gauge cannot show these readings in mm. Are they {unit.mistake}?"
+    return (Implausible(GaugeDoubt.UNIT, what, unit.remedy),)
+
+
+# --- repeats ----------------------------------------------------------------------------------
+
+
+def too_steady(value: Floats, setup: Ints, cell: Ints, gauge: Gauge) -> Steady | None:
+    """Readings whose repeats differ less than this gauge does, if there are any.
+
+    Args:
+        value: shape (n,) [mm].
+        setup: of each reading; each gauge set-up is looked at alone, and all together.
+        cell: of each reading: those of one set-up and cell repeat each other.
+        gauge: with its stated repeatability and resolution.
+    """
+    left, repeat = _about_means(value, setup, cell)
+    setups = np.unique(setup)
+    for chosen in (None, *setups.tolist()):
+        mine = np.full(len(value), True) if chosen is None else setup == chosen
+        sizes = Counter(np.unique(repeat[mine], return_counts=True)[1].tolist())
+        squares = float((left[mine] ** 2).sum())
+        if (1 + setups.size) * chance_of_less_scatter(squares, sizes, gauge) < CHANCE:
+            dof = sum((size - 1) * number for size, number in sizes.items())
+            scatter = math.sqrt(squares / dof)
+            return Steady(chosen, scatter if scatter > _EQUAL_MM else 0.0)
+    return None
+
+
+def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
+    """Readings less the mean of their repeats [mm], and the number of these; shape (n,)."""
+    _, repeat, count = np.unique(
+        np.stack((setup, cell)), axis=1, return_inverse=True, return_counts=True
+    )
+    repeat = repeat.reshape(-1)
+    return value - (np.bincount(repeat, weights=value) / count)[repeat], repeat
+
+
+def chance_of_less_scatter(squares: float, sizes: Counter[int], gauge: Gauge) -> float:
+    """Upper bound of the chance that repeats of this gauge scatter no more than these.
+
+    P(S ≤ s) ≤ exp(t s) E exp(−t S) for every t > 0 (Chernoff), S the sum of squares about the
+    means of the cells. A reading is x + noise, rounded to the resolution; x may lie anywhere
+    between two divisions, and the worst place counts: behind a coarse dial readings may well be
+    equal. Whatever moves the gauge between repeats makes S larger.
+
+    Args:
+        squares: s [mm²].
+        sizes: number of readings in a cell → number of such cells.
+        gauge: repeatability and resolution.
+    """
+    noise, step = gauge.repeatability_mm, gauge.resolution_mm
+    if noise <= 0.0:
+        return 1.0
+    # Rounding much finer than the noise counts as a quarter of it: repeats are equal more often.
+    step = max(step, noise / 4.0)
+    logs = np.zeros(_RATES.size)
+    for size, number in sizes.items():
+        # About the means of its parts a large cell scatters less than about its own.
+        whole, rest = divmod(size, _PART)
+        for part, parts in ((_PART, whole), (rest, 1)):
+            if part > 1 and parts:
+                logs += number * parts * _log_moments(part, noise / step)
+    return math.exp(min(float(np.min(logs + _RATES * (squares / step / step))), 0.0))
+
+
+_PART = 10
+# t in units of 1/(resolution)²; beyond the last one every difference counts as infinite.
+_RATES = np.geomspace(5e-3, 40.0, 24)
+_PHASES = np.linspace(0.0, 0.5, 5)
+
+
+@cache
+def _log_moments(size: int, noise: float) -> Floats:
+    """ln E exp(−t S) of a cell of `size` readings for each t, lengths in divisions, shape (t,).
+
+    With exp(−t Σ(y − ȳ)²) = √(n t/π) ∫ dm Π exp(−t (y − m)²), the readings are independent.
+    """
+    reach = math.ceil(6.0 * noise) + 1
+    shown = np.arange(-reach, reach + 1)
+    edges = np.arange(-reach, reach + 2) - 0.5
+    below = np.array(
+        [[0.5 * math.erfc(-(e - p) / noise / math.sqrt(2.0)) for e in edges] for p in _PHASES]
+    )
+    chance = np.diff(below, axis=1)
+    logs = []
+    for rate in _RATES.tolist():
+        width = math.sqrt(0.5 / (rate * size))
+        ends = reach + 6.0 * width
+        means = np.linspace(-ends, ends, 2 * math.ceil(2.0 * ends / width) + 1)
+        each = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
+        integral = (each**size).sum(axis=1) * (means[1] - means[0])
+        logs.append(math.log(float(integral.max()) * math.sqrt(size * rate / math.pi)))
+    moments = np.minimum(logs, 0.0)
+    moments.setflags(write=False)
+    return moments
+
+
+def _steadier(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
+    plan, value = readings.plan, readings.value
+    found = too_steady(value, plan.setup, plan.cells, gauge)
+    if found is None:
+        return
+    setup, scatter = found
+    first = int(np.argmax(plan.setup == setup))
+    where = "" if setup is None else f"{plan.series[first].words}: "
+    repeats = _first_upper(f"{where}repeated readings")
+    stated = f"{gauge.repeatability_mm:g} mm"
+    mend = "If the gauge repeats better than stated, correct repeatability_mm in the machine file."
+    if scatter == 0.0:
+        yield Implausible(
+            GaugeDoubt.DEAD,
+            f"{repeats} never differ, though the gauge repeats within {stated}.",
+            f"Is the gauge stuck or its display held? Measure again. {mend}",
+        )
+    else:
+        yield Implausible(
+            GaugeDoubt.SCATTER,
+            f"{repeats} differ by {scatter:.1g} mm only, though the gauge repeats within {stated}.",
+            f"Check the unit, and whether the gauge moves freely. {mend}",
+        )
+
+
+def _first_upper(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+# --- digits and travel ------------------------------------------------------------------------
+
+
+def off_scale(value: Floats, step: float) -> np.ndarray:
+    """Where values [mm] lie between divisions of `step` [mm]; nowhere if it is 0."""
+    if step <= 0.0:
+        return np.full(np.shape(value), False)
+    return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
+
+
+def _finer(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
+    value, step = readings.value, gauge.resolution_mm
+    between = np.flatnonzero(off_scale(value, step))
+    # An inch gauge's divisions need not be those of the machine file.
+    steps = value[between] / _INCH_STEP
+    if not between.size or np.all(np.abs(steps - np.rint(steps)) < 1e-2):
+        return
+    first = between[0]
+    yield Implausible(
+        GaugeDoubt.GRID,
+        f"{between.size} of {len(readings)} readings have more decimals than a gauge with"
+        f" divisions of {step:g} mm shows (first: line {readings.line[first]},"
+        f" {value[first]:g} mm).",
+        "Check the unit, and resolution_mm in the machine file.",
+    )
+
+
+def _finer_differences(value: Floats, gauge: Gauge) -> Iterator[Implausible]:
+    """Decimals that no difference of readings has, nor one of means of up to ten."""
+    step = gauge.resolution_mm
+    if step <= 0.0:
+        return
+    written = max(len(f"{v:.9f}".rstrip("0").partition(".")[2]) for v in value.tolist())
+    rounding = 0.5 * 10.0**-written + 1e-9
+    for count in _MEANS_OF:
+        nearest = np.rint(value * count / step) * step / count
+        if np.all(np.abs(value - nearest) <= rounding):
+            return
+    yield Implausible(
+        GaugeDoubt.GRID,
+        f"The differences have more decimals than a gauge with divisions of {step:g} mm gives,"
+        " nor are they of its means.",
+        "Check the unit, and resolution_mm in the machine file.",
+    )
+
+
+def _further(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
+    plan, value = readings.plan, readings.value
+    for setup in range(plan.setups):
+        own = np.flatnonzero(plan.setup == setup)
+        span = float(np.ptp(value[own]))
+        if span > gauge.range_mm * (1.0 + 1e-9):
+            far = own[np.argmax(np.abs(value[own] - np.median(value[own])))]
+            yield Implausible(
+                GaugeDoubt.RANGE,
+                f"{_first_upper(plan.series[far].words)}: readings {span:.4g} mm apart (line"
+                f" {readings.line[far]}: {value[far]:g} mm) are beyond the gauge's range of"
+                f" {gauge.range_mm:g} mm.",
+                "Correct the reading or the unit, or range_mm in the machine file.",
+            )
+            return
+
+
+# --- units ------------------------------------------------------------------------------------
+
+
+def other_unit(measured: Measured, gauge: Gauge) -> Unit | None:
+    """The unit in which readings that are none in mm are what this gauge shows.
+
+    None if they are in mm, or in no unit; of differences nobody can say.
+    """
+    if not isinstance(measured, Readings) or _ordinary(measured, measured.value, gauge):
+        return None
+    for unit in UNITS:
+        scaled = measured.value * unit.mm
+        # The divisions of an inch gauge are not those of the machine file.
+        on_scale = unit.mm == MM_PER_INCH or not np.any(off_scale(scaled, gauge.resolution_mm))
+        if on_scale and _ordinary(measured, scaled, gauge):
+            return unit
+    return None
+
+
+def _ordinary(readings: Readings, value: Floats, gauge: Gauge) -> bool:
+    """Whether values [mm] in place of the readings repeat and range as this gauge does.
+
+    Without repeats they do not: nothing says so.
+    """
+    plan = readings.plan
+    left, repeat = _about_means(value, plan.setup, plan.cells)
+    again = np.bincount(repeat)[repeat] > 1
+    if not again.any():
+        return False
+    # The median: one misread number does not hide the unit.
+    scatter = float(np.median(np.abs(left[again]))) / _MEDIAN
+    travel = max(np.ptp(value[plan.setup == k]) for k in range(plan.setups))
+    return bool(
+        scatter <= _TOO_MUCH * gauge.noise_mm
+        and travel <= gauge.range_mm
+        and too_steady(value, plan.setup, plan.cells, gauge) is None
+    )

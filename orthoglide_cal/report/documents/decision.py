@@ -1,0 +1,77 @@
+"""May the offsets be entered, and what to do next: said in the same words on every page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.controller import (
+    cautions,
+    check_words,
+    expected,
+    follow_up,
+    remedy_command,
+    table_command,
+    verify_command,
+)
+from orthoglide_cal.report.words import signed
+from orthoglide_cal.results import Adjustment, Calibration
+
+
+def decision_notice(calibration: Calibration) -> doc.Notice:
+    """The decision in one box."""
+    solution, decision = calibration.solution, calibration.release
+    if solution is None:
+        return doc.Notice(doc.Tone.BAD, "There is no result", decision.reasons)
+    if not decision.usable:
+        return doc.Notice(doc.Tone.BAD, "Do not enter these offsets", decision.reasons)
+    told = cautions(calibration)
+    if told:
+        return doc.Notice(doc.Tone.WARN, "The offsets may be entered, with care", told)
+    return doc.Notice(doc.Tone.GOOD, "The offsets may be entered", (solution.judgement,))
+
+
+def to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
+    """What to do next, step by step."""
+    adjustment, decision = calibration.adjustment, calibration.release
+    if adjustment is None or not decision.usable:
+        items = [
+            doc.Instruction(remedy.sentence, remedy_command(remedy, calibration, machine_file))
+            for remedy in decision.remedies
+        ]
+    else:
+        items = list(_entering(calibration, adjustment, machine_file))
+    return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
+
+
+def _entering(
+    calibration: Calibration, adjustment: Adjustment, machine_file: Path | None
+) -> list[doc.Instruction]:
+    values = ", ".join(
+        f"{joint.axis} {signed(joint.new_mm, adjustment.decimals)}" for joint in adjustment.joints
+    )
+    items = [
+        doc.Instruction(
+            ("Enter the new joint offsets in the controller, in mm: ", doc.Strong(values + ".")),
+            follow_up("export", calibration, machine_file, "--format linuxcnc"),
+        ),
+        doc.Instruction("Re-home all three axes."),
+    ]
+    check = adjustment.check
+    if check is not None:
+        before = f" (before the adjustment: {signed(check.before_mm, 2)} mm)."
+        items.append(
+            doc.Instruction((f"{check_words(check)} ", doc.Strong(expected(check)), before))
+        )
+    table = table_command(calibration, machine_file)
+    if table is not None:
+        items.append(
+            doc.Instruction("What offsets leave, a table of corrections takes out.", table)
+        )
+    items.append(
+        doc.Instruction(
+            "Measure again in the same way, and compare with the promise.",
+            verify_command(calibration, adjustment, machine_file),
+        )
+    )
+    return items

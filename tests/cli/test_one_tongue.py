@@ -1,0 +1,143 @@
+"""No command prints an order that another refuses, and what is printed to type works as it is.
+
+Every sample file and sessions of the independent truth are walked through all commands that speak
+of a result, with names that need quoting; then every command that they print is run.
+"""
+
+import re
+import shlex
+import shutil
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import Result
+
+from orthoglide_cal.cli import common
+from tests import truth
+from tests.cli.program import process, run
+from tests.machines import SAMPLES
+
+SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
+SPEAKING = ("solve", "diagnose", "report", "export")
+ORDERS = ("type in", "Enter the new", "may be entered", "HOME_OFFSET")
+COMMAND = re.compile(r"(?:^|[\s`>])orthocal ([a-z]+ [^\n`]+)")
+READINGS, MACHINE = "my readings.csv", "my machine.yaml"
+
+
+def said(result: Result) -> str:
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    return result.stdout + result.stderr
+
+
+def printed(text: str) -> set[str]:
+    return {found.strip() for found in COMMAND.findall(text)}
+
+
+def walk(*given: str) -> Iterator[str]:
+    """All that is said of one input: no order where `export` refuses; what is typed works."""
+    released = run("export", *given).exit_code == 0
+    texts = {verb: said(run(verb, *given)) for verb in SPEAKING}
+    for verb, text in texts.items():
+        orders = [order for order in ORDERS if order in text]
+        assert bool(orders) == (released and verb != "export"), (verb, orders, text)
+    typed = set().union(*(printed(text) for text in texts.values()))
+    assert typed or not released
+    for command in sorted(typed):
+        words = [given[0] if word == "AFTER" else word for word in shlex.split(command)]
+        done = run(*words)
+        assert done.exit_code == 0, (command, said(done))
+        yield said(done)
+
+
+def walk_on(*given: str) -> int:
+    """The same, and on with every machine file that was written on the way; how many walks."""
+    ready = set(Path().glob("*.yaml"))
+    for _ in walk(*given):
+        pass
+    made = sorted(set(Path().glob("*-*.yaml")) - ready)
+    return 1 + sum(walk_on(given[0], "--machine", str(machine)) for machine in made)
+
+
+def written(session: truth.Session) -> tuple[str, ...]:
+    """The session in the present folder; its arguments."""
+    truth.write_readings(session, Path(READINGS))
+    text = truth.machine_yaml(session.machine, session.gauge)
+    Path(MACHINE).write_text(text, encoding="utf-8")
+    common.given_machine.cache_clear()
+    return READINGS, "--machine", MACHINE
+
+
+def far(offset: float) -> truth.Session:
+    """A healthy session with a carriage that far off, which no home switch is."""
+    rng = np.random.default_rng(4)
+    plan, offsets = truth.standard_plan(truth.PROTOTYPE, rng), np.array([offset, 0.1, -0.2])
+    return truth.measure(truth.PROTOTYPE, truth.DIAL, plan, offsets, (), rng)
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", SAMPLE_FILES)
+def test_samples(name: str) -> None:
+    shutil.copy(SAMPLES / name, f"my {name}")
+    # The session's gap is accepted, and that machine file is walked, too.
+    assert walk_on(f"my {name}") == (2 if name == "session.yaml" else 1)
+
+
+@pytest.mark.parametrize("cause", [None, "axis_gap", "misread"])
+def test_sessions_of_the_truth(cause: str | None) -> None:
+    hidden = () if cause is None else (cause,)
+    walk_on(*written(truth.make_session(1, truth.PROTOTYPE, truth.MICRON, hidden)))
+
+
+def test_a_session_ends_with_what_solve_says_of_it(tmp_path: Path) -> None:
+    path = str(tmp_path / "my session.yaml")
+    done = process("measure", path, "--gauge", "simulated", "--seed", "1")
+    assert done.returncode == 0
+    assert said(run("solve", path)).strip() in done.stdout
+    assert printed(done.stdout) - printed(said(run("solve", path))) == {f"diagnose '{path}'"}
+
+
+def test_another_method_stays_the_method() -> None:
+    shutil.copy(SAMPLES / "double_posture_session.csv", READINGS)
+    text = said(run("solve", READINGS, "--method", "six"))
+    typed = {command for command in printed(text) if command.startswith("export")}
+    assert typed == {f"export '{READINGS}' --method six --format linuxcnc"}
+    (command,) = typed
+    assert run(*shlex.split(command)).exit_code == 0
+
+
+@pytest.mark.parametrize("offset", [12.0, -8.0])
+def test_offsets_that_no_home_switch_leaves_are_refused_everywhere_alike(offset: float) -> None:
+    given = written(far(offset))
+    refusal = f"Offset x {offset:+.1f} mm: no home switch is that far off"
+    for verb in SPEAKING:
+        done = run(verb, *given)
+        text = " ".join(said(done).replace("│", " ").split())
+        assert refusal in text, verb
+        assert not any(order in text for order in ORDERS)
+        assert done.exit_code == (4 if verb in ("solve", "export") else 0)
+    machine = Path(MACHINE).read_text(encoding="utf-8")
+    Path(MACHINE).write_text(f"{machine}homing_mm: 40\n", encoding="utf-8")
+    common.given_machine.cache_clear()
+    assert run("solve", *given).exit_code == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("machine", "gauge"), list(product(truth.MACHINES, truth.GAUGES)))
+@pytest.mark.parametrize("hidden", [(), *((cause,) for cause in truth.CAUSES), *truth.OUTSIDE])
+def test_sessions_of_the_bench(machine: str, gauge: str, hidden: tuple[str, ...] | str) -> None:
+    outside = hidden if isinstance(hidden, str) else None
+    causes = () if isinstance(hidden, str) else hidden
+    for seed in range(3):
+        for path in Path().iterdir():
+            path.unlink()
+        session = truth.make_session(
+            seed, truth.MACHINES[machine], truth.GAUGES[gauge], causes, outside
+        )
+        walk_on(*written(session))

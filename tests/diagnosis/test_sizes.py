@@ -1,0 +1,134 @@
+"""How large each cause plausibly is: given, a default, or ruled out; and what is said of it."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import diagnose as judge
+from tests import truth
+from tests.diagnosis.command import HEALTHY, SECOND, Ran, diagnose, written
+from tests.diagnosis.sessions import known
+
+# Faults of the record, each with a seed whose truth stands clear of every rival.
+RECORD = {"misread": 1, "gauge_slip": 3, "sign_flip": 2, "swapped_gauges": 37}
+
+
+def hidden(cause: str) -> truth.Session:
+    machine = truth.PROTOTYPE if RECORD[cause] % 2 else truth.LARGE
+    return truth.make_session(RECORD[cause], machine, truth.MICRON, (cause,))
+
+
+def resized(machine: Path, sizes: dict[str, float | None]) -> Path:
+    """The machine file with other tolerances: id → size; None takes the entry away."""
+    text = machine.read_text(encoding="utf-8")
+    for id, size in sizes.items():
+        entry = f"  {id}: {truth.machines.TOLERANCES[id]}\n"
+        assert entry in text
+        text = text.replace(entry, "" if size is None else f"  {id}: {size}\n")
+    # A machine file is read once, so each has its own name.
+    path = machine.with_name(f"{hashlib.sha256(text.encode()).hexdigest()}.yaml")
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def words(ran: Ran) -> str:
+    return " ".join(ran.out.split())
+
+
+@pytest.mark.parametrize("cause", RECORD)
+def test_what_the_machine_file_does_not_mention_is_named_all_the_same(
+    cause: str, tmp_path: Path
+) -> None:
+    readings, machine = written(tmp_path, hidden(cause))
+    silent = resized(machine, dict.fromkeys(RECORD))
+    (full,) = diagnose(readings, "--machine", machine, "--json").lines()
+    (found,) = diagnose(readings, "--machine", silent, "--json").lines()
+    assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", [cause])
+    assert full["assumed_tolerances"] == {}
+    assert found["assumed_tolerances"] == {id: truth.machines.TOLERANCES[id] for id in RECORD}
+    # These defaults are what the full file states, so nothing else differs.
+    same = full.keys() - {"assumed_tolerances"}
+    assert {key: found[key] for key in same} == {key: full[key] for key in same}
+
+
+def test_zero_rules_a_cause_out(tmp_path: Path) -> None:
+    session = hidden("misread")
+    readings, machine = written(tmp_path, session)
+    assert any("misread" in each.causes for each in judge(*known(session)).ranking)
+    (found,) = diagnose(readings, "--machine", resized(machine, {"misread": 0.0}), "--json").lines()
+    named = {one["id"] for one in found["causes"]}
+    assert "misread" not in named | set(found["ambiguous_with"])
+    assert found["assumed_tolerances"] == {}
+
+
+def test_a_machine_that_can_have_nothing_is_judged_all_the_same(tmp_path: Path) -> None:
+    for cause, verdict in (("misread", "unexplained"), (None, "consistent")):
+        session = hidden(cause) if cause else truth.make_session(21, truth.PROTOTYPE, truth.MICRON)
+        readings, machine = written(tmp_path, session)
+        (found,) = diagnose(
+            readings, "--machine", resized(machine, dict.fromkeys(CAUSES, 0.0)), "--json"
+        ).lines()
+        assert (found["verdict"], found["causes"], found["ambiguous_with"]) == (verdict, [], [])
+
+
+def test_what_is_ruled_out_is_not_accepted(tmp_path: Path) -> None:
+    session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+    readings, machine = written(tmp_path, session)
+    target = tmp_path / "extended.yaml"
+    ran = diagnose(
+        readings, "--machine", resized(machine, {"axis_gap": 0.0}),
+        "--accept", "axis_gap", "--output", target,
+    )  # fmt: skip
+    assert ran.code == 4
+    assert "rules axis_gap out" in " ".join(ran.err.split())
+    assert not target.exists()
+
+
+def test_sizes_that_were_assumed_are_said(tmp_path: Path) -> None:
+    readings, machine = written(tmp_path, hidden("misread"))
+    silent = resized(machine, {"misread": None, "sign_flip": None, "encoder_scale": None})
+    assert "Assumed sizes" not in words(diagnose(readings, "--machine", machine))
+    said = words(diagnose(readings, "--machine", silent))
+    note = (
+        "Assumed sizes (not in the machine file): encoder_scale 1 mm/m, misread 0.1 mm, sign_flip."
+    )
+    assert note in said
+
+
+def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:
+    """Differences have no order in time: what is seen in it alone plays no part."""
+    _, machine = written(tmp_path, hidden("misread"))
+    silent = resized(machine, dict.fromkeys(CAUSES))
+    (found,) = diagnose(SECOND, "--machine", silent, "--json").lines()
+    assumed = set(found["assumed_tolerances"])
+    assert {"axis_gap", "bar_skew", "misread"} <= assumed
+    assert not assumed & {id for id, cause in CAUSES.items() if cause.timed}
+
+
+def test_json_says_how_the_answer_depends_on_the_sizes(tmp_path: Path) -> None:
+    readings, machine = written(tmp_path, hidden("misread"))
+    (found,) = diagnose(readings, "--machine", machine, "--json").lines()
+    answer = {"verdict": "named", "causes": ["misread"]}
+    assert found["sensitivity"] == {"halved": answer, "doubled": answer}
+    (healthy,) = diagnose(HEALTHY, "--json").lines()
+    assert {each["verdict"] for each in healthy["sensitivity"].values()} == {"consistent"}
+
+
+@pytest.mark.parametrize(("how", "factor"), [("halved", 0.5), ("doubled", 2.0)])
+def test_it_is_the_answer_with_those_sizes(how: str, factor: float, tmp_path: Path) -> None:
+    """Also for defaults: as if the machine file stated each of them, halved or doubled.
+
+    The first answer has a cause more than the second.
+    """
+    session = truth.make_session(28, truth.PROTOTYPE, truth.DIAL, ("axis_gap",))
+    readings, machine = written(tmp_path, session)
+    sizes = {id: factor * size for id, size in truth.machines.TOLERANCES.items()}
+    (other,) = diagnose(readings, "--machine", resized(machine, sizes), "--json").lines()
+    silent = resized(machine, dict.fromkeys(RECORD))
+    (found,) = diagnose(readings, "--machine", silent, "--json").lines()
+    assert found["sensitivity"][how] == {
+        "verdict": other["verdict"],
+        "causes": sorted(one["id"] for one in other["causes"]),
+    }

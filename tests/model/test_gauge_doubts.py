@@ -1,0 +1,285 @@
+"""What a gauge can hardly have shown: dead gauges and wrong units are found, healthy data are not.
+
+Readings come from the independent truth; chances are counted in draws of rounded noise.
+"""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.files import read_input
+from orthoglide_cal.model import (
+    DIFFERENCES,
+    DataKind,
+    Differences,
+    Gauge,
+    GaugeDoubt,
+    Model,
+    Readings,
+    Source,
+    gauge_doubts,
+)
+from orthoglide_cal.model.gauge_doubts import chance_of_less_scatter
+from orthoglide_cal.results.release import release
+from tests import truth
+from tests.cli.program import lines, run
+from tests.diagnosis.sessions import known, model_of, read, readings_of
+from tests.machines import SAMPLES
+from tests.readings import some
+
+DEAD, SCATTER, GRID, RANGE, UNIT = (
+    GaugeDoubt.DEAD, GaugeDoubt.SCATTER, GaugeDoubt.GRID, GaugeDoubt.RANGE, GaugeDoubt.UNIT,
+)  # fmt: skip
+both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=lambda g: g.name)
+
+
+def kinds(readings: Readings, gauge: Gauge) -> set[GaugeDoubt]:
+    return {doubt.kind for doubt in gauge_doubts(readings, gauge)}
+
+
+def drawn(gauge: truth.Gauge, seed: int = 3) -> tuple[Readings, Gauge]:
+    readings, model = known(truth.make_session(seed, truth.PROTOTYPE, gauge))
+    return readings, model.machine.gauge
+
+
+def adjusted(gauge: truth.Gauge, rng: np.random.Generator, cycles: int) -> truth.Session:
+    """A machine without any error, its dials set to zero at the start."""
+    plan = truth.standard_plan(truth.PROTOTYPE, rng, cycles=cycles)
+    made = truth.measure(truth.PROTOTYPE, gauge, plan, np.zeros(3), (), rng)
+    noise = rng.normal(0.0, gauge.noise, plan.count)
+    shown = np.round(np.round(noise / gauge.resolution) * gauge.resolution, 6)
+    return replace(made, readings=shown)
+
+
+@both_gauges
+@pytest.mark.parametrize("machine", [truth.PROTOTYPE, truth.LARGE], ids=lambda m: m.name)
+def test_healthy_sessions_are_never_doubted(machine: truth.Machine, gauge: truth.Gauge) -> None:
+    """2,400 in all, half of them perfectly adjusted; a false failure has a chance below 0.0024."""
+    stated = model_of(machine, gauge).machine.gauge
+    rng = np.random.default_rng(11)
+    plain = readings_of(truth.make_session(0, machine, gauge))
+    for seed in range(300):
+        values = truth.make_session(seed, machine, gauge, offset_sd=(0.02, 1.0)[seed % 2]).readings
+        assert gauge_doubts(replace(plain, value=values), stated) == (), seed
+    for cycles in (2, 3):
+        plain = readings_of(adjusted(gauge, rng, cycles))
+        for number in range(150):
+            values = adjusted(gauge, rng, cycles).readings
+            assert gauge_doubts(replace(plain, value=values), stated) == (), (cycles, number)
+
+
+@both_gauges
+def test_nor_are_causes_of_the_machine_and_the_stands(gauge: truth.Gauge) -> None:
+    """Whatever moves the gauge between repeats makes them differ more, not less."""
+    for cause in truth.CAUSES:
+        for seed in range(10):
+            hidden = truth.make_session(seed, truth.LARGE, gauge, (cause,))
+            readings, model = known(hidden)
+            assert not gauge_doubts(readings, model.machine.gauge), (cause, seed)
+
+
+def test_nor_are_the_samples() -> None:
+    for path in sorted(SAMPLES.glob("*.csv")):
+        given = read_input(str(path))
+        assert gauge_doubts(given.measured, given.model.machine.gauge) == (), path.name
+
+
+# --- repeats ----------------------------------------------------------------------------------
+
+
+@both_gauges
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: int) -> None:
+    """Against 400,000 draws of six cells at the worst and at any place between two divisions."""
+    stated = Gauge(gauge.resolution, 10.0, None, gauge.noise)
+    rng = np.random.default_rng(size)
+    for place in (0.0, None):
+        where = rng.uniform(-0.5, 0.5, (400_000, 6, 1)) if place is None else place
+        noise = rng.normal(0.0, gauge.noise / gauge.resolution, (400_000, 6, size))
+        shown = np.rint(noise + where) * gauge.resolution
+        squares = ((shown - shown.mean(axis=2, keepdims=True)) ** 2).sum(axis=(1, 2))
+        for share in (1e-3, 1e-2, 0.1):
+            limit = float(np.quantile(squares, share))
+            true = float(np.mean(squares <= limit + 1e-12))
+            bound = chance_of_less_scatter(limit, Counter({size: 6}), stated)
+            assert true * (1.0 - 4.0 / np.sqrt(400_000 * true)) < bound < 12.0 * true
+
+
+@both_gauges
+def test_many_repeats_are_weighed_in_parts(gauge: truth.Gauge) -> None:
+    """A thousand of each posture; and gauges that nobody has."""
+    stated = Gauge(gauge.resolution, 10.0, None, gauge.noise)
+    rng, sizes = np.random.default_rng(8), Counter({1003: 6})
+    shown = np.rint(rng.normal(0.0, gauge.noise, (6, 1003)) / gauge.resolution) * gauge.resolution
+    squares = float(((shown - shown.mean(axis=1, keepdims=True)) ** 2).sum())
+    assert chance_of_less_scatter(squares, sizes, stated) == 1.0
+    assert chance_of_less_scatter(0.5 * squares, sizes, stated) < 1e-6
+    for absurd in (1e300, 1e-300):
+        for other in (
+            replace(stated, repeatability_mm=absurd),
+            replace(stated, resolution_mm=absurd),
+        ):
+            assert 0.0 <= chance_of_less_scatter(squares, sizes, other) <= 1.0
+
+
+def test_equal_readings_are_normal_behind_a_coarse_dial() -> None:
+    readings, gauge = drawn(truth.DIAL)
+    equal = replace(readings, value=np.full(len(readings), 0.12))
+    assert kinds(equal, gauge) == {DEAD}
+    assert kinds(equal, replace(gauge, repeatability_mm=0.001)) == set()
+    assert kinds(equal, replace(gauge, repeatability_mm=0.0)) == set()
+
+
+@both_gauges
+def test_a_dead_display(gauge: truth.Gauge) -> None:
+    """Not the same number everywhere: what each posture shows is repeated to the last digit."""
+    readings, stated = drawn(gauge)
+    first = {cell: i for i, cell in reversed(list(enumerate(readings.plan.cells.tolist())))}
+    repeated = readings.value[[first[cell] for cell in readings.plan.cells.tolist()]]
+    assert kinds(replace(readings, value=repeated), stated) == {DEAD}
+    nearly = np.round(repeated + 0.15 * (readings.value - repeated), 3)
+    fine = replace(stated, resolution_mm=0.001)
+    assert kinds(replace(readings, value=nearly), fine) == {SCATTER}
+
+
+def test_one_dead_gauge_is_named() -> None:
+    readings, stated = drawn(truth.MICRON)
+    value = readings.value.copy()
+    value[readings.plan.setup == 2] = 0.123
+    (doubt,) = gauge_doubts(replace(readings, value=value), stated)
+    assert doubt.kind is DEAD
+    assert doubt.what.startswith("Leg y, direction x: ")
+
+
+def test_one_cycle_says_little() -> None:
+    """Six pairs of equal readings are no proof, 18 groups of them are."""
+    readings, stated = drawn(truth.DIAL)
+    equal = replace(readings, value=np.zeros(len(readings)))
+    first = np.flatnonzero((readings.cycle == 1) | (readings.cycle == 4))
+    assert kinds(some(equal, first), stated) == set()
+    assert kinds(equal, stated) == {DEAD}
+
+
+# --- digits, travel, units --------------------------------------------------------------------
+
+
+def test_more_decimals_than_the_gauge_has() -> None:
+    readings, stated = drawn(truth.DIAL)
+    value = readings.value.copy()
+    value[7] += 0.004
+    (doubt,) = gauge_doubts(replace(readings, value=value), stated)
+    assert doubt.kind is GRID
+    assert "1 of 60" in doubt.what
+    assert f"line {readings.line[7]}, {value[7]:g} mm" in doubt.what
+
+
+def test_readings_further_apart_than_the_plunger_travels() -> None:
+    """Far from zero alone is no doubt: a display can be preset."""
+    readings, stated = drawn(truth.DIAL)
+    assert kinds(replace(readings, value=readings.value + 50.0), stated) == set()
+    value = readings.value.copy()
+    value[33] += 10.5
+    (doubt,) = gauge_doubts(replace(readings, value=value), stated)
+    assert doubt.kind is RANGE
+    assert f"line {readings.line[33]}:" in doubt.what
+
+
+@both_gauges
+@pytest.mark.parametrize(
+    ("factor", "decimals", "words"),
+    [
+        (1.0 / 25.4, 4, "reading_in"), (25.4, 6, "reading_mm"),
+        (1000.0, 3, "Divide them by 1000"), (1e-3, 6, "Multiply them by 1000"),
+    ],
+)  # fmt: skip
+def test_a_wrong_unit_is_named(
+    gauge: truth.Gauge, factor: float, decimals: int, words: str
+) -> None:
+    for seed in range(1, 6):
+        readings, stated = drawn(gauge, seed)
+        wrong = replace(readings, value=np.round(readings.value * factor, decimals))
+        (doubt,) = gauge_doubts(wrong, stated)
+        assert doubt.kind is UNIT
+        assert words in doubt.remedy
+        assert not kinds(readings, stated)
+
+
+def test_readings_in_inches_are_judged_in_inches() -> None:
+    """0.0005 in are not whole divisions of 0.01 mm."""
+    session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL)
+    header, *rows = truth.readings_csv(session).replace("reading_mm", "reading_in").splitlines()
+    cells = [row.rpartition(",") for row in rows]
+    text = [f"{head},{np.rint(float(mm) / 25.4 * 2000.0) / 2000.0:.4f}" for head, _, mm in cells]
+    model = model_of(truth.PROTOTYPE, truth.DIAL)
+    found = gauge_doubts(read("\n".join((header, *text)), model), model.machine.gauge)
+    assert found == ()
+
+
+@pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
+def test_differences_of_means_are_allowed_their_decimals(kind: DataKind) -> None:
+    rng, gauge = np.random.default_rng(4), Gauge(0.01, 10.0, 1.0, 0.006)
+    which = DIFFERENCES[kind]
+    shown = np.round(rng.normal(0.0, 0.8, (200, len(which), 7)), 2)
+    for readings in shown:
+        for high, low, digits in ((1, 1, 2), (3, 3, 3), (3, 4, 4), (3, 4, 9), (2, 3, 4)):
+            value = np.round(
+                readings[:, :high].mean(axis=1) - readings[:, -low:].mean(axis=1), digits
+            )
+            given = Differences(kind, which, value, Source("made", ""))
+            assert gauge_doubts(given, gauge) == ()
+
+
+@pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
+def test_differences_in_inches_have_too_many(kind: DataKind) -> None:
+    rng, gauge = np.random.default_rng(4), Gauge(0.01, 10.0, 1.0, 0.006)
+    which, found = DIFFERENCES[kind], 0
+    for _ in range(100):
+        value = np.round(np.round(rng.normal(0.0, 0.8, len(which)), 2) / 25.4, 4)
+        found += bool(gauge_doubts(Differences(kind, which, value, Source("made", "")), gauge))
+    assert found >= 95
+
+
+# --- what follows -----------------------------------------------------------------------------
+
+
+def doubtful() -> tuple[Readings, Model]:
+    readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))
+    return replace(readings, value=np.full(len(readings), 0.12)), model
+
+
+def test_doubtful_readings_are_not_released() -> None:
+    dead, model = doubtful()
+    solution = solve(dead, model)
+    decision = release(solution, None)
+    assert not decision.usable
+    assert "never differ" in decision.reasons[0]
+    assert "never differ" in solution.warnings[0]
+    healthy = solve(*known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL)))
+    assert release(healthy, None).usable
+
+
+def text_of(header: str, rows: list[str]) -> str:
+    return "\n".join((header, *rows)) + "\n"
+
+
+def test_every_command_says_so(tmp_path: Path) -> None:
+    session = truth.make_session(1, truth.PROTOTYPE, truth.DIAL)
+    path = str(tmp_path / "inches.csv")
+    header, *rows = truth.readings_csv(session).splitlines()
+    exact = [
+        f"{row.rpartition(',')[0]},{value / 25.4:.4f}"
+        for row, value in zip(rows, session.readings.tolist(), strict=True)
+    ]
+    Path(path).write_text(text_of(header, exact), encoding="utf-8")
+    (checked,) = lines(run("validate", path, "--json"))
+    assert any("reading_in" in remark for remark in checked["remarks"])
+    (solved,) = lines(run("solve", path, "--json"))
+    assert any("reading_in" in warning for warning in solved["warnings"])
+    assert run("export", path).exit_code == 4
+    mended = text_of(header.replace("reading_mm", "reading_in"), exact)
+    Path(path).write_text(mended, encoding="utf-8")
+    assert run("export", path).exit_code == 0

@@ -1,0 +1,81 @@
+"""Do the stated uncertainties hold? Sessions of the independent truth, blind: stands within about a
+millimetre of their place, legs and gauge scale within their tolerances, offsets up to some mm."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.files.input import input_from_document
+from orthoglide_cal.files.text import document_from_bytes
+from orthoglide_cal.results import Calibration, calibrate
+from tests import truth
+from tests.bench.chance import band
+from tests.diagnosis.sessions import model_of
+
+# Standard deviation of the hidden joint offsets [mm]: one in twenty is beyond 2 mm.
+OFFSETS = 1.0
+GROUPS = [(machine, gauge) for machine in truth.MACHINES for gauge in truth.GAUGES]
+
+
+def calibrated(session: truth.Session) -> Calibration:
+    document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
+    return calibrate(input_from_document(document, model_of(session.machine, session.gauge)))
+
+
+def inside(found: Calibration, session: truth.Session) -> int:
+    """How many of the three offsets are within their expanded uncertainty."""
+    adjustment = found.adjustment
+    assert adjustment is not None
+    error = np.abs(adjustment.offsets_mm - session.offsets)
+    return int(np.sum(error <= adjustment.expanded_mm))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cycles", [2, 3])
+@pytest.mark.parametrize(("machine", "gauge"), GROUPS)
+def test_healthy_sessions_are_consistent_and_their_intervals_hold(
+    machine: str, gauge: str, cycles: int
+) -> None:
+    """250 sessions in each of eight groups, 2,000 in all.
+
+    A coverage of 93 to 97 % fails in 1 of 500 groups; where one session in 200 is no longer
+    consistent, 1 group in 300 has more than five such sessions.
+    """
+    count, covered, verdicts = 250, 0, Counter[str]()
+    for seed in range(count):
+        session = truth.make_session(
+            8000 + seed,
+            truth.MACHINES[machine],
+            truth.GAUGES[gauge],
+            offset_sd=OFFSETS,
+            cycles=cycles,
+        )
+        found = calibrated(session)
+        assert found.diagnosis is not None
+        covered += inside(found, session)
+        verdicts[found.diagnosis.verdict] += 1
+    low, high = band(count, 0.93, 0.97)
+    assert low <= covered / (3 * count) <= high
+    assert count - verdicts[Verdict.CONSISTENT] <= 5, verdicts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gauge", truth.GAUGES)
+@pytest.mark.parametrize("cause", truth.CAUSES)
+def test_the_intervals_of_named_sessions_hold(cause: str, gauge: str) -> None:
+    """Of those named rightly among 100; a coverage of 93 to 97 % fails in 1 of 500 cases."""
+    covered, named = 0, 0
+    for seed in range(100):
+        session = truth.make_session(
+            9000 + seed, truth.PROTOTYPE, truth.GAUGES[gauge], (cause,), offset_sd=OFFSETS
+        )
+        found = calibrated(session)
+        assert found.diagnosis is not None
+        if tuple(each.id for each in found.diagnosis.causes) == (cause,):
+            named += 1
+            covered += inside(found, session)
+    if named:
+        low, high = band(named, 0.93, 0.97)
+        assert low <= covered / (3 * named) <= high, (covered, named)
