@@ -31,6 +31,7 @@ def machine(
     joint_limits_mm: tuple[float, float],
     gauges: Sequence[tuple[int, int, float]],
     faults: Collection[tuple[int, int]] = (),
+    rails: Collection[int] = (),
 ) -> Html:
     """Isometric sketch at the isotropic posture.
 
@@ -39,6 +40,7 @@ def machine(
         joint_limits_mm: travel of the carriages from the isotropic posture.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
         faults: (leg, direction) whose readings a fault spoils: a ring around their gauges.
+        rails: those in which a fault is: a line beside them.
     """
     scale = LEG / leg_length_mm
     parts: list[Html] = []
@@ -57,6 +59,11 @@ def machine(
             _line(joint - side, tool - side, "bar"),
             tag("rect", x=x, y=y, width=14, height=14, rx=2, class_="carriage"),
             words(at, below + 4.0, axis, "middle", "axis"),
+            *(
+                [_line(_at(leg, low) + 2.5 * side, _at(leg, end) + 2.5 * side, "fault")]
+                if leg in rails
+                else ()
+            ),
         )
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     x, y = CENTRE.tolist()
@@ -72,6 +79,9 @@ def machine(
     if faults:
         marked = "; ".join(Series(*fault).words for fault in sorted(faults))
         finding += f" Marked, because a fault spoils its readings: {marked}."
+    if rails:
+        marked = ", ".join(AXES[rail] for rail in sorted(rails))
+        finding += f" Marked, because a fault is in it: axis {marked}."
     return svg("machine", WIDTH, HEIGHT, "The machine and its gauges", finding, *parts)
 
 

@@ -114,11 +114,17 @@ def test_the_green_tick_is_for_what_the_offsets_mend() -> None:
     assert not any("--format table" in command for command in commands(sound))
 
 
+def test_the_faulty_axes_are_marked_on_the_machine() -> None:
+    page = repr(calibration_document(cases.named_in_machine()).page())
+    assert "Marked: axis_gap: " in page
+    assert "Marked, because a fault is in it: axis" in page
+
+
 def test_the_faulty_gauge_is_marked_on_the_machine() -> None:
     marked = repr(calibration_document(cases.named_in_measurement()).page())
-    assert "Marked with a ring: misread: leg x, direction z, min, cycle 2 (reading 12)." in marked
+    assert "Marked: misread: leg x, direction z, min, cycle 2 (reading 12)." in marked
     assert marked.count('class="fault"') == 1
-    assert 'class="fault"' not in repr(calibration_document(cases.named_in_machine()).page())
+    assert 'class="fault"' not in repr(calibration_document(cases.healthy()).page())
 
 
 @pytest.mark.parametrize("made", [solution_document, diagnosis_document, calibration_document])

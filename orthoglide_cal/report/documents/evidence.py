@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from orthoglide_cal.diagnosis import Diagnosis, Verdict
+from orthoglide_cal.diagnosis import Diagnosis, NamedCause, Verdict
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.files import Conditions
-from orthoglide_cal.model import Differences, Machine, Measured, Model, Readings
+from orthoglide_cal.model import AXES, Differences, Machine, Measured, Model, Readings
 from orthoglide_cal.model.workspace import WorkspaceError
 from orthoglide_cal.report import charts, views
 from orthoglide_cal.report import document as doc
@@ -42,6 +42,8 @@ from orthoglide_cal.report.words import (
 from orthoglide_cal.results import Calibration, Explained, Residuals
 
 _MOST_NOTES = 40
+# A parameter that many standard deviations from zero is marked on the picture.
+SEEN = 2.0
 
 
 def evidence(calibration: Calibration, machine_file: Path | None) -> list[doc.Section]:
@@ -266,24 +268,39 @@ def _temperature(given: Conditions) -> doc.Blank:
     return None if named is None else doc.Given(f"{named} °C")
 
 
+def _seen(cause: NamedCause) -> list[str]:
+    """Names of the parameters that stand clear of their uncertainty; of axes or of series."""
+    return [
+        name
+        for name, estimate in cause.parameters.items()
+        if set(name) <= {*AXES, "_"} and abs(estimate.value) > SEEN * estimate.std
+    ]
+
+
 def _gauges(readings: Readings, machine: Machine, found: Diagnosis | None) -> doc.Figure:
     """The machine with its gauges, and a ring around those whose readings a cause spoils."""
     plan, causes = readings.plan, found.causes if found else ()
     faults = {
-        plan.series[k]: cause
+        plan.series[k]
         for cause in causes
         for k in cause.effect.cause.spoiled(cause.effect.place, plan).tolist()
     }
-    marked = "; ".join(
-        f"{cause.id}: {cause.where}" for cause in dict.fromkeys(faults.values()) if cause.where
-    )
+    marked = [f"{cause.id}: {cause.where}" for cause in causes if cause.where]
+    rails: set[int] = set()
+    for cause in causes:
+        seen = _seen(cause)
+        if cause.in_machine:
+            rails |= {AXES.index(axis) for name in seen for axis in name}
+        else:
+            faults |= {series for series in plan.series if series.name in seen}
+        marked += [f"{cause.id}: {', '.join(seen)}"] if seen and not cause.where else []
     at = [round(place, 3) for place in plan.gauge_at.tolist()]
     places = sorted(set(zip(plan.leg.tolist(), plan.direction.tolist(), at, strict=True)))
     return doc.Figure(
         "Where the gauges stood",
         f"{counted(len(places), 'place')} on three legs."
-        + (f" Marked with a ring: {marked}." if marked else ""),
-        (views.machine(machine.leg_length_mm, machine.joint_limits_mm, places, faults),),
+        + (f" Marked: {'; '.join(marked)}." if marked else ""),
+        (views.machine(machine.leg_length_mm, machine.joint_limits_mm, places, faults, rails),),
         columns=1,
         key="● tool, ■ carriage, double line: leg, pale line: travel of the carriage, ○ dial with"
         " the direction in which its reading grows.",
