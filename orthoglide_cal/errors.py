@@ -49,9 +49,10 @@ def command(verb: str, *paths: str, machine: Path | None = None, options: str = 
     >>> command("diagnose", "my data.csv", options="--accept axis_gap")
     "orthocal diagnose 'my data.csv' --accept axis_gap"
     """
-    # A name that begins with a dash would be taken for an option.
-    plain = [f"./{path}" if path.startswith("-") and path != "-" else path for path in paths]
-    files = [shlex.quote(path) for path in plain]
+    # What came from standard input has to be a file by then; a name that begins with a dash would
+    # be taken for an option.
+    plain = ["FILE" if path == "-" else path for path in paths]
+    files = [shlex.quote(f"./{path}" if path.startswith("-") else path) for path in plain]
     given = ["--machine", shlex.quote(str(machine))] if machine else []
     return " ".join(("orthocal", verb, *files, *given, *([options] if options else [])))
 
