@@ -17,9 +17,9 @@ from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_un
 from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.model import Floats
 
-# Something is wrong only if that is this many times likelier than that nothing is. Of 2,400 healthy
-# sessions of two cycles 10 get that far; at 2.5 half of them, but more real causes are passed over.
-ODDS_TO_NAME = 1.8
+# Something is wrong only if that is this many times likelier than that nothing is. Of 1,200 healthy
+# sessions of two cycles 9 get that far; at 2.5 half of them, but more real causes are passed over.
+ODDS_TO_NAME = 1.5
 # A rival this unlikely beside the best answer is dismissed. Of 2,067 blind sessions of one cause
 # 1,840 are named then, one of them wrongly; two of 1,905 at 0.03, eight of 1,956 at 0.1. A wrong
 # name costs a part, an open one a reading.
