@@ -1,11 +1,25 @@
 """Programs that the tests start are those of this checkout, and can be interrupted."""
 
 import os
+import shutil
 import signal
 from pathlib import Path
 
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
 # Whatever else is installed in this environment, and wherever a test runs the program.
-os.environ["PYTHONPATH"] = str(Path(__file__).parents[1])
+os.environ["PYTHONPATH"] = str(ROOT)
 
 # A shell starts background jobs with this signal ignored, and children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def beside_the_samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with copies of the sample data and machines, as in a checkout."""
+    for folder in ("sample_data", "configs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

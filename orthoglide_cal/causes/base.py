@@ -85,6 +85,7 @@ class RelabelCause(Cause):
     """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
+    size_reason = "it happens or it does not"
 
     def share(self, place: Place) -> float:
         """How likely it is at a place, beside 1 at most places."""

@@ -30,8 +30,8 @@ class BarSkew(Cause):
     title = "a touched bar is not parallel to its leg"
     stage = Stage.CONTACT
     unit = "mrad"
-    # The face of the bar that the plunger runs on, to its centre line.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
+    size_reason = "the face of the bar that the plunger runs on, to its centre line"
     scale = 1e-3
     names = tuple(series.name for series in _SERIES)
     lasting = True
@@ -62,8 +62,8 @@ class GaugeDrift(PatternCause):
     title = "a gauge or its stand creeps"
     stage = Stage.CONTACT
     unit = "mm/h"
-    # A magnetic stand that settles, a plunger arm that creeps.
     sizes = MappingProxyType({Orthoglide.id: 0.05})
+    size_reason = "a magnetic stand settling, a plunger arm creeping"
     names = ("rate",)
     timed = True
     advice = "Clamp the stand of {where} afresh on a clean surface, and repeat this leg."
@@ -88,8 +88,8 @@ class StandShift(PatternCause):
     title = "a gauge or its stand was knocked"
     stage = Stage.CONTACT
     unit = "mm"
-    # A light knock against the stand.
     sizes = MappingProxyType({Orthoglide.id: 0.1})
+    size_reason = "a light knock against the stand"
     names = ("step",)
     timed = True
     advice = (

@@ -29,8 +29,8 @@ class AxisGap(Cause):
     title = "the actuator axes do not meet in one point"
     stage = Stage.GEOMETRY
     unit = "mm"
-    # Usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2).
     sizes = MappingProxyType({Orthoglide.id: 0.5})
+    size_reason = "usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2)"
     names = ("xy", "yz", "zx")
     lasting = True
     compensable = True
@@ -60,8 +60,8 @@ class AxisSquareness(Cause):
     title = "the actuator axes are not square to each other"
     stage = Stage.GEOMETRY
     unit = "mrad"
-    # 0.2 mm over a 200 mm square, the same alignment.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
+    size_reason = "0.2 mm over a 200 mm square, the same alignment"
     scale = 1e-3
     names = ("xy", "yz", "zx")
     lasting = True
@@ -88,8 +88,8 @@ class LegLength(Cause):
     title = "the legs differ from the nominal length"
     stage = Stage.GEOMETRY
     unit = "mm"
-    # The paper states ±0.01 mm for machined links and joints.
     sizes = MappingProxyType({Orthoglide.id: 0.01})
+    size_reason = "the paper states ±0.01 mm for machined links and joints"
     names = ("x", "y", "z")
     lasting = True
     compensable = True

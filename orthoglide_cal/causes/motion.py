@@ -18,8 +18,8 @@ class EncoderScale(Cause):
     title = "a carriage moves more or less than indicated"
     stage = Stage.MOTION
     unit = "1e-3"
-    # Lead error of a belt or screw, or a scale entered with few digits.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
+    size_reason = "belt or screw lead error, or a scale entered with few digits"
     scale = 1e-3
     names = ("x", "y", "z")
     lasting = True
@@ -43,8 +43,8 @@ class Backlash(Cause):
     title = "a carriage has lost motion"
     stage = Stage.MOTION
     unit = "mm"
-    # A worn but serviceable screw and nut.
     sizes = MappingProxyType({Orthoglide.id: 0.02})
+    size_reason = "a worn but serviceable screw and nut"
     names = ("x", "y", "z")
     nuisance = (("start_x", 0.3), ("start_y", 0.3), ("start_z", 0.3))
     positive = True
@@ -67,8 +67,8 @@ class ThermalDrift(Cause):
     title = "the actuator zeros drift with time"
     stage = Stage.MOTION
     unit = "mm/h"
-    # 300 mm of steel and aluminium that warm by a few degrees an hour.
     sizes = MappingProxyType({Orthoglide.id: 0.05})
+    size_reason = "300 mm of steel and aluminium warming by a few degrees an hour"
     names = ("x", "y", "z")
     lasting = True
     timed = True

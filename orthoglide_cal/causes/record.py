@@ -33,8 +33,8 @@ class Misread(PatternCause):
     title = "one reading is wrong"
     stage = Stage.RECORD
     unit = "mm"
-    # A slip of one numbered division.
     sizes = MappingProxyType({Orthoglide.id: 0.1})
+    size_reason = "a slip of one numbered division"
     hides_reading = True
     advice = "Take this reading again: {where}."
 
@@ -61,8 +61,8 @@ class GaugeSlip(PatternCause):
     title = "whole turns of the dial were miscounted"
     stage = Stage.RECORD
     unit = "turns"
-    # The small pointer was misjudged by one.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
+    size_reason = "the small pointer was misjudged by one"
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
     advice = "Count the turns again: {where}. Add or take off whole revolutions there."
@@ -102,7 +102,6 @@ class SignFlip(RelabelCause):
     id = "sign_flip"
     title = "a gauge was read with the opposite sign"
     stage = Stage.RECORD
-    # It happens or it does not.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
     advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
@@ -134,7 +133,6 @@ class SwappedGauges(ExchangeCause):
     id = "swapped_gauges"
     title = "the two gauges of one leg were exchanged"
     stage = Stage.RECORD
-    # It happens or it does not.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
     advice = (
         "Check the cables or columns of the two gauges of {where}, and exchange them back. If they"
@@ -165,7 +163,6 @@ class ExchangedColumns(ExchangeCause):
     id = "exchanged_columns"
     title = "the columns leg and direction were exchanged"
     stage = Stage.RECORD
-    # It happens or it does not.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
     weight = CLERICAL
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
@@ -181,7 +178,6 @@ class WrongUnit(RelabelCause):
     id = "wrong_unit"
     title = "all readings are in another unit"
     stage = Stage.RECORD
-    # It happens or it does not.
     sizes = MappingProxyType({Orthoglide.id: 1.0})
     weight = CLERICAL
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."

@@ -2,34 +2,43 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sys
+from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from orthoglide_cal import __version__
-from orthoglide_cal.cli.common import NoColour, leave_closed, tell_error
+from orthoglide_cal.cli.apply import apply
+from orthoglide_cal.cli.common import Command, NoColour, forget, leave_closed, tell_error
 from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.export import export
+from orthoglide_cal.cli.guide import guide
+from orthoglide_cal.cli.machine import machine
 from orthoglide_cal.cli.measure import measure
 from orthoglide_cal.cli.paper import paper
 from orthoglide_cal.cli.report import report
 from orthoglide_cal.cli.simulate import simulate
 from orthoglide_cal.cli.solve import solve
+from orthoglide_cal.cli.start import start
+from orthoglide_cal.cli.template import template
 from orthoglide_cal.cli.validate import validate
 from orthoglide_cal.cli.verify import verify
-from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.errors import InputError, OrthocalError
 
 INTERRUPTED = 130
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class _Commands(TyperGroup):
     """Errors of the package end a command with their own exit code."""
 
     def invoke(self, ctx: Any) -> Any:
+        forget()
         try:
             return super().invoke(ctx)
         except OrthocalError as error:
@@ -38,14 +47,15 @@ class _Commands(TyperGroup):
         except BrokenPipeError:
             leave_closed(sys.stdout)
             raise typer.Exit from None
+        except typer.Abort:
+            raise typer.Exit(INTERRUPTED) from None
 
 
 app = typer.Typer(
     name="orthocal",
     cls=_Commands,
     help="Calibrate and diagnose an Orthoglide-type machine with a dial indicator.",
-    no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -57,21 +67,25 @@ def _show_version(chosen: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _orthocal(
+    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
     ] = False,
     no_colour: NoColour = False,
 ) -> None:
-    pass
+    if context.invoked_subcommand is None:
+        start()
 
 
 for command in (
-    measure, solve, diagnose, report, verify, simulate, validate, export, paper
+    measure, solve, diagnose, apply, verify, report, export, simulate, validate, paper, template,
+    guide,
 ):  # fmt: skip
-    app.command()(command)
+    app.command(cls=Command)(command)
+app.add_typer(machine, name="machine")
 
 
 def main() -> None:
@@ -89,5 +103,12 @@ def main() -> None:
             sys.stdout.flush()
     except BrokenPipeError:
         leave_closed(sys.stdout)
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        leave_closed(sys.stdout)
+        with suppress(OSError):
+            print(f"Standard output cannot be written: {error.strerror}.", file=sys.stderr)
+        sys.exit(InputError.exit_code)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)

@@ -7,21 +7,42 @@ from __future__ import annotations
 
 import functools
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
 
 import typer
+from typer.core import TyperCommand
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, file_words
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orthoglide_cal.files import Input
-    from orthoglide_cal.model import Model
+    from orthoglide_cal.files import Input, StoredMachine
+    from orthoglide_cal.model import Entered, Model
     from orthoglide_cal.report.document import Document
+
+
+# Numbers on the command line are lengths in mm, or degrees: none of them is as large.
+_LARGEST = 1e5
+
+
+class Command(TyperCommand):
+    """Options hold plain numbers: `float` would take nan, inf and 1e300."""
+
+    def invoke(self, ctx: Any) -> Any:
+        for parameter in self.params:
+            given = ctx.params.get(parameter.name or "")
+            for value in given if isinstance(given, tuple) else (given,):
+                if isinstance(value, float) and not abs(value) <= _LARGEST:
+                    name = parameter.opts[0]
+                    raise UsageError(f"{name} cannot be {value:g}.", "Give a plain number.")
+        return super().invoke(ctx)
 
 
 def _switch_colour_off(chosen: bool) -> bool:
@@ -49,7 +70,8 @@ MachineFile = Annotated[
     option(
         "--machine",
         metavar="FILE",
-        help="Machine file; without it the session's own machine, or the prototype.",
+        help="Machine file; without it the session's own machine, or the one file of a machine"
+        " in this folder, or the prototype.",
     ),
 ]
 MethodName = Annotated[
@@ -65,7 +87,9 @@ Offsets = tuple[float, float, float]
 Limit = Annotated[
     float | None,
     option(
-        metavar="MM", help="Largest deviation allowed in any difference: pass, fail or undecided."
+        metavar="MM",
+        help="Largest deviation allowed in any difference: pass, fail or undecided; over time:"
+        " when the machine is due.",
     ),
 ]
 HtmlFile = Annotated[
@@ -77,7 +101,9 @@ HtmlFile = Annotated[
 MarkdownFile = Annotated[
     Path | None, option(metavar="FILE", help="Write Markdown; - is standard output.")
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace a file that this command wrote before.")
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="One JSON object per input file, one per line.")
 ]
@@ -116,15 +142,93 @@ def read_input(path: str, machine_file: Path | None = None) -> Input:
     """What was measured at `path` ("-": standard input), judged by the machine of --machine."""
     from orthoglide_cal import files
 
-    return files.read_input(path, given_machine(machine_file))
+    given = files.read_input(path, given_machine(machine_file), folder_machine)
+    try:
+        return replace(given, keeper=read_machine_file(own_machine_file(machine_file)))
+    except OrthocalError:
+        return given  # nothing can be recorded; what was measured stands for itself
+
+
+def own_machine_file(machine_file: Path | None) -> Path:
+    """The machine file of --machine or of this folder, if what was entered can be recorded in it.
+
+    Raises:
+        UsageError: there is none that may be changed.
+    """
+    from orthoglide_cal.files import machine_in_folder, shipped_folder
+
+    path = machine_file or machine_in_folder(Path())
+    if path is None:
+        raise UsageError(
+            "There is no machine file in this folder to record it in.",
+            "Name it with --machine, or make one: orthocal machine new",
+        )
+    if str(path) == "-":
+        raise UsageError("Standard input cannot be changed.", "Name a machine file.")
+    if path.resolve().parent == shipped_folder().resolve():
+        raise UsageError(
+            f"{path} comes with the program and is never changed.",
+            "Make one for your machine: orthocal machine new",
+        )
+    return path
+
+
+def given_machine(machine_file: Path | None) -> Model | None:
+    """The machine of --machine, read once for many inputs; None if it was not given."""
+    return read_machine_file(machine_file).model if machine_file else None
 
 
 @functools.cache
-def given_machine(machine_file: Path | None) -> Model | None:
-    """The machine of --machine, read once for many inputs; None if it was not given."""
+def read_machine_file(path: Path) -> StoredMachine:
+    """A machine file, read once in a command; in a terminal, what is to be known of it is said."""
     from orthoglide_cal import files
 
-    return files.read_machine(machine_file) if machine_file else None
+    file = files.read_machine_file(path)
+    for remark in file.remarks if sys.stderr.isatty() else ():
+        tell(f"{file_words(str(path))}: {remark}")
+    return file
+
+
+@functools.cache
+def remembered_machine() -> Model | None:
+    """The machine of the only machine file in this folder, and says so; None if there is none."""
+    from orthoglide_cal.files import machine_in_folder
+
+    path = machine_in_folder(Path())
+    if path is None:
+        return None
+    tell(f"The machine is that of {path}, the machine file in this folder.")
+    return read_machine_file(path).model
+
+
+@functools.cache
+def folder_machine() -> Model:
+    """The machine that this folder remembers, else the prototype; says once which one it is."""
+    from orthoglide_cal.files import default_machine
+
+    model = remembered_machine()
+    if model is None and sys.stderr.isatty():
+        # A script that has always worked with the prototype needs no reminder.
+        tell(
+            "No machine file is named, and there is none in this folder: the numbers of the"
+            " paper's prototype are used. Make yours: orthocal machine new"
+        )
+    return model or default_machine()
+
+
+def entered(machine_file: Path | None) -> tuple[Entered, ...]:
+    """What was entered in the controller, as --machine or the machine file of this folder says."""
+    from orthoglide_cal.files import machine_in_folder
+
+    path = machine_file or machine_in_folder(Path())
+    return read_machine_file(path).model.machine.history if path else ()
+
+
+def forget() -> None:
+    """Forget the machine files that were read: every command reads its own."""
+    read_machine_file.cache_clear()
+    remembered_machine.cache_clear()
+    folder_machine.cache_clear()
 
 
 def deliver(
@@ -138,7 +242,7 @@ def deliver(
     """Show a document on standard output, as text or as JSON, or write the files asked for.
 
     Raises:
-        UsageError: a file exists and may not be replaced.
+        UsageError: a file exists and may not be replaced: only one that this wrote may ever be.
     """
     if as_json:
         print_json(document.data())
@@ -159,11 +263,17 @@ def deliver(
 
 
 def _write(path: Path, text: str, name: str, overwrite: bool) -> None:
+    """Write a page; in the place of an existing file only if that one is a page, too."""
     if str(path) == "-":
         print(text, end="")
         return
     from orthoglide_cal.files import write_text
+    from orthoglide_cal.report.document import MARK
 
+    if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
+        raise UsageError(
+            f"{path} is not a page that orthocal wrote: it is not replaced.", "Name another file."
+        )
     try:
         write_text(path, text, overwrite=overwrite)
     except UsageError as error:
@@ -211,7 +321,22 @@ def tell(message: str) -> None:
     """A message on standard error; what file names and the like hold is shown, never obeyed."""
     from orthoglide_cal.errors import visible_lines
 
-    print(visible_lines(message), file=sys.stderr)
+    shown = visible_lines(message)
+    if sys.stderr.isatty():
+        shown = "\n".join(map(_fitted, shown.split("\n")))
+    print(shown, file=sys.stderr)
+
+
+def _fitted(line: str) -> str:
+    """A line for a terminal: broken between words; a command stays whole, on a line of its own."""
+    said, _, typed = line.partition(": orthocal ")
+    columns = shutil.get_terminal_size().columns
+    if len(line) <= columns:
+        return line
+    command = [f"  orthocal {typed}"] if typed else []
+    words = f"{said}:" if typed else said
+    broken = textwrap.wrap(words, columns, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(broken + command)
 
 
 def tell_error(error: OrthocalError, path: str = "") -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError, UsageError
+
+if TYPE_CHECKING:
+    from orthoglide_cal.results import Export
 
 
 class Format(StrEnum):
@@ -61,7 +64,6 @@ def export(
     no_colour: common.NoColour = False,
 ) -> None:
     """Write the new offsets for the controller, if they may be used."""
-    from orthoglide_cal import results
     from orthoglide_cal.files import write_text
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
@@ -76,25 +78,42 @@ def export(
     }
 
     def judge(path: str) -> None:
-        given = common.read_input(path, machine)
-        found = results.calibrate(given, method)
-        try:
-            released = results.export(found, force)
-        except UnusableResultError as error:
-            remedies = [*controller.remedy_words(found, machine), error.remedy]
-            raise UnusableResultError(error.what, "\n".join(filter(None, remedies))) from error
+        found = released(path, machine, method, force)
         if format is Format.TABLE:
-            text = controller.as_table(compensation(given.model, points), released)
+            text = controller.as_table(compensation(found.calibration.input.model, points), found)
         elif format is Format.CSV:
-            text = controller.as_csv(released)
+            text = controller.as_csv(found)
         else:
-            text = formats[Format.JSON if json else format](released, machine)
-        if released.forced:
-            common.tell(f"FORCED: {' '.join(released.forced)}")
+            text = formats[Format.JSON if json else format](found, machine)
+        if found.forced:
+            common.tell(f"FORCED: {' '.join(found.forced)}")
         if target is None:
             print(text, end="")
         else:
             write_text(target, text)
-            common.tell(f"Joint offsets {released.calibration.identity.number} written to {target}")
+            common.tell(f"Joint offsets {found.calibration.identity.number} written to {target}")
 
     common.for_each([file], judge, as_json=json)
+
+
+def released(
+    path: str,
+    machine: Path | None,
+    method: str | None = None,
+    force: bool = False,
+    forcible: bool = True,
+) -> Export:
+    """The offsets of an input, if they may be used or are forced to.
+
+    Raises:
+        UnusableResultError: they must not be used; with what to do instead.
+    """
+    from orthoglide_cal import results
+    from orthoglide_cal.report.controller import remedy_words
+
+    found = results.calibrate(common.read_input(path, machine), method)
+    try:
+        return results.export(found, force)
+    except UnusableResultError as error:
+        remedies = [*remedy_words(found, machine), *([error.remedy] if forcible else [])]
+        raise UnusableResultError(error.what, "\n".join(filter(None, remedies))) from error

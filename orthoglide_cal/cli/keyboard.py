@@ -1,43 +1,43 @@
-"""Lines from the terminal or from a pipe, one at a time."""
+"""Lines from the terminal or from a pipe, one at a time, with the moment when each was begun."""
 
 from __future__ import annotations
 
+import codecs
 import os
-import select
 import sys
-from contextlib import suppress
+import threading
+import time
+from collections import deque
+from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import Any, NoReturn
 
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import visible
+from orthoglide_cal.session.asking import Line
+from orthoglide_cal.system import SYSTEM, Terminal
+from orthoglide_cal.system.interface import COLUMNS, END_OF_INPUT
 
-if sys.platform != "win32":
-    import termios
+# Some gauges end their number with TAB.
+_ENDS = "\r\n\t"
+_ERASE, _ERASE_ALL = "\x7f\b", "\x15"
+_LONGEST = 4096  # no one types more
+_FOREVER_S = 3600.0
 
 
 class StandardInput:
-    """Standard input. In a terminal the line stays editable, and TAB ends it as Return does."""
+    """Standard input, opened when it is first needed. In a terminal the line can be corrected.
+
+    Used as a context, it leaves the terminal as it was.
+    """
 
     def __init__(self) -> None:
-        self.live = False
-        self._file = -1
-        self._rest = b""
-        self._ended = False
-        self._before: list[Any] | None = None
+        self._terminal: Terminal | None = None
+        self._pipe: SimpleQueue[str] | None = None
+        self._lines: deque[Line | None] = deque()  # None: the end of input
+        self._typed = ""
+        self._begun = 0.0
+        self._after_return = False
 
     def __enter__(self) -> StandardInput:
-        if sys.platform == "win32":
-            raise UsageError(
-                "`measure` needs a POSIX terminal.", "Run it under Linux, macOS or WSL."
-            )
-        self._file = sys.stdin.fileno()
-        self.live = os.isatty(self._file)
-        if self.live:
-            self._before = termios.tcgetattr(self._file)
-            mode = termios.tcgetattr(self._file)
-            # Some gauges end their number with TAB: let the terminal take that for an end, too.
-            mode[6][termios.VEOL] = b"\t"
-            termios.tcsetattr(self._file, termios.TCSADRAIN, mode)
         return self
 
     def __exit__(
@@ -46,60 +46,126 @@ class StandardInput:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._before is not None:
-            with suppress(termios.error):  # the terminal was closed
-                termios.tcsetattr(self._file, termios.TCSADRAIN, self._before)
+        if self._terminal is not None:
+            self._terminal.close()
+            self._terminal = None
 
-    def flush(self) -> None:
-        """Forget what was typed before this prompt (terminals only)."""
-        if self.live:
-            self._rest = b""
-            try:
-                termios.tcflush(self._file, termios.TCIFLUSH)
-            except termios.error as error:
-                raise EOFError from error
+    @property
+    def live(self) -> bool:
+        """Whether it is a terminal."""
+        return sys.stdin is not None and sys.stdin.isatty()
 
-    def read(self, timeout_s: float | None) -> str | None:
+    @property
+    def columns(self) -> int:
+        """Width of the screen; of a usual one where there is none."""
+        return self._screen().columns() if self.live else COLUMNS
+
+    @property
+    def partial(self) -> str:
+        """What was typed of a line that has not ended."""
+        return visible(self._typed)
+
+    def disturbed(self) -> bool:
+        """True once after the screen has changed: another size, or the program was stopped."""
+        return self.live and self._screen().disturbed()
+
+    def catch_up(self) -> None:
+        """Take in what was typed up to now, so that it counts as typed up to now."""
+        if self.live and (keys := self._screen().read(0.0)):
+            self._edit(keys, shown=False)
+
+    def read(self, timeout_s: float | None) -> Line | None:
         """A line without its end; None after the time-out. Raises EOFError."""
-        line = self._take_line()
-        if line is not None:
-            return line
-        if self._ended:
-            self._end()
-        ready, _, _ = select.select([self._file], [], [], timeout_s)
-        if not ready:
-            return None
+        until = time.monotonic() + (_FOREVER_S if timeout_s is None else timeout_s)
+        while not self._lines:
+            left = until - time.monotonic()
+            if left < 0.0:
+                return None
+            if self.live:
+                self._edit(self._screen().read(left), shown=True)
+            else:
+                self._append(left)
+        line = self._lines.popleft()
+        if line is None:
+            # In a terminal the end of input is a key like others; a pipe stays at its end.
+            self._lines.extend(() if self.live else (None,))
+            raise EOFError
+        return line
+
+    def _screen(self) -> Terminal:
+        if self._terminal is None:
+            self._terminal = SYSTEM.terminal(sys.stdin.fileno())
+        return self._terminal
+
+    def _edit(self, keys: str, shown: bool) -> None:
+        """Let keys change the line; those typed for a prompt are `shown`."""
+        answer = ""
+        for key in keys:
+            if key in _ENDS:
+                answer += self._end_line(key)
+            elif key in _ERASE:
+                answer += "\b \b" * len(visible(self._typed[-1:]))
+                self._typed = self._typed[:-1]
+            elif key == _ERASE_ALL:
+                answer += "\b \b" * len(self.partial)
+                self._typed = ""
+            elif key == END_OF_INPUT:
+                self._lines.extend(() if self._typed else (None,))
+            elif len(self._typed) < _LONGEST:
+                answer += visible(key)
+                self._begin_line(key)
+        if answer and shown:
+            self._screen().write(answer)
+
+    def _begin_line(self, key: str) -> None:
+        if not self._typed:
+            self._begun = time.monotonic()
+        self._typed += key
+        self._after_return = False
+
+    def _end_line(self, key: str) -> str:
+        """The line is complete, unless this is the LF of a CR LF."""
+        second = key == "\n" and self._after_return
+        self._after_return = key == "\r"
+        if second:
+            return ""
+        now = time.monotonic()
+        self._lines.append(Line(self._typed, self._begun if self._typed else now, now))
+        self._typed = ""
+        return "\n"
+
+    def _append(self, timeout_s: float) -> None:
+        """Wait for more from a pipe."""
+        if self._pipe is None:
+            self._pipe = SimpleQueue()
+            source = (sys.stdin.fileno() if sys.stdin else 0, self._pipe)
+            threading.Thread(target=_listen, args=source, daemon=True).start()
         try:
-            data = os.read(self._file, 4096)
-        except OSError as error:  # the terminal was closed
-            raise EOFError from error
+            text = self._pipe.get(timeout=min(timeout_s, threading.TIMEOUT_MAX))
+        except Empty:
+            return
+        for character in text:
+            if character in _ENDS:
+                self._end_line(character)
+            else:
+                self._begin_line(character)
+        if not text:
+            if self._typed:
+                self._end_line("\n")
+            self._lines.append(None)
+
+
+def _listen(descriptor: int, heard: SimpleQueue[str]) -> None:
+    """Pass on what comes from a pipe, and "" at its end: not every system can wait for a pipe."""
+    decoder = codecs.getincrementaldecoder("utf-8")("replace")
+    while True:
+        try:
+            data = os.read(descriptor, 4096)
+        except OSError:  # whoever wrote to it has gone
+            data = b""
+        text = decoder.decode(data, final=not data)
+        if text:
+            heard.put(text)
         if not data:
-            self._ended = True
-            if self._rest:
-                data, self._rest = self._rest, b""
-                return _text(data)
-            self._end()
-        self._rest += data
-        if self.live and data.endswith(b"\t"):
-            sys.stdout.write("\n")
-        if len(self._rest) > 65536:  # no one types that
-            self._rest = self._rest[-1:]
-        return self._take_line()
-
-    def _end(self) -> NoReturn:
-        # In a terminal the end of input is a key like others: what follows it can be read again.
-        self._ended = not self.live
-        raise EOFError
-
-    def _take_line(self) -> str | None:
-        ends = [at for end in (b"\n", b"\r", b"\t") if (at := self._rest.find(end)) >= 0]
-        if not ends:
-            return None
-        end = min(ends)
-        line, mark, rest = self._rest[:end], self._rest[end : end + 1], self._rest[end + 1 :]
-        self._rest = rest[1:] if mark == b"\r" and rest.startswith(b"\n") else rest
-        return _text(line)
-
-
-def _text(data: bytes) -> str:
-    return data.decode("utf-8", errors="replace")
+            heard.put("")
+            return

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import errno
-import math
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -17,11 +16,15 @@ import typer
 from orthoglide_cal.cli.common import (
     MachineFile,
     NoColour,
+    Offsets,
     deliver,
     given_machine,
     leave_closed,
     messages,
+    option,
     output,
+    read_input,
+    remembered_machine,
     tell,
 )
 from orthoglide_cal.errors import UnusableResultError, UsageError
@@ -39,6 +42,7 @@ _STYLES = {
     "bad": "bold red",
     "question": "bold yellow",
     "prompt": "bold cyan",
+    "aside": "yellow",
 }
 
 
@@ -119,6 +123,19 @@ def measure(
         typer.Option(metavar="NO", help="Of its calibration; again for the second."),
     ] = None,
     machine: MachineFile = None,
+    offsets_active: Annotated[
+        Offsets | None,
+        option(
+            "--offsets-active",
+            metavar="DX DY DZ",
+            help="Joint offsets that the controller holds now, mm (else those of the machine"
+            " file, which you are asked about).",
+        ),
+    ] = None,
+    yes: Annotated[
+        bool,
+        typer.Option("--yes", help="Yes to what is asked before the first reading."),
+    ] = False,
     json: Annotated[
         bool, typer.Option("--json", help="At the end, the result as one JSON object.")
     ] = False,
@@ -128,9 +145,6 @@ def measure(
     from orthoglide_cal import session as guided
     from orthoglide_cal.cli.keyboard import StandardInput
 
-    for name, given in (("--until", until), ("--temperature", temperature)):
-        if given is not None and not math.isfinite(given):
-            raise UsageError(f"{name} cannot be {given}.", "Give a plain number.")
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
     if len(certificate or ()) > len(gauge_id or ()):
@@ -140,7 +154,9 @@ def measure(
     request = guided.Request(
         path=session,
         resume=resume,
-        model=given_machine(machine),
+        agreed=yes,
+        offsets_mm=offsets_active,
+        model=given_machine(machine) or (None if resume else remembered_machine()),
         protocol=guided.named(guided.MeasuringProtocol, "protocol", protocol),
         cycles=cycles,
         order=guided.named(guided.Order, "order", order),
@@ -156,14 +172,15 @@ def measure(
             for name, number in zip_longest(gauge_id or (), certificate or ())
         ),
     )
-    show = _show_on(messages() if json else output())
-    keyboard = StandardInput()
-    with (
-        closing(guided.open_session(request, Path(), keyboard, show)) as dialogue,
-        _saved_when_interrupted(dialogue.path),
-    ):
-        with keyboard:
+    show = _show_on(messages() if json else output(), messages())
+    with ExitStack() as left, _saved_when_interrupted() as running:
+        with StandardInput() as keyboard:
+            dialogue = guided.open_session(request, Path(), keyboard, show)
+            left.callback(dialogue.close)
+            running.append(dialogue)
             dialogue.greet()
+            if resume:
+                dialogue.offer_missing(yes)
             dialogue.run()
         _finish(dialogue, show, as_json=json)
 
@@ -172,14 +189,14 @@ def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
     """Write the session file, then show what `solve` makes of it and what to do next."""
     from orthoglide_cal import results
     from orthoglide_cal.errors import command
-    from orthoglide_cal.files import read_input
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.session import Style
 
     dialogue.publish()
     found = results.calibrate(read_input(str(dialogue.path)))
     deliver(solution_document(found), as_json=as_json)
-    dialogue.reveal(found.found[0])
+    _, adjustment = found.found
+    dialogue.reveal(adjustment.offsets_mm, adjustment.interval_mm)
     show("How well the model fits this machine:")
     show(f"  {command('diagnose', str(dialogue.path))}", Style.TITLE)
     if not found.release.sound:
@@ -187,21 +204,29 @@ def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
 
 
 @contextmanager
-def _saved_when_interrupted(path: Path) -> Iterator[None]:
-    """Whatever interrupts a session, it ends with exit code 130 and how to go on."""
+def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
+    """Whatever interrupts a session, it ends with exit code 130 and how to go on.
+
+    The session is put into the list that this gives, once there is one.
+    """
     from orthoglide_cal.errors import command
     from orthoglide_cal.session import Quit
 
     def interrupt(number: int, frame: object) -> None:
         raise KeyboardInterrupt
 
-    caught = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    names = ("SIGTERM", "SIGHUP", "SIGBREAK")
+    caught = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, interrupt) for number in caught}
+    running: list[Dialogue] = []
     try:
-        yield
+        yield running
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
+        if not running:
+            _leave("\nNothing was begun.")
         said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-        _leave(f"{said} Go on with:\n  {command('measure', str(path), options='--resume')}")
+        again = command("measure", str(running[0].path), options="--resume")
+        _leave(f"{said} Go on with:\n  {again}")
     except OSError as error:
         if error.errno != errno.EIO:
             raise
@@ -221,7 +246,8 @@ def _leave(message: str) -> NoReturn:
     raise typer.Exit(INTERRUPTED)
 
 
-def _show_on(console: Console) -> Show:
+def _show_on(console: Console, aside: Console) -> Show:
+    """Shows a session on one console, and on the other what arrived unasked."""
     from rich.color import ColorSystem
     from rich.style import Style as Paint
 
@@ -236,7 +262,8 @@ def _show_on(console: Console) -> Show:
         printable = text.replace("\n", "").isprintable()
         harmless = text if printable else visible_lines(text)
         shown = paints[style].render(harmless, color_system=system)
-        console.file.write(shown + end)
-        console.file.flush()
+        file = aside.file if style is Style.ASIDE else console.file
+        file.write(shown + end)
+        file.flush()
 
     return show

@@ -42,10 +42,18 @@ def report(
         common.Offsets | None,
         common.option(
             metavar="DX DY DZ",
-            help="What was added to the controller's offsets before --after [mm].",
+            help="What was added to the controller's offsets before --after [mm]; without it what"
+            " the sessions or the machine file record.",
         ),
     ] = None,
     limit: common.Limit = None,
+    interactive: Annotated[
+        bool,
+        typer.Option(
+            "--interactive",
+            help="With --html: the page also shows the machine in motion, its errors enlarged.",
+        ),
+    ] = False,
     history: Annotated[
         Path | None,
         common.option(
@@ -59,15 +67,23 @@ def report(
     no_colour: common.NoColour = False,
 ) -> None:
     """Write the calibration report, or the history of a machine."""
-    if after is None and (applied is not None or limit is not None):
-        raise UsageError("--applied and --limit go with --after.", "Name the later readings.")
+    if after is None and applied is not None:
+        raise UsageError("--applied goes with --after.", "Name the later readings.")
+    if after is None and history is None and limit is not None:
+        raise UsageError(
+            "--limit goes with --after, or with --history.", "Name the later readings."
+        )
     if history is not None and (file is not None or after is not None):
         raise UsageError("--history takes a folder instead of a file.", "Give one of the two.")
+    if interactive and (html is None or history is not None):
+        raise UsageError(
+            "--interactive is for the page of a session.", "Say where it goes: --html FILE"
+        )
     show = functools.partial(
         common.deliver, as_json=json, html=html, markdown=markdown, overwrite=overwrite
     )
     if history is not None:
-        show(_history(history, name))
+        show(_history(history, name, limit))
         return
 
     from orthoglide_cal import diagnosis, results
@@ -78,20 +94,22 @@ def report(
     def judge(path: str) -> int:
         given, verification = common.read_input(path, machine), None
         if after is not None:
-            verification = verify(given, common.read_input(after, machine), applied, limit)
+            later = common.read_input(after, machine)
+            known = functools.partial(common.entered, machine)
+            verification = verify(given, later, applied, limit, known)
         found = results.calibrate(
             given, method, sensitivity=diagnosis.DOUBTFUL, verification=verification
         )
-        show(calibration_document(found, machine))
+        show(calibration_document(found, machine, interactive))
         return 0 if found.solution else UnusableResultError.exit_code
 
     common.for_each([file or str(latest_session(Path()))], judge, as_json=json)
 
 
-def _history(folder: Path, name: str | None) -> Document:
+def _history(folder: Path, name: str | None, limit: float | None) -> Document:
     from orthoglide_cal import results
     from orthoglide_cal.report.documents.history import history_document
 
-    found = results.history(folder, name)
-    identity = results.identify(" ".join(str(entry.session.path) for entry in found.entries))
-    return history_document(found, identity)
+    found = results.history(folder, name, limit)
+    inputs = [(entry.solution.source, entry.solution.model) for entry in found.entries]
+    return history_document(found, results.identify(inputs, limit))

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orthoglide_cal.cli.common import MachineFile, NoColour, option, print_json, tell
+from orthoglide_cal.cli.common import (
+    MachineFile,
+    NoColour,
+    folder_machine,
+    given_machine,
+    option,
+    print_json,
+    tell,
+)
 from orthoglide_cal.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -82,7 +90,6 @@ def simulate(
     import numpy as np
 
     from orthoglide_cal.files import (
-        read_machine,
         readings_csv,
         session_json,
         session_of_readings,
@@ -96,7 +103,7 @@ def simulate(
         if size is not None and not 0.0 <= size < float("inf"):
             raise UsageError(f"{name} cannot be {size:g}.", "Give millimetres from 0.")
     chosen = secrets.randbelow(2**32) if seed is None else seed
-    known = read_machine(machine)
+    known = given_machine(machine) or folder_machine()
     nominal = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
     gauge = replace(nominal.gauge, **{k: v for k, v in given.items() if v is not None})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, UnusableResultError
 
 
 def validate(
@@ -13,12 +13,21 @@ def validate(
     no_colour: common.NoColour = False,
 ) -> None:
     """Check files of readings, differences, sessions and machines; name every fault."""
+    from orthoglide_cal import estimation
     from orthoglide_cal.files import check_file
     from orthoglide_cal.report.documents.checks import check_document
 
     def judge(path: str) -> int:
-        check = check_file(path, common.given_machine(machine))
-        common.deliver(check_document(check), as_json=json)
+        check = check_file(path, common.given_machine(machine), common.folder_machine)
+        refused: UnusableResultError | None = None
+        if check.given is not None:
+            try:
+                estimation.solve(check.given.measured, check.given.model)
+            except UnusableResultError as error:
+                refused = error
+        common.deliver(check_document(check, refused), as_json=json)
+        if refused:
+            return refused.exit_code
         return 0 if check.valid else InputError.exit_code
 
     common.for_each(files, judge, as_json=json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -21,7 +22,7 @@ def verify(
         common.option(
             metavar="DX DY DZ",
             help="What was added to the controller's offsets between the two [mm]; without it"
-            " the difference that two sessions record.",
+            " what the sessions or the machine file record.",
         ),
     ] = None,
     limit: common.Limit = None,
@@ -39,8 +40,8 @@ def verify(
 
     def judge(path: str) -> None:
         inputs = common.read_input(path, machine), common.read_input(after, machine)
-        found = verification.verify(*inputs, applied, limit)
-        identity = identify(found.before.source.sha256 + found.after.source.sha256)
+        found = verification.verify(*inputs, applied, limit, partial(common.entered, machine))
+        identity = identify(found.inputs, *found.options)
         document = verification_document(found, identity)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
 

@@ -18,6 +18,9 @@ from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.influences import Influence, Origin
 from orthoglide_cal.model import AXES, Floats, Gauge, freeze
 
+# What another session draws anew: its readings, and where the stands are put.
+RENEWED = frozenset({Origin.NOISE, Origin.RESOLUTION, Origin.GAUGE_PLACEMENT})
+
 
 class Evaluation(StrEnum):
     """How the size of a source is known (GUM 4)."""
@@ -71,6 +74,11 @@ class Budget:
     """All contributions, at least one."""
 
     contributions: tuple[Contribution, ...]
+
+    @property
+    def renewed(self) -> Budget:
+        """Only what is new in every session; the rest is the same in all of one machine."""
+        return Budget(tuple(each for each in self.contributions if each.source in RENEWED))
 
     def extended(self, more: Iterable[Contribution]) -> Budget:
         """With further contributions."""

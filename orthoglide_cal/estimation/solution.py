@@ -187,6 +187,19 @@ class Solution:
         return self._fit[1]
 
     @property
+    def rms_of_noise_mm(self) -> float | None:
+        """Root mean square that noise as stated leaves on average; None without spare readings."""
+        if self.scatter is None:
+            return None
+        share = self.scatter.dof / self.count
+        if isinstance(self.measured, Differences):
+            # tr(P G Pᵀ)/k: what the offsets cannot explain of the differences' covariance σ² G.
+            slope = self.posed.problem.at_zero[1]
+            left = np.eye(len(slope)) - slope @ np.linalg.pinv(slope)
+            share = np.trace(left @ self.posed.problem.covariance() @ left.T) / len(slope)
+        return self.sigma_stated_mm * math.sqrt(share)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
         found, floor = self.sigma_residuals_mm, self.sigma_floor_mm

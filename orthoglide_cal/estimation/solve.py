@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.errors import NotConvergedError, UnusableResultError
 from orthoglide_cal.estimation.accuracy import Scatter, require_rank, sum_of_squares
 from orthoglide_cal.estimation.budget import budget_of
 from orthoglide_cal.estimation.influences import influences
@@ -43,11 +43,13 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
         UsageError: the method does not exist or cannot use these data.
         RankDeficientError: the data do not determine the offsets; says what to add.
         NotConvergedError: no optimum was found; there is no result.
+        UnusableResultError: the offsets are larger than any machine has.
     """
     chosen = choose_method(measured, method)
     plain = posed = pose(measured, model, chosen, folded=True)
     require_rank(posed.problem)
     found = _estimate(posed, chosen)
+    _require_plausible(found.offsets, model)
     uncertain = influences(model, found.offsets, posed.problem.plan)
     # Causes that were fitted to these very data are not uncertain beside their noise.
     here = _fitted_here(measured, model)
@@ -69,6 +71,17 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
         scatter=scatter,
         iterations=found.iterations,
     )
+
+
+def _require_plausible(offsets: Floats, model: Model) -> None:
+    """No carriage stands half of its travel from where it seems to be: then it could not move."""
+    low, high = model.machine.joint_limits_mm
+    largest = float(np.abs(offsets).max())
+    if largest > (high - low) / 2.0:
+        raise UnusableResultError(
+            f"The offsets would be as large as {largest:.0f} mm, more than half of the travel.",
+            "Check the unit and the decimal marks of the readings, and the machine file.",
+        )
 
 
 def _estimate(posed: Posed, method: Method, start: Floats | None = None) -> _Estimate:

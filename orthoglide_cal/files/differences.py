@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.table import Cells, Table
-from orthoglide_cal.files.text import unused
+from orthoglide_cal.files.text import shortened, unused
 from orthoglide_cal.model import DIFFERENCES, DataKind, Differences, Machine
 
 DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
@@ -27,7 +27,7 @@ def differences_from_table(table: Table, machine: Machine) -> Differences:
     if len(values) != 1:
         faults.add(
             "Values are given both in mm and in inches." if values else "The column is missing.",
-            "Give one column, value_mm or value_in.",
+            table.other_unit("value_mm") or "Give one column, value_mm or value_in.",
             line=table.header_line,
             column=DIFFERENCE_COLUMNS[2 if values else 1],
         )
@@ -47,6 +47,33 @@ def differences_from_table(table: Table, machine: Machine) -> Differences:
         source=table.document.source,
         remarks=tuple(_remarks(kind, names, table)),
     )
+
+
+def check_header(table: Table, known: Collection[str]) -> None:
+    """Raises InputError for a file that begins with its first values instead of a header."""
+    named = [cell for cell in table.columns if _reads(_name, cell)]
+    if not set(known).isdisjoint(table.columns) or not (
+        named or all(_reads(table.number, cell) for cell in table.columns)
+    ):
+        return
+    readings = "leg,posture,direction,reading_mm over readings."
+    names = "difference,value_mm over differences, with a name such as dx_y in front of each"
+    raise InputError(
+        "The file begins with its values: the header line is missing.",
+        "Write difference,value_mm over them." if named else f"Write {names}; or {readings}",
+        file=table.document.path,
+        line=table.header_line,
+        value=shortened(", ".join(table.columns)),
+    )
+
+
+def _reads(rule: Callable[[str], object], cell: str) -> bool:
+    """Whether a cell obeys a rule."""
+    try:
+        rule(cell)
+    except InputError:
+        return False
+    return True
 
 
 def _name(text: str) -> str | None:

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path, PurePath
 
-from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
-from orthoglide_cal.files.machine_file import default_machine, is_machine_file, machine_from_tree
+from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
+from orthoglide_cal.files.differences import (
+    DIFFERENCE_COLUMNS,
+    check_header,
+    differences_from_table,
+)
+from orthoglide_cal.files.machine_file import (
+    StoredMachine,
+    default_machine,
+    is_machine_file,
+    machine_file_in,
+)
 from orthoglide_cal.files.readings import (
     CODED_COLUMNS,
     Conditions,
@@ -25,7 +35,9 @@ from orthoglide_cal.model import Measured, Model, Source, gauge_doubts
 _CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
 # Keys at the beginning of a line; parsing every file of a large folder would take seconds.
-_KEY = re.compile(r"^(machine|readings|finished|started):[ \t]*(.*)$", re.MULTILINE)
+_KEY = re.compile(
+    r"^(machine|readings|finished|started|kind|leg_length_mm):[ \t]*(.*)$", re.MULTILINE
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +49,15 @@ class Input:
         model: the machine to judge them by, with its accepted causes.
         conditions: as recorded.
         is_session: True for a session, False for a table.
+        keeper: the machine file in which it is recorded what was entered in the controller; None
+            where there is none.
     """
 
     measured: Measured
     model: Model
     conditions: Conditions
     is_session: bool
+    keeper: StoredMachine | None = None
 
 
 @dataclass(frozen=True)
@@ -58,6 +73,7 @@ class Check:
         count: number of readings or differences.
         problems: everything that is wrong; empty for a valid file.
         remarks: what the user should know although nothing is wrong.
+        given: what was measured; None for a machine, or if invalid.
     """
 
     path: str
@@ -67,6 +83,7 @@ class Check:
     count: int = 0
     problems: tuple[InputError, ...] = ()
     remarks: tuple[str, ...] = ()
+    given: Input | None = None
 
     @property
     def valid(self) -> bool:
@@ -88,34 +105,41 @@ class FoundSession:
     dated: bool
 
 
-def read_input(path: str, model: Model | None = None) -> Input:
+def read_input(
+    path: str, model: Model | None = None, otherwise: Callable[[], Model] = default_machine
+) -> Input:
     """Readings or differences, from a CSV or a session file, each byte read once.
 
     Args:
         path: as the user gave it; "-" is standard input.
         model: the machine that the user names; it gives the joint limits that postures refer to.
-            None stands for the one in a session, and for the prototype otherwise.
+            None stands for the one in a session.
+        otherwise: gives the machine for a table where the user names none.
 
     Raises:
         InvalidFileError: everything that is wrong with its content, each with its place.
         InputError: not readable, too large, or not text.
     """
-    return input_from_document(read_document(path), model)
+    return input_from_document(read_document(path), model, otherwise)
 
 
-def input_from_document(document: Document, model: Model | None = None) -> Input:
+def input_from_document(
+    document: Document, model: Model | None = None, otherwise: Callable[[], Model] = default_machine
+) -> Input:
     """As `read_input`, from text that has been read."""
     if _is_yaml(document):
         return Input(*session_from_tree(load_tree(document), model), is_session=True)
-    return _table(document, model)
+    return _table(document, model, otherwise)
 
 
-def check_file(path: str, model: Model | None = None) -> Check:
+def check_file(
+    path: str, model: Model | None = None, otherwise: Callable[[], Model] = default_machine
+) -> Check:
     """Check a file of any kind: readings, differences, session or machine.
 
     Args:
         path: as the user gave it; "-" is standard input.
-        model: as in `read_input`.
+        model, otherwise: as in `read_input`.
 
     Raises:
         UnreadableError: there is nothing to check.
@@ -124,7 +148,7 @@ def check_file(path: str, model: Model | None = None) -> Check:
     try:
         document = read_document(path)
         source = document.source
-        return _checked(document, model)
+        return _checked(document, model, otherwise)
     except UnreadableError:
         raise
     except InvalidFileError as error:
@@ -162,6 +186,28 @@ def latest_session(folder: Path) -> Path:
     return found[-1].path
 
 
+def machine_in_folder(folder: Path) -> Path | None:
+    """The machine file of a folder, recognised by its content; None if it holds none.
+
+    Raises:
+        UsageError: it holds several.
+    """
+    candidates = sorted((*folder.glob("*.yaml"), *folder.glob("*.yml")))
+    found = [path for path in candidates if path.is_file() and _is_machine(path)]
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise UsageError(
+            f"There are {len(found)} machine files in this folder: {names}.",
+            "Say which one it is: --machine FILE",
+        )
+    return found[0] if found else None
+
+
+def _is_machine(path: Path) -> bool:
+    keys = _keys(path)
+    return not {"kind", "leg_length_mm"}.isdisjoint(keys) and "readings" not in keys
+
+
 def _is_yaml(document: Document) -> bool:
     """Whether the first line that says anything is YAML; the name decides what it leaves open."""
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
@@ -172,9 +218,15 @@ def _is_yaml(document: Document) -> bool:
     return False
 
 
-def _table(document: Document, model: Model | None) -> Input:
-    judge = model or default_machine()
+def _table(document: Document, model: Model | None, otherwise: Callable[[], Model]) -> Input:
+    """A table says nothing of the controller: where offsets from it were entered, the machine
+    file tells what was active before; else what is active now."""
+    judge = model or otherwise()
+    entered = judge.machine.entered_from(document.sha256)
+    if entered:
+        judge = judge.holding(entered.before_mm)
     table = read_table(document, _CODED)
+    check_header(table, _CODED)
     if "difference" in table.columns:
         return Input(
             differences_from_table(table, judge.machine), judge, Conditions(), is_session=False
@@ -183,29 +235,36 @@ def _table(document: Document, model: Model | None) -> Input:
     return Input(readings, judge, conditions_in(readings), is_session=False)
 
 
-def _checked(document: Document, model: Model | None) -> Check:
+def _checked(document: Document, model: Model | None, otherwise: Callable[[], Model]) -> Check:
     path, source = document.path, document.source
     if _is_yaml(document):
         tree = load_tree(document)
         if is_machine_file(tree):
-            return Check(path, source, "machine", machine_from_tree(tree).machine.name)
+            file = machine_file_in(tree)
+            name, remarks = file.model.machine.name, file.remarks
+            return Check(path, source, "machine", name, remarks=remarks)
         given = Input(*session_from_tree(tree, model), is_session=True)
     else:
-        given = _table(document, model)
+        given = _table(document, model, otherwise)
     measured = given.measured
     kind = "session" if given.is_session else measured.kind
     machine = given.model.machine
     doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.gauge))
     remarks = (*doubts, *measured.remarks)
-    return Check(path, source, kind, machine.name, len(measured), remarks=remarks)
+    return Check(path, source, kind, machine.name, len(measured), remarks=remarks, given=given)
 
 
-def _look(path: Path) -> FoundSession | None:
+def _keys(path: Path) -> dict[str, str]:
+    """Keys at the beginning of a line and what stands behind them; none of an unreadable file."""
     try:
         text = read_document(str(path), YAML_LIMIT).text
     except InputError:
-        return None
-    keys = dict(reversed(_KEY.findall(text)))
+        return {}
+    return dict(reversed(_KEY.findall(text)))
+
+
+def _look(path: Path) -> FoundSession | None:
+    keys = _keys(path)
     if not {"machine", "readings"} <= keys.keys():
         return None
     for key in ("finished", "started"):

@@ -1,10 +1,13 @@
-"""Machine files (the contract in the README) to a `Model` and back; the one of the package."""
+"""Machine files (`orthocal guide machine`) to a `Model` and back; the one of the package.
+
+Every number has bounds that no machine of this kind leaves: what lies beyond is a slip.
+"""
 
 from __future__ import annotations
 
 import functools
 import re
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, fields
 from datetime import date, datetime
 from importlib.resources import files
 from pathlib import Path
@@ -16,15 +19,16 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
+    Document,
     document_from_bytes,
     read_document,
 )
 from orthoglide_cal.files.yaml_tree import (
     Group,
     Tree,
+    between,
     load_tree,
     not_negative,
-    number,
     one_of,
     positive,
     text,
@@ -32,13 +36,64 @@ from orthoglide_cal.files.yaml_tree import (
     word,
     yaml_text,
 )
-from orthoglide_cal.model import AXES, Effect, Estimate, Gauge, Machine, Model
+from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Gauge, Machine, Model
 from orthoglide_cal.model.model import KINDS
 
 DEFAULT_NAME = "orthoglide_prototype.yaml"
 
+# Bounds [mm; tolerances and identified values in the units of their cause].
+_LENGTH = between(1.0, 1e5, positive)
+_TOOL = between(0.0, 1e5, not_negative)
+_TRAVEL = between(1e-3, 1e3, positive)
+_FINE = between(1e-6, 100.0, positive)
+_PLACEMENT = between(0.0, 1e3, not_negative)
+_SHARE = between(0.0, 1.0, not_negative)
+LARGEST_OFFSET_MM = 1000.0
+_OFFSET = between(-LARGEST_OFFSET_MM, LARGEST_OFFSET_MM)
+_TOLERANCE = between(0.0, 1e6, not_negative)
+_SMALLEST_TOLERANCE = 1e-9
+# In usual sizes.
+_LARGEST_TOLERANCE = 1000.0
+_VALUE = between(-1e6, 1e6)
+_WIDTH = between(0.0, 1e6, not_negative)
+
+# What makes two machines different for the readings; the rest only says what is plausible.
+_GEOMETRY = (
+    "kind", "leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm",
+    "identified",
+)  # fmt: skip
+# The first line of a file that the program wrote: without the last line it was cut off.
+WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
+
 _kind = one_of(KINDS, "This kind of machine is not known.")
 _cause = one_of(CAUSES, "This is not a cause id.")
+
+
+@dataclass(frozen=True)
+class StoredMachine:
+    """A machine file as read.
+
+    Attributes:
+        model: the machine, with its accepted causes.
+        document: the text.
+        remarks: what the user should know although nothing is wrong.
+    """
+
+    model: Model
+    document: Document
+    remarks: tuple[str, ...]
+
+
+def read_machine_file(path: Path | str) -> StoredMachine:
+    """The machine file at a path ("-": standard input). Raises as `read_machine` does."""
+    return machine_file_in(load_tree(read_document(str(path), YAML_LIMIT)))
+
+
+def machine_file_in(tree: Tree) -> StoredMachine:
+    """The machine file that a parsed document is. Raises as `read_machine` does."""
+    model = machine_from_tree(tree)
+    remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
+    return StoredMachine(model, tree.document, () if "identified" in tree.value else (remark,))
 
 
 def read_machine(path: Path | str | None = None) -> Model:
@@ -53,7 +108,7 @@ def read_machine(path: Path | str | None = None) -> Model:
     """
     if path is None:
         return default_machine()
-    return machine_from_tree(load_tree(read_document(str(path), YAML_LIMIT)))
+    return read_machine_file(path).model
 
 
 def machine_from_text(content: str, path: str) -> Model:
@@ -68,11 +123,15 @@ def machine_from_text(content: str, path: str) -> Model:
 @functools.cache
 def default_machine() -> Model:
     """The paper's prototype, from the file that comes with the package."""
-    package, name = Path(str(files("orthoglide_cal"))), f"configs/{DEFAULT_NAME}"
-    # In a wheel the file lies inside the package, in a source checkout beside it.
-    inside = package / name
-    found = inside if inside.is_file() else package.parent / name
-    return machine_from_tree(load_tree(read_document(str(found))))
+    return read_machine(shipped_folder() / DEFAULT_NAME)
+
+
+def shipped_folder() -> Path:
+    """Where the machine files are that come with the program; they are never changed."""
+    package = Path(str(files("orthoglide_cal")))
+    # In a wheel the folder lies inside the package, in a source checkout beside it.
+    inside = package / "configs"
+    return inside if inside.is_dir() else package.parent / "configs"
 
 
 def machine_from_tree(tree: Tree) -> Model:
@@ -92,6 +151,13 @@ def machine_from_tree(tree: Tree) -> Model:
             file=tree.document.path,
         )
     model = machine_in(Group(tree, (), value))
+    if tree.document.text.startswith(WRITTEN) and "complete" not in value:
+        tree.faults.add(
+            "The last line, `complete: true`, is missing: the file was cut off.",
+            "Take it from a copy; add the line only if you know that nothing is missing.",
+            line=tree.document.text.count("\n"),
+            column="complete",
+        )
     if model is None or tree.faults:
         raise tree.faults.error()
     return model
@@ -103,16 +169,19 @@ def machine_in(file: Group) -> Model | None:
     values = {
         "kind": file.take("kind", _kind, Machine.kind),
         "name": file.take("name", word),
-        "leg_length_mm": file.take("leg_length_mm", positive),
-        "parallelogram_width_mm": file.take("parallelogram_width_mm", positive),
-        "tool_offset_mm": file.take("tool_offset_mm", not_negative),
+        "leg_length_mm": file.take("leg_length_mm", _LENGTH),
+        "parallelogram_width_mm": file.take("parallelogram_width_mm", _LENGTH),
+        "tool_offset_mm": file.take("tool_offset_mm", _TOOL),
         "joint_limits_mm": file.numbers("joint_limits_mm", 2),
-        "workspace_mm": file.take("workspace_mm", positive),
+        "workspace_mm": file.take("workspace_mm", _LENGTH),
         "gauge": _gauge(file.group("gauge")),
         "offsets_mm": _offsets(file.group("offsets_mm", required=False)),
-        "homing_mm": file.take("homing_mm", positive, None),
+        "homing_mm": file.take("homing_mm", _TRAVEL, None),
         "tolerances": _tolerances(file.group("tolerances", required=False)),
+        "history": tuple(_entered(entry) for entry in file.groups("history")),
+        "report": _details(file.group("report", required=False)),
     }
+    file.take("complete", one_of(("true",), "Only `true` can stand here."), None)
     accepted = [_identified(entry) for entry in file.groups("identified")]
     _check_limits(file, values["joint_limits_mm"], values["leg_length_mm"])
     file.refuse_unknown()
@@ -132,6 +201,7 @@ def machine_values(model: Model) -> dict[str, Any]:
     """Plain values of the machine file, in the file's order."""
     machine = model.machine
     homing = {} if machine.homing_mm is None else {"homing_mm": machine.homing_mm}
+    details = {name: said for name, said in asdict(machine.report).items() if said is not None}
     return {
         "schema_version": 1,
         "kind": machine.kind,
@@ -145,6 +215,16 @@ def machine_values(model: Model) -> dict[str, Any]:
         "offsets_mm": dict(zip(AXES, machine.offsets_mm, strict=True)),
         **homing,
         "tolerances": dict(machine.tolerances),
+        **({"report": details} if details else {}),
+        "history": [
+            {
+                "date": each.date,
+                "before": dict(zip(AXES, each.before_mm, strict=True)),
+                "after": dict(zip(AXES, each.after_mm, strict=True)),
+                "data_sha256": each.data_sha256,
+            }
+            for each in machine.history
+        ],
         "identified": [
             {
                 "cause": effect.cause.id,
@@ -159,9 +239,18 @@ def machine_values(model: Model) -> dict[str, Any]:
     }
 
 
+def differing(one: Model, other: Model) -> list[str]:
+    """Keys in which two machines differ so that they read differently."""
+    first, second = machine_values(one), machine_values(other)
+    return [name for name in _GEOMETRY if first[name] != second[name]]
+
+
 def machine_text(model: Model) -> str:
-    """The machine file's text; `read_machine` gives back the same machine and causes."""
-    return yaml_text(machine_values(model))
+    """The machine file's text; `read_machine` gives back the same machine and causes.
+
+    Its last line shows that nothing was cut off.
+    """
+    return WRITTEN + yaml_text({**machine_values(model), "complete": True})
 
 
 def _plain(estimate: Estimate) -> dict[str, Any]:
@@ -192,12 +281,12 @@ def _check_limits(file: Group, limits: tuple[float, ...] | None, length: float |
 
 def _gauge(group: Group) -> Gauge | None:
     values = {
-        "resolution_mm": group.take("resolution_mm", positive),
-        "range_mm": group.take("range_mm", positive),
-        "revolution_mm": group.take("revolution_mm", positive, None),
-        "repeatability_mm": group.take("repeatability_mm", positive),
-        "placement_mm": group.take("placement_mm", not_negative, None),
-        "scale_u": group.take("scale_u", not_negative, None),
+        "resolution_mm": group.take("resolution_mm", _FINE),
+        "range_mm": group.take("range_mm", _TRAVEL),
+        "revolution_mm": group.take("revolution_mm", _TRAVEL, None),
+        "repeatability_mm": group.take("repeatability_mm", _FINE),
+        "placement_mm": group.take("placement_mm", _PLACEMENT, None),
+        "scale_u": group.take("scale_u", _SHARE, None),
     }
     group.refuse_unknown()
     return Gauge(**values) if group.sound else None
@@ -212,13 +301,50 @@ def _stated(gauge: Gauge) -> dict[str, float | None]:
 
 
 def _offsets(group: Group) -> tuple[float | None, ...]:
-    offsets = tuple(group.take(axis, number, 0.0) for axis in AXES)
+    offsets = tuple(group.take(axis, _OFFSET, 0.0) for axis in AXES)
     group.refuse_unknown()
     return offsets
 
 
+def _entered(entry: Group) -> Entered | None:
+    """One entry of the history."""
+    sides = []
+    for key in ("before", "after"):
+        side = entry.group(key)
+        sides.append(tuple(side.take(axis, _OFFSET) for axis in AXES))
+        side.refuse_unknown()
+    date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
+    entry.refuse_unknown()
+    return Entered(date, sides[0], sides[1], sha256) if entry.sound else None
+
+
+def _details(group: Group) -> Details:
+    """Details for reports; none of them is required."""
+    names = [field.name for field in fields(Details)]
+    rules = {name: _day if name == "gauge_due" else word for name in names}
+    details = Details(**{name: group.take(name, rule, None) for name, rule in rules.items()})
+    group.refuse_unknown()
+    return details
+
+
 def _tolerances(group: Group) -> dict[str, float | None]:
-    return {id: group.take(id, not_negative) for id in group.names(_cause)}
+    return {id: group.take(id, functools.partial(_tolerance, id)) for id in group.names(_cause)}
+
+
+def _tolerance(id: str, value: Any) -> float:
+    """A plausible size; one that nothing could have is a slip."""
+    size = _TOLERANCE(value)
+    usual = max(CAUSES[id].sizes.values(), default=float("inf"))
+    if size > _LARGEST_TOLERANCE * usual:
+        raise InputError(
+            f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}.",
+            f"Give it in {CAUSES[id].unit or 'its unit'}.",
+        )
+    if 0.0 < size < _SMALLEST_TOLERANCE:
+        raise InputError(
+            f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}.", "Give 0 to rule it out."
+        )
+    return size
 
 
 def _day(value: Any) -> str:
@@ -277,8 +403,8 @@ def _lasting(value: Any) -> str:
 
 
 def _estimate(group: Group, id: str | None) -> Estimate | None:
-    rule = not_negative if id and CAUSES[id].positive else number
-    value, std = group.take("value", rule), group.take("std", not_negative)
+    rule = _WIDTH if id and CAUSES[id].positive else _VALUE
+    value, std = group.take("value", rule), group.take("std", _WIDTH)
     unit = group.take("unit", text)
     group.refuse_unknown()
     wanted = CAUSES[id].unit if id else unit

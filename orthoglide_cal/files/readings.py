@@ -263,7 +263,7 @@ def _check_header(table: Table) -> None:
     for name in wanted:
         close = get_close_matches(name, others, n=1)
         add = f"Add it; the header has: {listed(present)}."
-        remedy = f"Rename the column {close[0]!r}." if close else add
+        remedy = table.other_unit(name) or (f"Rename the column {close[0]!r}." if close else add)
         table.faults.add("The column is missing.", remedy, line=table.header_line, column=name)
     if len(values) == 2:
         table.faults.add(

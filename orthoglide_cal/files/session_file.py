@@ -1,4 +1,4 @@
-"""Session files (the contract in the README): read, checked and written."""
+"""Session files (`orthocal guide files`): read, checked and written."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.machine_file import machine_in, machine_values
+from orthoglide_cal.files.machine_file import differing, machine_in, machine_values
 from orthoglide_cal.files.readings import (
     LATEST_MINUTES,
     READING_COLUMNS,
@@ -38,12 +38,6 @@ from orthoglide_cal.files.yaml_tree import (
 )
 from orthoglide_cal.model import Model, Readings
 
-# What makes two machines different for the readings; the rest only says what is plausible.
-_GEOMETRY = (
-    "kind", "leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm",
-    "offsets_mm", "identified",
-)  # fmt: skip
-
 # Keys in the order of the file, with what stands for nothing.
 _BLANK: dict[str, Any] = {
     "schema_version": 1, "machine": None, "protocol": "", "operator": None, "gauges": (),
@@ -62,7 +56,8 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
 
     Args:
         tree: the session.
-        model: None for the machine in the session itself.
+        model: None for the machine in the session itself. Which offsets were active in the
+            controller is always the session's to say.
 
     Raises:
         InvalidFileError: everything that is wrong with it, each with line and path.
@@ -77,6 +72,8 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
     judge = model or recorded
     if judge is None:
         raise tree.faults.error()
+    if model and recorded and model.machine.offsets_mm != recorded.machine.offsets_mm:
+        judge = model.holding(recorded.machine.offsets_mm)
     columns = dict.fromkeys(name for row in rows for name in row.lines if name not in _COLUMNS)
     remarks = [
         *(_difference(recorded, judge) if recorded else ()),
@@ -294,11 +291,10 @@ def _taken(row: Row, faults: Faults) -> datetime | None:
 
 
 def _difference(recorded: Model, given: Model) -> list[str]:
-    one, other = machine_values(recorded), machine_values(given)
-    names = [name for name in _GEOMETRY if one[name] != other[name]]
+    names = differing(recorded, given)
     if not names:
         return []
     return [
-        f"The session was measured on {one['name']!r}, which differs from the machine given,"
-        f" {other['name']!r}, in: {', '.join(names)}. The machine given was used."
+        f"The session was measured on {recorded.machine.name!r}, which differs from the machine"
+        f" given, {given.machine.name!r}, in: {', '.join(names)}. The machine given was used."
     ]

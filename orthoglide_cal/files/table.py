@@ -24,6 +24,14 @@ T = TypeVar("T")
 
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
+# Units that a column may be named after, and what makes millimetres of their numbers.
+_OTHER_UNITS = {
+    **dict.fromkeys(("um", "µm", "μm", "micron", "microns", "micrometre", "micrometer"), "0.001"),
+    **dict.fromkeys(("mil", "mils", "thou"), "0.0254"),
+    "cm": "10",
+    "m": "1000",
+    "nm": "0.000001",
+}
 _BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
 _BLANK_CELL = _BLANKS + "\n\r\v\f"
 
@@ -166,6 +174,18 @@ class Table:
     def number(self, text: str) -> float:
         """The number that a cell writes. Raises InputError without a place."""
         return parse_number(text, decimal_comma=self.decimal_comma)
+
+    def other_unit(self, column: str) -> str | None:
+        """What to do about a column such as `reading_um` where `reading_mm` is wanted."""
+        stem = column.removesuffix("mm")
+        for name in self.columns:
+            factor = _OTHER_UNITS.get(name.removeprefix(stem))
+            if factor and name.startswith(stem):
+                return (
+                    f"{column} is wanted: multiply the numbers in {name!r} by {factor} and rename"
+                    f" the column (inches: {stem}in)."
+                )
+        return None
 
     def check_split_numbers(self, columns: Sequence[str], coded: Sequence[str]) -> None:
         """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.

@@ -13,13 +13,13 @@ import re
 import sys
 import uuid
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 from orthoglide_cal.model import Source
+from orthoglide_cal.system import SYSTEM
 
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
 YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
@@ -117,8 +117,8 @@ def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
         if overwrite:
             temporary.replace(path)
         else:
-            _publish(temporary, path)
-        _sync_folder(path.parent)
+            SYSTEM.publish(temporary, path)
+        SYSTEM.sync_folder(path.parent)
     except FileExistsError as error:
         raise UsageError(
             f"{path} exists and is not overwritten.", "Name another file, or move that one away."
@@ -331,26 +331,3 @@ def _decoded(data: bytes, path: str) -> str:
 def _line_of(data: bytes, position: int) -> int:
     before = data[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return before.count(b"\n") + 1
-
-
-def _publish(temporary: Path, path: Path) -> None:
-    """Give the finished file its name unless something has it; a link fails where a rename would
-    replace. File systems without links (USB sticks) get a check and a rename."""
-    try:
-        path.hardlink_to(temporary)
-    except FileExistsError:
-        raise
-    except OSError:
-        if path.exists():
-            raise FileExistsError(str(path)) from None
-        temporary.rename(path)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the new name survive a power loss, where the system lets a folder be opened."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -253,6 +253,23 @@ def not_negative(value: Any) -> float:
     return size
 
 
+def between(
+    least: float, most: float, rule: Callable[[Any], float] = number
+) -> Callable[[Any], float]:
+    """The rule for a number that makes sense: another one is a slip, or in the wrong unit."""
+
+    def sensible(value: Any) -> float:
+        size = rule(value)
+        if not least <= size <= most:
+            raise InputError(
+                f"The number must be from {least:g} to {most:g}.",
+                "Check its digits and its unit; lengths are in mm.",
+            )
+        return size
+
+    return sensible
+
+
 def count(value: Any) -> int:
     """A whole number from 1."""
     return parse_count(value if isinstance(value, str) else "", 1)

@@ -10,7 +10,7 @@ from orthoglide_cal.model.gauge_doubts import (
     too_steady,
 )
 from orthoglide_cal.model.kinds import double_posture, single_posture
-from orthoglide_cal.model.machine import Gauge, Machine
+from orthoglide_cal.model.machine import Details, Entered, Gauge, Machine
 from orthoglide_cal.model.model import (
     Model,
     carried_uncertainty,
@@ -51,9 +51,11 @@ __all__ = [
     "Cause",
     "Contact",
     "DataKind",
+    "Details",
     "Difference",
     "Differences",
     "Effect",
+    "Entered",
     "Estimate",
     "Floats",
     "Gauge",

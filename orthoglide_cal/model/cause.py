@@ -92,6 +92,7 @@ class Cause:
         unit: of its parameters and of its size in the machine file.
         sizes: id of a kind of machine → plausible size of a parameter (one standard deviation, in
             `unit`) where the machine file gives none; it does not happen on other kinds.
+        size_reason: why that is its size, in a few words.
         scale: one unit in internal units (mm, rad, mm/h, 1).
         names: of its parameters.
         nuisance: further parameters, not reported, behind the named ones: name → plausible size
@@ -109,6 +110,7 @@ class Cause:
     stage: Stage
     unit: str
     sizes: Mapping[str, float] = MappingProxyType({})
+    size_reason: str
     scale: float = 1.0
     names: tuple[str, ...] = ()
     nuisance: tuple[tuple[str, float], ...] = ()

@@ -78,6 +78,41 @@ class Gauge:
         return math.hypot(self.repeatability_mm, self.rounding_mm)
 
 
+class Entered(NamedTuple):
+    """Offsets that were entered in the controller.
+
+    Attributes:
+        date: when, ISO 8601.
+        before_mm, after_mm: active before and from then on (x, y, z).
+        data_sha256: digest of the measurement that they came from.
+    """
+
+    date: str
+    before_mm: tuple[float, ...]
+    after_mm: tuple[float, ...]
+    data_sha256: str
+
+
+@dataclass(frozen=True)
+class Details:
+    """What the people who read a report want to see on it; None where it is not given.
+
+    Attributes:
+        organisation, place: who calibrates, and where.
+        serial_number: of the machine.
+        customer: whose it is.
+        method: procedure by which it is calibrated.
+        gauge_due: day on which the gauge is to be calibrated again, ISO 8601.
+    """
+
+    organisation: str | None = None
+    place: str | None = None
+    serial_number: str | None = None
+    customer: str | None = None
+    method: str | None = None
+    gauge_due: str | None = None
+
+
 @dataclass(frozen=True)
 class Machine:
     """The nominal machine: three actuated rails, three legs, one tool centre point.
@@ -95,6 +130,8 @@ class Machine:
             cause that is ruled out; `Cause.size` says what holds for the others.
         kind: id of the kind of machine, see `model.kinds`.
         homing_mm: how far a home switch can plausibly be off; None for what is usual of its kind.
+        history: what was entered in the controller, oldest first.
+        report: what its reports say of it beside the numbers.
     """
 
     name: str
@@ -104,10 +141,12 @@ class Machine:
     joint_limits_mm: tuple[float, float]
     workspace_mm: float
     gauge: Gauge
-    offsets_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offsets_mm: tuple[float, ...] = (0.0, 0.0, 0.0)
     tolerances: Mapping[str, float] = field(default_factory=dict)
     kind: str = "orthoglide"
     homing_mm: float | None = None
+    history: tuple[Entered, ...] = ()
+    report: Details = Details()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tolerances", MappingProxyType(dict(self.tolerances)))
@@ -116,6 +155,10 @@ class Machine:
         """Displacement of the leg's own carriage at a posture [mm]."""
         low, high = self.joint_limits_mm
         return {Posture.ISO: 0.0, Posture.MAX: high, Posture.MIN: low}[posture]
+
+    def entered_from(self, sha256: str) -> Entered | None:
+        """What was entered from the measurement with this digest; None if nothing was."""
+        return next((each for each in self.history if each.data_sha256 == sha256), None)
 
     def posture_at(self, displacement: float) -> Posture | None:
         """The named posture at a displacement [mm]; None for any other."""

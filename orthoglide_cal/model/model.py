@@ -69,6 +69,10 @@ class Model:
         """The model with more causes, after those that it has."""
         return replace(self, accepted=(*self.accepted, *effects))
 
+    def holding(self, offsets_mm: tuple[float, ...]) -> Model:
+        """The model of the machine with other offsets active in its controller (x, y, z) [mm]."""
+        return replace(self, machine=replace(self.machine, offsets_mm=offsets_mm))
+
     @cached_property
     def repeats(self) -> bool:
         """Whether readings that differ in nothing but set-up and time are predicted equal."""

@@ -16,9 +16,9 @@ import numpy as np
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.cause import Command
-from orthoglide_cal.model.machine import rail_position, tool_derivative, trilaterate
+from orthoglide_cal.model.machine import Geometry, rail_position, tool_derivative, trilaterate
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.readings import Floats, freeze
+from orthoglide_cal.model.readings import Floats, Ints, freeze
 
 SAMPLES = 17  # along each edge of the cube
 MOST_POINTS = 51  # of a compensation table, along each edge
@@ -32,6 +32,8 @@ class WorkspaceError:
         axis_mm: grid along each edge, shape (n,).
         levels_mm: heights z of the slices, shape (3,).
         before_mm, after_mm: at [slice, y, x], shape (3, n, n).
+        before_shift_mm, after_shift_mm: true − commanded position there, shape (3, n, n, 3);
+            without what only the uncertainty of the offsets allows.
         before_max_mm, before_mean_mm, after_max_mm, after_mean_mm: over the whole cube.
         left_max_mm: what the causes alone leave of it after the offsets are entered.
         nominal_edge_mm: edge of the workspace as the machine file states it.
@@ -41,6 +43,8 @@ class WorkspaceError:
     levels_mm: Floats
     before_mm: Floats
     after_mm: Floats
+    before_shift_mm: Floats
+    after_shift_mm: Floats
     before_max_mm: float
     before_mean_mm: float
     after_max_mm: float
@@ -50,6 +54,7 @@ class WorkspaceError:
 
     def __post_init__(self) -> None:
         freeze(self, "axis_mm", "levels_mm", "before_mm", "after_mm")
+        freeze(self, "before_shift_mm", "after_shift_mm")
 
 
 def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
@@ -84,12 +89,14 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         joints = _standing(model, indicated, remaining)
         return joints, trilaterate(geometry.carriages(joints), geometry.lengths)
 
-    before = np.linalg.norm(reached(offsets)[1] - points, axis=-1)
+    found = reached(offsets)[1] - points
+    before = np.linalg.norm(found, axis=-1)
     joints, tool = reached(np.zeros(3))
+    left = tool - points
     slope = tool_derivative(geometry, joints, tool)
     spread = np.einsum("nij,jk,nik->n", slope, covariance, slope)
-    left = np.linalg.norm(tool - points, axis=-1)
-    after = left + k * np.sqrt(spread)
+    beside = np.linalg.norm(left, axis=-1)
+    after = beside + k * np.sqrt(spread)
     shape = (SAMPLES, SAMPLES, SAMPLES)
     levels = [0, SAMPLES // 2, SAMPLES - 1]
     return WorkspaceError(
@@ -97,12 +104,65 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         levels_mm=axis[levels],
         before_mm=before.reshape(shape)[levels],
         after_mm=after.reshape(shape)[levels],
+        before_shift_mm=found.reshape(*shape, 3)[levels],
+        after_shift_mm=left.reshape(*shape, 3)[levels],
         before_max_mm=float(before.max()),
         before_mean_mm=float(before.mean()),
         after_max_mm=float(after.max()),
         after_mean_mm=float(after.mean()),
-        left_max_mm=float(left.max()),
+        left_max_mm=float(beside.max()),
         nominal_edge_mm=model.machine.workspace_mm,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """Where carriages and tool stand while one leg after the other moves through its travel.
+
+    Attributes:
+        leg: which one moves, shape (m,).
+        displacement_mm: how far from the isotropic posture, shape (m,).
+        nominal_mm: carriages x, y, z, then the tool, as the controller believes, shape (m, 4, 3).
+        before_mm, after_mm: as they are without and with the offsets entered, shape (m, 4, 3).
+    """
+
+    leg: Ints
+    displacement_mm: Floats
+    nominal_mm: Floats
+    before_mm: Floats
+    after_mm: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, "leg", "displacement_mm", "nominal_mm", "before_mm", "after_mm")
+
+
+def travel(model: Model, offsets: Floats, steps: int = 4) -> Travel:
+    """Carriages and tool, believed and real, through the travel of each leg.
+
+    Args:
+        model: the real machine; entering offsets does not compensate its causes.
+        offsets: Δρ that the controller does not know yet, shape (3,) [mm].
+        steps: postures on each side of the isotropic one.
+
+    Raises:
+        PostureError: a posture that the machine cannot take.
+    """
+    low, high = model.machine.joint_limits_mm
+    way = np.concatenate((np.linspace(low, 0.0, steps + 1), np.linspace(0.0, high, steps + 1)[1:]))
+    leg, displacement = np.repeat(np.arange(3), way.size), np.tile(way, 3)
+    indicated = model.kind.joints_at(model.machine, leg, displacement)
+
+    def places(geometry: Geometry, joints: Floats) -> Floats:
+        carriages = geometry.carriages(joints)
+        tool = trilaterate(carriages, geometry.lengths)
+        return np.concatenate((carriages, tool[:, None, :]), axis=1)
+
+    return Travel(
+        leg=leg,
+        displacement_mm=displacement,
+        nominal_mm=places(model.kind.rails(model.machine), indicated),
+        before_mm=places(model.geometry, _standing(model, indicated, offsets)),
+        after_mm=places(model.geometry, _standing(model, indicated, np.zeros(3))),
     )
 
 

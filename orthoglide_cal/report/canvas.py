@@ -96,8 +96,16 @@ def line(x1: float, y1: float, x2: float, y2: float, class_: str = "ink") -> Htm
 
 def polyline(points: Sequence[tuple[float, float]], class_: str) -> Html:
     """An open line through points."""
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    return tag("polyline", points=path, class_=class_)
+    return tag("polyline", points=_path(points), class_=class_)
+
+
+def polygon(points: Sequence[tuple[float, float]], class_: str) -> Html:
+    """A filled shape with straight sides."""
+    return tag("polygon", points=_path(points), class_=class_)
+
+
+def _path(points: Sequence[tuple[float, float]]) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 
 def rectangle(x: float, y: float, width: float, height: float, class_: str) -> Html:
@@ -118,8 +126,7 @@ def mark(x: float, y: float, shape: int, class_: str = "mark", size: float = 3.6
         2: ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)),
         3: ((0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)),
     }[shape % 5]
-    points = " ".join(f"{x + s * dx:.1f},{y + s * dy:.1f}" for dx, dy in corners)
-    return tag("polygon", points=points, class_=class_)
+    return polygon([(x + s * dx, y + s * dy) for dx, dy in corners], class_)
 
 
 @dataclass(frozen=True)

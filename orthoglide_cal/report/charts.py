@@ -1,4 +1,4 @@
-"""Measured values as pictures: readings, residuals, what causes explain, offsets, their drift."""
+"""Measured values as pictures: readings, residuals, what causes explain, offsets."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ from orthoglide_cal.report.canvas import (
     words,
 )
 from orthoglide_cal.report.escape import Html, join, tag
-from orthoglide_cal.report.words import percent, plain, signed
+from orthoglide_cal.report.words import plain, signed, two_figures
 from orthoglide_cal.results import Residuals
 
 WIDTH = 240.0
 _NAME = WIDTH - 10, 16.0  # place of a panel's name, at its end
+_WIDE, _TOP, _ROW = 360.0, 22.0, 26.0  # of a picture with a line for each difference
 
 
 def reading_panels(found: Residuals) -> tuple[Html, ...]:
@@ -126,46 +127,108 @@ def _coloured(
 
 
 def difference_rows(
-    differences: Sequence[Difference],
-    measured_mm: Floats,
-    predicted_mm: Floats,
-    model: str = "predicted",
+    differences: Sequence[Difference], measured_mm: Floats, predicted_mm: Floats
 ) -> tuple[Html, ...]:
     """A line for each difference: measured (circle), predicted (square), and what is left.
 
     Args:
         differences: which, n of them.
         measured_mm, predicted_mm: of each, shape (n,).
-        model: what the prediction is called.
     """
-    width, top, row = 360.0, 22.0, 26.0
-    bottom = top + row * len(differences)
     limits = around([*measured_mm.tolist(), *predicted_mm.tolist()], 0.02)
-    across = Scale(*limits, 56.0, width - 58.0)
-    parts = [
-        ruler(across, top - 6, bottom, 6, "mm", width / 2),
-        words(width - 4, top - 8, "left, mm", "end", "muted"),
-    ]
     left = measured_mm - predicted_mm
+    texts = [signed(value, 3) for value in left.tolist()]
+    across, parts = _rows(differences, limits, "left, mm", texts, 58.0)
     for k, one in enumerate(differences):
-        y = top + row * (k + 0.5)
-        first, second = across(float(measured_mm[k])), across(float(predicted_mm[k]))
+        y, measured, predicted = _line(k), across(measured_mm[k]), across(predicted_mm[k])
         drawn = (
-            words(6, y + 4, one.name, class_="strong"),
-            line(first, y, second, y, "gap"),
-            mark(second, y, 2, "mark", 5.0),
-            mark(first, y, 0, "mark open", 5.5),
-            words(width - 4, y + 4, signed(float(left[k]), 3), "end"),
+            line(measured, y, predicted, y, "gap"),
+            mark(predicted, y, 2, "mark", 5.0),
+            mark(measured, y, 0, "mark open", 5.5),
         )
         parts.append(tag("g", *drawn, class_=f"c-{AXES[one.series.leg]}"))
     worst = int(np.argmax(np.abs(left)))
     finding = (
         f"Of {len(differences)} differences {differences[worst].name} is missed most: measured"
-        f" {signed(float(measured_mm[worst]), 3)} mm, {model}"
+        f" {signed(float(measured_mm[worst]), 3)} mm, predicted"
         f" {signed(float(predicted_mm[worst]), 3)} mm."
     )
-    title = f"Measured and {model} differences"
-    return (svg(f"measured-{model}", width, bottom + 34.0, title, finding, *parts),)
+    title, height = "Measured and predicted differences", _height(differences)
+    return (svg("measured-predicted", _WIDE, height, title, finding, *parts),)
+
+
+def corrected_rows(
+    differences: Sequence[Difference],
+    promised_mm: Floats,
+    left_mm: Floats,
+    expanded_mm: Floats,
+    limit_mm: float | None,
+) -> tuple[Html, ...]:
+    """A line for each difference: left after correction with its U, promised, and the limit.
+
+    Args:
+        differences: which, n of them.
+        promised_mm: what should be left of each, shape (n,).
+        left_mm: what is left of it, shape (n,).
+        expanded_mm: expanded uncertainty of that, shape (n,).
+        limit_mm: largest size that is allowed; None if nobody said.
+    """
+    edges = [] if limit_mm is None else [-limit_mm, limit_mm]
+    ends = [*(left_mm - expanded_mm).tolist(), *(left_mm + expanded_mm).tolist()]
+    limits = around([*ends, *promised_mm.tolist(), *edges], 0.02)
+    texts = [
+        f"{signed(value, 3)} ± {plain(half, 3)}"
+        for value, half in zip(left_mm.tolist(), expanded_mm.tolist(), strict=True)
+    ]
+    across, parts = _rows(differences, limits, "left after correction, mm", texts, 104.0)
+    bottom = _height(differences) - 34.0
+    parts += [line(across(edge), 16.0, across(edge), bottom, "due") for edge in edges]
+    for k, one in enumerate(differences):
+        low, high = (across(left_mm[k] + side * expanded_mm[k]) for side in (-1.0, 1.0))
+        y = _line(k)
+        drawn = (
+            line(low, y, high, y, "whisker"),
+            *(line(x, y - 5, x, y + 5, "whisker") for x in (low, high)),
+            mark(across(promised_mm[k]), y, 2, "mark", 5.0),
+            mark(across(left_mm[k]), y, 0, "mark open", 5.5),
+        )
+        parts.append(tag("g", *drawn, class_=f"c-{AXES[one.series.leg]}"))
+    worst = int(np.argmax(np.abs(left_mm)))
+    finding = (
+        f"Of {len(differences)} differences {differences[worst].name} is left largest:"
+        f" {texts[worst]} mm, promised {signed(float(promised_mm[worst]), 3)} mm"
+        + (f"; the limit is {limit_mm:g} mm." if limit_mm is not None else ".")
+    )
+    title, height = "What is left after correction", _height(differences)
+    return (svg("corrected", _WIDE, height, title, finding, *parts),)
+
+
+def _rows(
+    differences: Sequence[Difference],
+    limits: tuple[float, float],
+    heading: str,
+    texts: Sequence[str],
+    room: float,
+) -> tuple[Scale, list[Html]]:
+    """The scale of a picture with a line for each difference; names, numbers and grid of it."""
+    across, bottom = Scale(*limits, 56.0, _WIDE - room), _height(differences) - 34.0
+    parts = [
+        ruler(across, 16.0, bottom, 5, "mm", (across.start + across.end) / 2),
+        words(_WIDE - 4, 12, heading, "end", "muted"),
+    ]
+    for k, (one, text) in enumerate(zip(differences, texts, strict=True)):
+        parts.append(words(6, _line(k) + 4, one.name, class_="strong"))
+        parts.append(words(_WIDE - 4, _line(k) + 4, text, "end"))
+    return across, parts
+
+
+def _line(k: int) -> float:
+    """Height of the k-th difference."""
+    return _TOP + _ROW * (k + 0.5)
+
+
+def _height(differences: Sequence[Difference]) -> float:
+    return _TOP + _ROW * len(differences) + 34.0
 
 
 def residual_strips(
@@ -186,7 +249,8 @@ def residual_strips(
     middles = []
     for leg in sorted({int(v) for v in legs}):
         mine = np.flatnonzero(legs == leg) + 1
-        middles.append(((float(mine.min()) + float(mine.max())) / 2.0, f"leg {AXES[leg]}"))
+        if int(mine[-1] - mine[0]) < mine.size:  # one after the other; else names would overlap
+            middles.append((float(mine.mean()), f"leg {AXES[leg]}"))
     strips = []
     for number, (name, residual) in enumerate(zip(names, residuals_mm, strict=True)):
         microns = 1000.0 * residual
@@ -210,27 +274,39 @@ def residual_strips(
     return tuple(strips)
 
 
-def share_bar(shares: Mapping[str, float]) -> Html:
-    """Parts of the residuals' sum of squares.
+def waterfall(left_mm: Mapping[str, float], noise_mm: float | None) -> tuple[Html, ...]:
+    """What each step takes of the deviation, and what noise and the unknown are in the rest.
 
     Args:
-        shares: of the cause (under its name), of noise, and what stays unexplained; they sum to 1.
+        left_mm: step → r.m.s. that it leaves; the first one is as found.
+        noise_mm: how much of the last one is the gauge's noise; None if nobody knows.
     """
-    width, x, parts = 340.0, 0.0, []
-    classes = ("part-cause", "part-noise", "part-open")
-    for k, ((name, share), class_) in enumerate(zip(shares.items(), classes, strict=True)):
-        parts.append(rectangle(x, 4, width * share, 26, class_))
-        x += width * share
-        y = 50.0 + 18.0 * k
-        parts.append(rectangle(0, y - 10, 12, 12, class_))
-        parts.append(words(18, y, f"{name}: {percent(share)}"))
-    cause, (by_cause, noise, left) = next(iter(shares)), map(percent, shares.values())
-    finding = (
-        f"{cause} explains {by_cause} of the residuals' sum of squares, noise {noise}; {left} stays"
-        " unexplained."
+    names, left = list(left_mm), list(left_mm.values())
+    rows = [(names[0], 0.0, left[0], "part-found")]
+    rows += [
+        (name, after, before, "part-cause")
+        for name, before, after in zip(names[1:], left[:-1], left[1:], strict=True)
+    ]
+    if noise_mm is not None:
+        rows.append(("noise", 0.0, noise_mm, "part-noise"))
+        if noise_mm < left[-1]:
+            rows.append(("unexplained", noise_mm, left[-1], "part-open"))
+    row, width = 40.0, _WIDE
+    bottom, across = 10.0 + row * len(rows), Scale(0.0, max(left), 14.0, width - 14.0)
+    parts = [ruler(across, 4.0, bottom, 4, "r.m.s., mm", width / 2)]
+    for k, (name, low, high, class_) in enumerate(rows):
+        y = 10.0 + row * k
+        taken = "-" if class_ == "part-cause" and high > low else ""
+        parts += [
+            words(18, y + 10, name, class_="strong"),
+            words(width - 14, y + 10, f"{taken}{two_figures(high - low)} mm", "end"),
+            rectangle(across(low), y + 15, max(across(high) - across(low), 1.0), 15, class_),
+        ]
+    said = ", ".join(f"{name} {two_figures(value)}" for name, value in left_mm.items())
+    finding = f"r.m.s. of the deviation, mm, as found and after each step: {said}."
+    return (
+        svg("waterfall", width, bottom + 34.0, "What takes the deviation away", finding, *parts),
     )
-    title = "Explained and unexplained part of the residuals"
-    return svg("explained-shares", width, 92, title, finding, *parts)
 
 
 @dataclass(frozen=True)
@@ -302,55 +378,3 @@ def _interval_panel(
             drawn.append(mark(across(bar.value_mm[k]), y, 2 * n, shape, 4.4))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     return svg(name, width, bottom + 34.0, title, finding, *parts)
-
-
-def drift_panels(
-    days: Sequence[float],
-    dates: Sequence[str],
-    total_mm: Floats,
-    expanded_mm: Floats,
-    adjusted: Sequence[bool],
-) -> tuple[Html, ...]:
-    """One panel for each axis: its total offset over time, with the adjustments.
-
-    Args:
-        days: of each session since the first, ascending.
-        dates: the same as texts.
-        total_mm: active plus found offsets, shape (n, 3).
-        expanded_mm: expanded uncertainties, shape (n, 3).
-        adjusted: True where the controller's offsets had changed before the session.
-    """
-    width, height = 260.0, 196.0
-    margin = 0.06 * (days[-1] - days[0]) or 1.0
-    span = days[0] - margin, days[-1] + margin
-    times = [date for date, changed in zip(dates, adjusted, strict=True) if changed]
-    panels = []
-    for number, axis in enumerate(AXES):
-        total, expanded = total_mm[:, number], expanded_mm[:, number]
-        low, high = float((total - expanded).min()), float((total + expanded).max())
-        room = 0.12 * (high - low) or 0.01
-        axes = Axes.of(width, height, span, (low - room, high + room), left=52.0)
-        across, up = axes.across, axes.up
-        places = [(across(day), up(float(value))) for day, value in zip(days, total, strict=True)]
-        parts = [axes.left_axis("mm"), words(width - 10, 16, f"axis {axis}", "end", "strong")]
-        parts += [
-            line(x - 6, up.end, x - 6, up.start, "event")
-            for (x, _), changed in zip(places, adjusted, strict=True)
-            if changed
-        ]
-        parts.append(polyline(places, "model"))
-        for (x, y), half in zip(places, expanded.tolist(), strict=True):
-            reach = abs(up(half) - up(0.0))
-            parts.append(line(x, y - reach, x, y + reach, "whisker"))
-            parts.append(mark(x, y, number))
-        parts.append(words(across.start, up.start + 16, dates[0]))
-        if len(dates) > 1:
-            parts.append(words(across.end, up.start + 16, dates[-1], "end"))
-        finding = (
-            f"Offset of axis {axis}: {signed(float(total[0]), 3)} mm on {dates[0]},"
-            f" {signed(float(total[-1]), 3)} mm on {dates[-1]}; "
-            + (f"adjusted before {', '.join(times)}." if times else "never adjusted.")
-        )
-        title, body = f"Offset of axis {axis} over time", tag("g", *parts, class_=f"c-{axis}")
-        panels.append(svg(f"history-{axis}", width, height, title, finding, body))
-    return tuple(panels)

@@ -14,6 +14,7 @@ import numpy as np
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation import PromisedDifference, stays
 from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.files import Conditions
 from orthoglide_cal.model import AXES, Model
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.escape import in_csv
@@ -26,7 +27,15 @@ from orthoglide_cal.report.words import (
     two_figures,
     with_uncertainty,
 )
-from orthoglide_cal.results import Adjustment, Calibration, CheckPosture, Export, Remedy
+from orthoglide_cal.results import (
+    Adjustment,
+    Calibration,
+    CheckPosture,
+    Export,
+    Recording,
+    Remedy,
+    recording,
+)
 
 FORCED = "FORCED: this result must not be used."
 _COMPENSATION_DECIMALS = 4  # tenths of a micrometre
@@ -75,10 +84,22 @@ def follow_up(
 def verify_command(
     calibration: Calibration, adjustment: Adjustment, machine_file: Path | None
 ) -> str:
-    """What to type once the offsets were entered and the session was measured again."""
+    """What to type once the offsets were entered and the session was measured again.
+
+    With what was entered, where no machine file can tell.
+    """
     applied = " ".join(plain(change, adjustment.decimals) for change in adjustment.applied_mm)
     before = calibration.input.measured.source.path
-    return command("verify", before, "AFTER", machine=machine_file, options=f"--applied {applied}")
+    unknown = recording(calibration.input) is Recording.NOWHERE
+    options = f"--applied {applied}" if unknown else ""
+    return command("verify", before, "AFTER", machine=machine_file, options=options)
+
+
+def record_command(calibration: Calibration, machine_file: Path | None) -> str | None:
+    """What to type once the offsets were entered; None where that is recorded, or nowhere kept."""
+    if recording(calibration.input) is not Recording.DUE:
+        return None
+    return follow_up("apply", calibration, machine_file)
 
 
 def table_command(calibration: Calibration, machine_file: Path | None) -> str | None:
@@ -105,6 +126,13 @@ def cautions(calibration: Calibration) -> tuple[str, ...]:
     told, adjustment = calibration.release.cautions, calibration.adjustment
     left = remainder(adjustment.promised, calibration.model) if adjustment else None
     return told if left is None else (left, *told)
+
+
+def measure_again(conditions: Conditions | None) -> str:
+    """What to type to measure again: a simulated machine comes back with its seed."""
+    seed = dict(conditions.environment).get("seed") if conditions else None
+    options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
+    return command("measure", options=options)
 
 
 def remedy_command(
@@ -147,6 +175,9 @@ def _after_entering(export: Export, machine_file: Path | None) -> list[str]:
     if check is not None:
         before = f"(before: {signed(check.before_mm, 2)} mm)"
         lines.append(f"{check_words(check)} {expected(check)} {before}.")
+    record = record_command(export.calibration, machine_file)
+    if record is not None:
+        lines.append(f"Record what was entered: {record}")
     table = table_command(export.calibration, machine_file)
     if table is not None:
         lines.append(f"What offsets leave, a table of corrections takes out: {table}")

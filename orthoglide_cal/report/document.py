@@ -13,6 +13,9 @@ from typing import Any
 
 from orthoglide_cal.report.escape import Html
 
+# The last line of every page that is written to a file: such a file may be written again.
+MARK = "<!-- Written by orthocal -->\n"
+
 
 @dataclass(frozen=True)
 class _Marked:
@@ -94,6 +97,8 @@ class Grid:
         words: columns that hold words (left-aligned, may be wrapped); numbers are right-aligned.
         caption: says what it shows.
         last_is_total: the last row is set off.
+        tiles: the few numbers of the page that are read from afar: where there is room, each row
+            is a tile with the first cell as its name, the last as its value, the others below.
     """
 
     head: tuple[str, ...]
@@ -101,6 +106,7 @@ class Grid:
     words: tuple[int, ...] = (0,)
     caption: str | None = None
     last_is_total: bool = False
+    tiles: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,6 +122,8 @@ class Figure:
         key: explanation of the marks.
         pairs: the panels are a first half and a second half, which are set side by side.
         legend: a further panel below all others.
+        motion: what a page that may run its own script needs to move the only panel; the picture
+            says the same of one moment without it.
     """
 
     title: str | None
@@ -126,6 +134,7 @@ class Figure:
     key: str | None = None
     pairs: bool = False
     legend: Html | None = None
+    motion: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -155,11 +164,10 @@ Block = Paragraph | Notice | Facts | Grid | Figure | Instructions | Listing
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the document; `beside` sets it beside the next one where there is room."""
+    """A part of the document."""
 
     title: str | None
     blocks: tuple[Block, ...]
-    beside: bool = False
 
     @property
     def in_characters(self) -> tuple[Block, ...]:
@@ -180,6 +188,7 @@ class Page:
         sheet: what belongs on the first page, to be pinned to the machine.
         sections: the evidence, from the second page on.
         signatures: lines to sign on, at the end of the first page.
+        scope: for what it holds; stands at its end.
     """
 
     kind: str
@@ -190,6 +199,20 @@ class Page:
     sheet: tuple[Section, ...] = ()
     sections: tuple[Section, ...] = ()
     signatures: tuple[str, ...] = ()
+    scope: str | None = None
+
+    @property
+    def closing(self) -> tuple[str, ...]:
+        """The last lines: nobody can take a part of a numbered page for the whole."""
+        return tuple(
+            filter(None, (self.scope, f"End of report {self.number}." if self.number else None))
+        )
+
+    @property
+    def moves(self) -> bool:
+        """Whether a picture on it can be moved."""
+        blocks = (block for each in (*self.sheet, *self.sections) for block in each.blocks)
+        return any(isinstance(block, Figure) and block.motion for block in blocks)
 
     @property
     def name(self) -> str:

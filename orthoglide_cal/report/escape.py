@@ -1,10 +1,12 @@
 """Text from outside made harmless in Markdown, CSV, HTML and SVG; each builds on `visible`.
 
-HTML and SVG are made with `tag`, `in_html` and `join` only, which escape all but their own.
+HTML and SVG are made with `tag`, `in_html`, `in_script` and `join` only, which escape all but
+their own.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable
 from html import escape
@@ -16,7 +18,7 @@ from orthoglide_cal.errors import visible
 _MARKDOWN = re.compile(r"([\\`*_\[\]<|~&$])")
 _ADDRESS = (("://", ":&#47;&#47;"), ("www.", "www&#46;"), ("@", "&#64;"))
 _FORMULA = tuple("=+-@\t\r\n")
-_VOID = frozenset(("br", "hr", "img", "link", "meta"))
+_VOID = frozenset(("br", "hr", "img", "input", "link", "meta"))
 
 
 def in_markdown(text: str) -> str:
@@ -37,7 +39,7 @@ def in_csv(text: str) -> str:
 
 
 class Html(str):
-    """Markup; made by `tag`, `in_html` and `join` only."""
+    """Markup; made by `tag`, `in_html`, `in_script` and `join` only."""
 
     __slots__ = ()
 
@@ -51,6 +53,14 @@ def in_html(content: str) -> Html:
     if isinstance(content, Html):
         return content
     return Html(escape(content if content.isprintable() else visible(content), quote=True))
+
+
+def in_script(value: object) -> Html:
+    """Plain values as JSON for a script element, which no text in it can end."""
+    written = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    for sign in "<>&":
+        written = written.replace(sign, f"\\u{ord(sign):04x}")
+    return Html(written)
 
 
 def join(parts: Iterable[Child], between: str = "") -> Html:

@@ -1,28 +1,31 @@
 """A page as one HTML file that needs nothing else: style and pictures are inside.
 
-No scripts; the Content-Security-Policy allows this page's own style and nothing more, so that
-even markup that slipped through could neither run nor fetch anything.
+The Content-Security-Policy allows this page's own style, where a picture moves its own script, and
+nothing more, so that even markup that slipped through could neither run nor fetch anything.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Mapping
 from importlib.resources import files
+from typing import Any
 
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.escape import Html, in_html, join, tag
+from orthoglide_cal.report.escape import Html, in_html, in_script, join, tag
 
 _COLUMNS = {1: "one", 2: "two", 3: "three"}
+MOST_PANELS = 3  # of a picture in half the width of a wide screen
 
 
 def html(page: doc.Page) -> str:
     """The file's text."""
-    style = _style(page)
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    style, script = _style(page), _own("motion.js") if page.moves else None
     policy = (
-        f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:;"
-        " base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; style-src {_allowed(style)}; img-src data:;"
+        + (f" script-src {_allowed(script)};" if script else "")
+        + " base-uri 'none'; form-action 'none'"
     )
     head = tag(
         "head",
@@ -35,17 +38,28 @@ def html(page: doc.Page) -> str:
         tag("title", ": ".join(filter(None, (page.name, page.title)))),
         Html(f"<style>{style}</style>"),
     )
-    body = tag("body", _header(page), _main(page), tag("footer", page.name))
-    return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n"
+    end = (tag("p", line) for line in page.closing or (page.name,))
+    last = Html(f"<script>{script}</script>") if script else None
+    body = tag("body", _header(page), _main(page), tag("footer", *end), last)
+    return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
+
+
+def _own(name: str) -> str:
+    """A file that lies beside this one."""
+    return files("orthoglide_cal.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _allowed(content: str) -> str:
+    """As the policy names what it allows."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
 
 
 def _style(page: doc.Page) -> str:
     """The style sheet; every printed page carries the report's number and its own."""
-    sheet = files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8")
     # Letters, digits, blanks and "-" only, whatever the name is made of.
     name = "".join(c for c in page.name if c.isalnum() or c in "- ")
     corner = "font: 8pt sans-serif; color: #444444; vertical-align: top; padding-top: 3mm;"
-    return sheet + (
+    return _own("style.css") + (
         f'@page {{ @bottom-left {{ content: "{name}"; {corner} }}'
         ' @bottom-right { content: "Page " counter(page) " of " counter(pages);'
         f" {corner} }} }}\n"
@@ -62,26 +76,18 @@ def _main(page: doc.Page) -> Html:
     signatures = [tag("div", f"{role}, date") for role in page.signatures]
     return tag(
         "main",
-        *_sections(page.sheet),
+        tag("div", *map(_section, page.sheet), class_="sheet"),
         tag("div", *signatures, class_="sign") if signatures else None,
-        tag("div", *_sections(page.sections), class_="evidence"),
+        tag("div", *map(_section, page.sections), class_="evidence"),
     )
-
-
-def _sections(sections: tuple[doc.Section, ...]) -> list[Html]:
-    parts: list[Html] = []
-    waiting: list[Html] = []
-    for section in sections:
-        waiting.append(_section(section))
-        if not section.beside:
-            parts.append(tag("div", *waiting, class_="beside") if len(waiting) > 1 else waiting[0])
-            waiting = []
-    return parts + waiting
 
 
 def _section(section: doc.Section) -> Html:
     title = tag("h2", section.title) if section.title is not None else None
-    return tag("section", title, *(_block(block) for block in section.blocks))
+    # Many panels take the whole width of a wide screen, where others stand side by side.
+    wide = any(isinstance(b, doc.Figure) and len(b.panels) > MOST_PANELS for b in section.blocks)
+    blocks = (_block(block) for block in section.blocks)
+    return tag("section", title, *blocks, class_="wide" if wide else None)
 
 
 def _block(block: doc.Block) -> Html:
@@ -94,7 +100,7 @@ def _block(block: doc.Block) -> Html:
             rows = (join((tag("dt", name), tag("dd", _cell(value)))) for name, value in block.rows)
             return tag("dl", *rows)
         case doc.Grid():
-            return _table(block)
+            return _tiles(block) if block.tiles else _table(block)
         case doc.Figure():
             return _figure(block)
         case doc.Listing():
@@ -105,7 +111,12 @@ def _block(block: doc.Block) -> Html:
 
 
 def _command(command: str | None) -> Html | None:
-    return tag("code", command, class_="command") if command else None
+    """On a narrow page it breaks between words, not after the dashes of an option."""
+    if not command:
+        return None
+    return tag(
+        "code", join((tag("span", word) for word in command.split(" ")), " "), class_="command"
+    )
 
 
 def _notice(notice: doc.Notice) -> Html:
@@ -147,6 +158,24 @@ def _table(grid: doc.Grid) -> Html:
     )
 
 
+def _tiles(grid: doc.Grid) -> Html:
+    """A name never leaves its value, however narrow the page."""
+    tiles = []
+    for name, *others, value in grid.rows:
+        below = zip(grid.head[1:-1], others, strict=True)
+        tiles.append(
+            tag(
+                "div",
+                tag("p", tag("span", _cell(name)), " ", tag("b", _cell(value)), class_="value"),
+                tag("p", grid.head[-1], class_="small label"),
+                *(tag("p", f"{title} ", _cell(cell), class_="small") for title, cell in below),
+                class_="tile",
+            )
+        )
+    caption = tag("p", grid.caption, class_="small") if grid.caption else None
+    return tag("div", tag("div", *tiles, class_="tiles"), caption)
+
+
 def _figure(figure: doc.Figure) -> Html:
     layout = "pairs" if figure.pairs else _COLUMNS[figure.columns]
     return tag(
@@ -154,8 +183,32 @@ def _figure(figure: doc.Figure) -> Html:
         tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding),
         tag("div", *figure.panels, class_=f"panels {layout}"),
         tag("div", figure.legend, class_="legend") if figure.legend else None,
+        _controls(figure.motion) if figure.motion else None,
         tag("p", figure.key, class_="small") if figure.key else None,
     )
+
+
+def _controls(motion: Mapping[str, Any]) -> Html:
+    """What moves a picture; hidden until the script is there that listens to it."""
+
+    def slider(label: str, name: str, low: int, high: int) -> Html:
+        return tag("label", label, tag("input", type="range", name=name, min=low, max=high))
+
+    def choice(when: str) -> Html:
+        return tag("label", tag("input", type="radio", name="when", value=when), f" {when}")
+
+    form = tag(
+        "form",
+        tag("fieldset", *map(choice, motion["when"])),
+        slider("Posture", "posture", 0, len(motion["frames"]) - 1),
+        slider("Errors enlarged", "enlarged", 0, len(motion["enlarged"]) - 1),
+        slider("Turn", "turn", -180, 180),
+        tag("output"),
+        class_="controls",
+        hidden=True,
+        autocomplete="off",
+    )
+    return join((form, tag("script", in_script(motion), type="application/json", class_="motion")))
 
 
 def _cell(content: doc.Blank) -> Html:
@@ -170,8 +223,10 @@ def _line(content: doc.Line) -> Html:
 
 def _inline(part: doc.Inline) -> Html:
     match part:
-        case doc.Code() | doc.Command():
+        case doc.Code():
             return tag("code", part.text)
+        case doc.Command():
+            return tag("code", part.text, class_="typed")
         case doc.Strong():
             return tag("strong", part.text)
         case doc.Given():

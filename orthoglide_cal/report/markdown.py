@@ -22,7 +22,8 @@ def markdown(page: doc.Page) -> str:
             parts.append(f"## {in_markdown(section.title)}")
         parts += [_block(block) for block in section.in_characters]
     parts += [f"{in_markdown(role)}, date: {_BLANK}" for role in page.signatures]
-    return "\n\n".join(parts) + "\n"
+    parts += map(in_markdown, page.closing)
+    return "\n\n".join([*parts, doc.MARK])
 
 
 def _block(block: doc.Block) -> str:

@@ -1,29 +1,20 @@
-"""Views of the machine: its legs and where the gauges stood; the error over its workspace."""
+"""The machine as a picture: its legs, and where the gauges stood."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
-from itertools import groupby
 
 import numpy as np
 
 from orthoglide_cal.model import AXES, Floats, Series
-from orthoglide_cal.report.canvas import line, rectangle, svg, tick_text, words
+from orthoglide_cal.report.canvas import line, svg, words
 from orthoglide_cal.report.escape import Html, tag
-from orthoglide_cal.report.words import two_figures
 
 WIDTH, HEIGHT = 360.0, 296.0
 CENTRE = np.array([180.0, 186.0])
 LEG = 128.0  # length of a leg in the picture
 # Where the axes x, y, z point on the paper.
 ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
-# The slices of the workspace: colour classes, and places in the picture.
-CLASSES = 7
-# White letters are read better than black ones from this colour class on.
-FIRST_DARK = 5
-SIZE, LEFT, TOP = 186.0, 46.0, 34.0
-CUBE_WIDTH, CUBE_HEIGHT = 240.0, 246.0
 
 
 def machine(
@@ -110,83 +101,49 @@ def _gauge(leg: int, direction: int, place: float, faulty: bool) -> Html:
     )
 
 
-def class_limits(largest: float) -> Floats:
-    """Upper limits of the colour classes, shape (CLASSES,) [mm]: equal steps up to a round end."""
-    power = 10.0 ** math.floor(math.log10(max(largest, 1e-6) / CLASSES))
-    steps = [factor * power for factor in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 20.0)]
-    step = next(step for step in steps if step * CLASSES >= largest * (1.0 - 1e-9))
-    return np.arange(1.0, CLASSES + 1.0) * step
+def axes_on_paper(leg_length_mm: float) -> Floats:
+    """Where one millimetre along x, y, z leads in the picture, shape (3, 2)."""
+    return np.asarray(LEG / leg_length_mm * ON_PAPER)
 
 
-def slices(
-    axis_mm: Floats, levels_mm: Floats, before_mm: Floats, after_mm: Floats
-) -> tuple[Html, ...]:
-    """Six pictures: each level before and after, the same colours for the same error.
+def rail_ends(leg_length_mm: float, joint_limits_mm: tuple[float, float]) -> Floats:
+    """Both ends of each rail and the place of its name, shape (3, 3, 3) [mm]."""
+    low, high = joint_limits_mm
+    along = leg_length_mm + np.array([low, high, high + 0.1 * leg_length_mm])
+    return np.asarray(along[:, None] * np.eye(3)[:, None, :])
+
+
+def moved(believed_mm: Floats, drawn_mm: Floats, rails_mm: Floats, axes: Floats, what: str) -> Html:
+    """The machine where it is believed to be, and where it is; each part has a name to be moved by.
 
     Args:
-        axis_mm: grid along x and y, shape (n,).
-        levels_mm: heights z, shape (m,).
-        before_mm, after_mm: error at [level, y, x], shape (m, n, n).
+        believed_mm: carriages x, y, z and the tool, shape (4, 3).
+        drawn_mm: the same with their errors enlarged, shape (4, 3).
+        rails_mm: as `rail_ends` gives them.
+        axes: as `axes_on_paper` gives them.
+        what: in words, what is shown.
     """
-    limits = class_limits(float(max(before_mm.max(), after_mm.max())))
-    return tuple(
-        _slice(f"{when}-{k}", when, float(levels_mm[k]), axis_mm, values[k], limits)
-        for when, values in (("before", before_mm), ("after", after_mm))
-        for k in reversed(range(len(levels_mm)))
-    )
+    rails, believed, drawn = (CENTRE + p @ axes for p in (rails_mm, believed_mm, drawn_mm))
+    parts = []
+    for leg, axis in enumerate(AXES):
+        low, high, name = rails[leg]
+        x, y = drawn[leg].tolist()
+        lines = (
+            _named(f"rail-{axis}", low, high, "rail"),
+            _named(f"ghost-{axis}", believed[leg], believed[3], "ghost"),
+            _named(f"leg-{axis}", drawn[leg], drawn[3], "bar"),
+        )
+        carriage = tag("rect", x=x - 7, y=y - 7, width=14, height=14, rx=2, class_="carriage",
+                       data_part=f"carriage-{axis}")  # fmt: skip
+        label = tag("text", axis, x=float(name[0]), y=float(name[1]) + 4.0, text_anchor="middle",
+                    class_="axis", data_part=f"name-{axis}")  # fmt: skip
+        parts.append(tag("g", *lines, carriage, label, class_=f"c-{axis}"))
+    for name, points, class_ in (("ghost-tool", believed, "ghost"), ("tool", drawn, "tool")):
+        cx, cy = points[3].tolist()
+        parts.append(tag("circle", cx=cx, cy=cy, r=7, class_=class_, data_part=name))
+    return svg("motion", WIDTH, HEIGHT, "The machine, its errors enlarged", what, *parts)
 
 
-def legend(largest: float) -> Html:
-    """The colour classes and their limits."""
-    limits, wide = class_limits(largest).tolist(), 48.0
-    parts = [words(0, 30, "0"), words(wide * CLASSES + 6, 30, "mm")]
-    for k, limit in enumerate(limits):
-        parts.append(rectangle(k * wide, 2, wide, 14, f"heat h{k}"))
-        parts.append(words((k + 1) * wide, 30, two_figures(limit), "end"))
-    finding = f"{CLASSES} steps from 0 to {two_figures(limits[-1])} mm; darker is larger."
-    title = "Colours of the workspace pictures"
-    return svg("workspace-legend", wide * CLASSES + 30, 36, title, finding, *parts)
-
-
-def _slice(
-    name: str, when: str, level: float, axis: Floats, values: Floats, limits: Floats
-) -> Html:
-    n = len(axis)
-    cell = SIZE / n
-    classes = np.minimum(np.searchsorted(limits, values), CLASSES - 1)
-    paths: dict[int, list[str]] = {}
-    for row in range(n):
-        y = TOP + (n - 1 - row) * cell
-        for class_, run in groupby(range(n), key=classes[row].__getitem__):
-            columns = list(run)
-            x, wide = LEFT + columns[0] * cell, len(columns) * cell
-            # A little larger than the cells, so that no seams shine through.
-            strip = f"M{x:.1f} {y:.1f}h{wide + 0.4:.1f}v{cell + 0.4:.1f}h{-wide - 0.4:.1f}z"
-            paths.setdefault(int(class_), []).append(strip)
-    parts = [tag("path", d="".join(path), class_=f"heat h{k}") for k, path in paths.items()]
-    for row in (0, n // 2, n - 1):
-        for column in (0, n // 2, n - 1):
-            x, y = LEFT + (column + 0.5) * cell, TOP + (n - 0.5 - row) * cell
-            anchor = {0: "start", n - 1: "end"}.get(column, "middle")
-            shift = {0: -cell / 2 + 3, n - 1: cell / 2 - 3}.get(column, 0.0)
-            dark = classes[row, column] >= FIRST_DARK
-            text = two_figures(float(values[row, column]))
-            parts.append(words(x + shift, y + 4, text, anchor, "on-dark" if dark else "on-light"))
-    low, high = tick_text(float(axis[0]), 1.0), tick_text(float(axis[-1]), 1.0)
-    bottom = TOP + SIZE
-    parts += [
-        words(LEFT, 14, when.capitalize(), class_="strong"),
-        words(LEFT + SIZE, 14, f"z = {tick_text(level, 1.0)} mm", "end"),
-        words(LEFT, bottom + 14, low),
-        words(LEFT + SIZE / 2, bottom + 14, "x, mm", "middle", "muted"),
-        words(LEFT + SIZE, bottom + 14, high, "end"),
-        words(LEFT - 7, bottom - 4, low, "end"),
-        words(LEFT - 7, TOP + SIZE / 2 + 4, "y", "end", "muted"),
-        words(LEFT - 7, TOP + 11, high, "end"),
-    ]
-    finding = (
-        f"Tool-position error {when} the adjustment in the slice z = {level:.0f} mm:"
-        f" {two_figures(float(values.min()))} to {two_figures(float(values.max()))} mm."
-    )
-    title = f"Workspace {when}, z = {level:.0f} mm"
-    return svg(f"workspace-{name}", CUBE_WIDTH, CUBE_HEIGHT, title, finding, *parts)
+def _named(part: str, start: Floats, stop: Floats, class_: str) -> Html:
+    (x1, y1), (x2, y2) = start.tolist(), stop.tolist()
+    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_, data_part=part)

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.accuracy import decimals_for
-from orthoglide_cal.model import DataKind, Difference
+from orthoglide_cal.model import DataKind, Difference, Machine
+from orthoglide_cal.report import document as doc
 
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
@@ -30,6 +32,19 @@ METHOD_WORDS: Mapping[Method, str] = {
     Method.SINGLE: "eq. 10",
     Method.SINGLE_SEQUENTIAL: "eq. 11",
 }
+SCOPE = (
+    "This report holds for the machine and the gauges that it names, as they were when they were"
+    " measured, and for the postures and conditions stated in it; for nothing else. It is complete"
+    " only up to its last line."
+)
+# What the owner of a machine wrote for its reports: who and which; how and with what.
+_OWNED = {
+    "organisation": "Organisation",
+    "place": "Place",
+    "customer": "Customer",
+    "serial_number": "Serial number",
+}
+_MEASURED = {"method": "Method", "gauge_due": "Gauge due"}
 # A technician reads "1e-3" better as millimetres per metre.
 _UNITS = {"1e-3": "mm/m"}
 
@@ -49,6 +64,37 @@ def comparison_words(differences: Sequence[Difference]) -> tuple[str, str]:
     if differences[0].posture:
         return "tool end − joint end", "dz_x+ is along z on leg x at max."
     return "max − min", "dx_y is along x on leg y."
+
+
+def owner_facts(machine: Machine) -> tuple[tuple[str, doc.Given], ...]:
+    """Whose machine it is, as far as its file says so."""
+    return _written(machine, _OWNED)
+
+
+def method_facts(machine: Machine, measured: str | None = None) -> tuple[tuple[str, doc.Line], ...]:
+    """How and with what it is measured, as far as its file says so.
+
+    Args:
+        machine: its `report` says it.
+        measured: when, ISO 8601: a gauge that was due before is marked.
+    """
+    facts, due = _written(machine, _MEASURED), machine.report.gauge_due
+    if due is None or measured is None or not _past(due, measured):
+        return facts
+    late = doc.Strong("past on the day of the measurement")
+    return (*facts[:-1], (_MEASURED["gauge_due"], (doc.Given(due), ": ", late)))
+
+
+def _past(due: str, measured: str) -> bool:
+    try:
+        return datetime.fromisoformat(measured).date() > datetime.fromisoformat(due).date()
+    except ValueError:
+        return False  # a time that somebody wrote in words
+
+
+def _written(machine: Machine, names: Mapping[str, str]) -> tuple[tuple[str, doc.Given], ...]:
+    said = ((word, getattr(machine.report, name)) for name, word in names.items())
+    return tuple((word, doc.Given(text)) for word, text in said if text is not None)
 
 
 def end_words(end: str | None) -> str:

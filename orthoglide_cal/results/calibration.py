@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
+from typing import Any
 
 from orthoglide_cal import __version__
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import Known, Solution, solve
-from orthoglide_cal.files import Input
-from orthoglide_cal.model import Model
-from orthoglide_cal.model.workspace import WorkspaceError, workspace_error
+from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.files import Input, machine_values
+from orthoglide_cal.model import Model, Source
+from orthoglide_cal.model.workspace import Travel, WorkspaceError, travel, workspace_error
 from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
 from orthoglide_cal.results.release import Release, Remedy, release
 from orthoglide_cal.results.residuals import Explained, Residuals, explained, residuals
@@ -26,7 +29,7 @@ class Identity:
     """What makes a report unique.
 
     Attributes:
-        number: from the input's digest and the time of issue.
+        number: the same for the same inputs and options, whenever and however often it is shown.
         issued: time of issue, UTC.
         software: name and version.
     """
@@ -36,12 +39,27 @@ class Identity:
     software: str
 
 
-def identify(sha256: str, issued: datetime | None = None) -> Identity:
-    """A report's identity; two reports never share it, not even of the same input."""
-    moment = issued or datetime.now(UTC)
-    digest = hashlib.sha256(f"{sha256} {moment.isoformat()}".encode()).hexdigest()
-    number = f"OC-{moment:%Y%m%d-%H%M%S}-{digest[:8].upper()}"
-    return Identity(number, moment, f"orthocal {__version__}")
+def identify(
+    inputs: Iterable[tuple[Source, Model]], *options: object, issued: datetime | None = None
+) -> Identity:
+    """Who this result is: its number follows from what went into it, not from when it is shown.
+
+    Args:
+        inputs: each file, with the machine that it is judged by.
+        options: whatever else changes the result; their `str` tells them apart.
+        issued: time of issue; now if None.
+    """
+    software = f"orthocal {__version__}"
+    parts = [(source.sha256, _judging(model)) for source, model in inputs]
+    made_of = repr((software, parts, [str(option) for option in options]))
+    digest = hashlib.sha256(made_of.encode()).hexdigest()[:12].upper()
+    return Identity(f"OC-{digest[:6]}-{digest[6:]}", issued or datetime.now(UTC), software)
+
+
+def _judging(model: Model) -> dict[str, Any]:
+    """What a machine file says of the machine; what was entered later changes no result."""
+    values = machine_values(model)
+    return {name: said for name, said in values.items() if name != "history"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +163,32 @@ class Calibration:
             return None
         return explained(self.diagnosis, self.residuals)
 
+    @property
+    def left_mm(self) -> dict[str, float]:
+        """Step → r.m.s. of the data that it leaves, from "as found" on; empty without a result."""
+        if self.solution is None:
+            return {}
+        left = {"as found": self.solution.rms_before_mm, "offsets": self.solution.rms_after_mm}
+        diagnosis, parts = self.diagnosis, self.explained
+        if diagnosis is not None and parts is not None and diagnosis.verdict is Verdict.NAMED:
+            left[" and ".join(cause.id for cause in diagnosis.causes)] = parts.rms_after_mm
+        return left
+
+    @property
+    def noise_mm(self) -> float | None:
+        """How much of the r.m.s. that the last step leaves is the gauge's noise.
+
+        All of it where noise alone leaves as much in one case of a thousand; None without spare
+        readings.
+        """
+        solution = self.solution
+        if solution is None or solution.rms_of_noise_mm is None:
+            return None
+        left = list(self.left_mm.values())[-1]
+        noise = solution.rms_of_noise_mm
+        chance = chance_of_residual(solution.dof * left**2, solution.dof, noise)
+        return noise if chance < SUSPICIOUS else left
+
     @cached_property
     def workspace(self) -> WorkspaceError | None:
         """Tool-position error before and after the adjustment; None if it cannot be computed."""
@@ -154,6 +198,16 @@ class Calibration:
         try:
             budget = found.budget
             return workspace_error(self.model, found.offsets_mm, budget.covariance_mm2, budget.k)
+        except PostureError:
+            return None
+
+    @cached_property
+    def travel(self) -> Travel | None:
+        """Where the machine stands in its postures; None if that cannot be computed."""
+        if self.adjustment is None:
+            return None
+        try:
+            return travel(self.model, self.adjustment.offsets_mm)
         except PostureError:
             return None
 
@@ -199,12 +253,12 @@ def calibrate(
             report says so.
     """
     measured, model = given.measured, given.model
-    identity = identify(measured.source.sha256, issued)
     try:
         solution = solve(measured, model, method)
     except UnusableResultError as error:
         remedies = (Remedy(error.remedy),) if error.remedy else ()
         refused = Release((error.what,), remedies, sound=False)
+        identity = _identify(given, method, verification, issued)
         return Calibration(identity, given, refused, verification=verification)
     try:
         diagnosed = diagnosed or diagnose(measured, model, sensitivity=sensitivity)
@@ -212,7 +266,18 @@ def calibrate(
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosed = None
     decision = release(solution, diagnosed)
+    identity = _identify(given, solution.method, verification, issued)
     return Calibration(identity, given, decision, solution, diagnosed, verification)
+
+
+def _identify(
+    given: Input, method: str | None, left: Verification | None, issued: datetime | None
+) -> Identity:
+    """Of one input alone, or with what was measured after the adjustment."""
+    first = given.measured.source, given.model
+    if left is None:
+        return identify([first], method, issued=issued)
+    return identify([first, *left.inputs], method, *left.options, issued=issued)
 
 
 @dataclass(frozen=True, eq=False)

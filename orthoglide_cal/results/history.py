@@ -7,6 +7,7 @@ that the session still found. An adjustment moves only the first of the two.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.files import FoundSession, read_input, sessions_in
 from orthoglide_cal.model import Floats
+from orthoglide_cal.results.trend import DAY, Trend, trend
+from orthoglide_cal.verification import require_limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +56,8 @@ class Drift:
         since: "the first session" or "the last adjustment".
         days: between the two.
         change_mm: last − first, one per axis.
-        expanded_mm: expanded uncertainty of the change, one per axis.
+        expanded_mm: expanded uncertainty of the change, one per axis; of what is the same in both
+            sessions, as the lengths of the legs, a change knows nothing.
     """
 
     since: str
@@ -77,12 +81,31 @@ class History:
         folder: as the user gave it.
         entries: at least one.
         left_out: (file, reason).
+        limit_mm: largest difference that is allowed; None if nobody said.
     """
 
     machine: str
     folder: str
     entries: tuple[Entry, ...]
     left_out: tuple[tuple[str, str], ...]
+    limit_mm: float | None = None
+
+    @cached_property
+    def trend(self) -> Trend | None:
+        """Lines through the total offsets; None if the sessions lie too close together."""
+        return trend(
+            [entry.session.moment for entry in self.entries],
+            np.stack([entry.total_mm for entry in self.entries]),
+            np.stack([entry.solution.budget.renewed.covariance_mm2 for entry in self.entries]),
+        )
+
+    @cached_property
+    def due(self) -> float | None:
+        """When the machine may drift beyond the limit [s]; None without limit, trend or drift."""
+        last = self.entries[-1]
+        if self.trend is None or self.limit_mm is None:
+            return None
+        return self.trend.due(last.solution.model, last.session.moment, self.limit_mm)
 
     @property
     def last_adjusted(self) -> float | None:
@@ -100,17 +123,19 @@ class History:
         return tuple(_drift(since, first, last) for since, first in starts if first is not last)
 
 
-def history(folder: Path, machine: str | None = None) -> History:
+def history(folder: Path, machine: str | None = None, limit_mm: float | None = None) -> History:
     """Solve every session of one machine in a folder.
 
     Args:
         folder: its session files (*.yaml, *.yml) are read.
         machine: name of the machine; may be None if the folder holds only one.
+        limit_mm: largest difference that is allowed; tells when the machine is due.
 
     Raises:
         InputError: no folder, or no usable session.
-        UsageError: several machines and no name.
+        UsageError: several machines and no name, or a limit that is none.
     """
+    require_limit(limit_mm)
     left_out: list[tuple[str, str]] = []
     found: list[Entry] = []
     for session in sessions_in(folder):
@@ -145,15 +170,16 @@ def history(folder: Path, machine: str | None = None) -> History:
     for before, entry in pairwise(entries):
         same = np.allclose(before.active_mm, entry.active_mm, rtol=0.0, atol=1e-9)
         marked.append(replace(entry, adjusted=not same))
-    return History(chosen, str(folder), tuple(marked), tuple(left_out))
+    return History(chosen, str(folder), tuple(marked), tuple(left_out), limit_mm)
 
 
 def _drift(since: str, first: Entry, last: Entry) -> Drift:
     change = last.total_mm - first.total_mm
-    expanded = np.hypot(first.solution.expanded_mm, last.solution.expanded_mm)
+    ends = (first.solution.budget.renewed, last.solution.budget.renewed)
+    expanded = np.hypot(*(budget.expanded_mm for budget in ends))
     return Drift(
         since=since,
-        days=(last.session.moment - first.session.moment) / 86400.0,
+        days=(last.session.moment - first.session.moment) / DAY,
         change_mm=tuple(change.tolist()),
         expanded_mm=tuple(expanded.tolist()),
     )

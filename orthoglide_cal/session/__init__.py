@@ -5,6 +5,7 @@ from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import GaugeLabel
 from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.opening import Request, named, open_session
+from orthoglide_cal.session.record import unfinished
 from orthoglide_cal.session.steps import MeasuringProtocol, Order
 
 __all__ = [
@@ -19,4 +20,5 @@ __all__ = [
     "Unit",
     "named",
     "open_session",
+    "unfinished",
 ]

@@ -2,34 +2,64 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 from orthoglide_cal.errors import OrthocalError, visible
+from orthoglide_cal.session.dead_time import STREAM, DeadTime
 from orthoglide_cal.session.gauges.formats import Token
 from orthoglide_cal.session.steps import SessionStep
+from orthoglide_cal.session.wording import wrapped
 
 # How long the keyboard is awaited before the gauge is looked at again [s].
 POLL_S = 0.05
 RECONNECT_S = 0.5
-# A person needs longer than this for a reading; the second of two presses comes sooner [s].
-HASTE_S = 0.3
+# A gauge that is asked answers sooner [s].
+ANSWER_S = 1.5
+# A gauge that sends by itself sends the next message sooner: what is alone so long counts [s].
+ALONE_S = 0.5
+WIDEST = 80
+# What is asked, for a screen of so many columns: its last line is the prompt; those above it are
+# shown already, and shown again where something has come between.
+Prompt = Callable[[int], str]
+
+
+class Line(NamedTuple):
+    """A line from the keyboard, without its end; when it began and ended, monotonic [s]."""
+
+    text: str
+    begun: float = 0.0
+    ended: float = 0.0
 
 
 class Keyboard(Protocol):
     """Lines of text from whoever answers."""
 
-    live: bool
-    """True for a terminal: what is typed before a prompt appears does not belong to it."""
+    @property
+    def live(self) -> bool:
+        """True for a terminal: what is typed before a prompt appears does not belong to it."""
 
-    def read(self, timeout_s: float | None) -> str | None:
-        """A line without its end; None after the time-out. Raises EOFError at the end."""
+    @property
+    def columns(self) -> int:
+        """Width of the screen, in characters."""
 
-    def flush(self) -> None:
-        """Forget what was typed so far (terminals only)."""
+    @property
+    def partial(self) -> str:
+        """What was typed of a line that has not ended."""
+
+    def read(self, timeout_s: float | None) -> Line | None:
+        """A line; None after the time-out. Raises EOFError at the end."""
+
+    def catch_up(self) -> None:
+        """Take in what was typed up to now (terminals only)."""
+
+    def disturbed(self) -> bool:
+        """True once after the screen has changed: another size, or the program was stopped."""
 
 
 class Style(StrEnum):
@@ -42,6 +72,7 @@ class Style(StrEnum):
     BAD = "bad"
     QUESTION = "question"
     PROMPT = "prompt"
+    ASIDE = "aside"  # of what was not asked for
 
 
 class Show(Protocol):
@@ -68,10 +99,15 @@ class Heard(NamedTuple):
 
 
 class Typed(NamedTuple):
-    """An answer from the keyboard; hasty if it repeats the previous one without a pause."""
+    """An answer from the keyboard."""
 
     text: str
-    hasty: bool = False
+
+
+class Unasked(NamedTuple):
+    """No answer: a gauge sends by itself. `readings`: so many of its messages became readings."""
+
+    readings: int
 
 
 class LiveGauge(Protocol):
@@ -80,8 +116,12 @@ class LiveGauge(Protocol):
     hint: str
     """What to do for a reading, e.g. "press its button"."""
 
+    silence: str = ""
+    """What to check where Return was pressed and nothing came."""
+
     reads_itself: bool = False
-    """True if nobody need be there: where input from a pipe ends, Return is pressed for ever."""
+    """True if nobody need be there: where input from a pipe ends, Return is pressed for ever, and
+    no press of a button can come too soon."""
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """A prompt for this step, which was read `takes` times: forget what was said before."""
@@ -106,8 +146,15 @@ class Asker:
     show: Show
     gauge: LiveGauge | None = None
     clock: Callable[[], float] = time.monotonic
-    _last: str = ""
-    _last_waited: float = 0.0
+    pushed: bool = False  # whether something has come between since the place was shown
+    _keys: DeadTime = field(default_factory=DeadTime)
+    _gauges: DeadTime = field(default_factory=DeadTime)
+    _answered: tuple[float, DeadTime | None] = (0.0, None)  # when, and by which source
+    _prompt: Prompt = str
+    _shown: float = math.inf  # since when the prompt stands there
+    _asked: float | None = None  # when Return asked the gauge, until it says something
+    _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
+    _held: Heard | None = None  # a reading, until it is known to be alone
     _lost_since: float | None = None
     _line_is_open: bool = False
 
@@ -116,81 +163,202 @@ class Asker:
         """What to do for a reading besides typing it."""
         return self.gauge.hint if self.gauge else None
 
-    def ask(self, prompt: str, step: SessionStep | None = None, takes: int = 0) -> Typed | Heard:
+    @property
+    def columns(self) -> int:
+        """Width of what is shown: of the screen, but no wider than is easily read."""
+        return min(self.keyboard.columns, WIDEST)
+
+    @property
+    def _strict(self) -> bool:
+        """Whether what comes too soon is a second press; a simulated gauge has no button."""
+        return self.gauge is None or not self.gauge.reads_itself
+
+    def rest(self, driving: bool) -> None:
+        """The last answer was a reading: begin the dead time, longer if the machine is driven."""
+        at, source = self._answered
+        for each in (self._keys, self._gauges) if self._strict else ():
+            each.begin(at, driving, each is source)
+
+    def ask(
+        self, prompt: Prompt, step: SessionStep | None = None, takes: int = 0
+    ) -> Typed | Heard | Unasked:
         """Show a prompt and wait for the answer.
 
         Args:
-            prompt: the question.
+            prompt: what is asked.
             step: the reading wanted, the first or after `takes` others; None if words are.
 
         Raises:
             EOFError: nobody will ever answer.
         """
+        self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
+        dropped = self._clear()
+        for source in (self._keys, self._gauges):
+            if (found := self._stream(source)) is not None:
+                return found
         gauge = self.gauge if step is not None else None
         if gauge is not None and step is not None:
             gauge.begin(step, takes)
-        self.keyboard.flush()
-        self.show(prompt, Style.PROMPT, "")
-        self._line_is_open, since = True, self.clock()
+        if dropped:
+            self._redraw()
+        else:
+            self.show(prompt(self.columns).rpartition("\n")[2], Style.PROMPT, "")
+        self._line_is_open, self._shown = True, self.clock()
         while True:
-            try:
-                line = self.keyboard.read(None if gauge is None else POLL_S)
-            except EOFError:
-                if self.keyboard.live or self.gauge is None or not self.gauge.reads_itself:
-                    raise
-                line = ""
-            if line is not None and (line.strip() or gauge is None):
-                return self._typed(line.strip(), self.clock() - since)
-            if gauge is None:
-                continue
-            if line is not None:
-                self._line_is_open = False
-                if not self.keyboard.live:
-                    self.show("")  # a terminal has moved on to the next line itself
-            heard = self._listen(gauge, line is not None, prompt)
-            if heard is not None:
-                if self._line_is_open:
-                    self.show("")  # nobody pressed Return in the line of the prompt
-                return heard
+            answer = self._look(gauge)
+            if answer is not None:
+                return answer
 
-    def _typed(self, text: str, waited: float) -> Typed:
-        if not self.keyboard.live:
-            self.show(visible(text)[:40])  # a terminal has shown it itself
-        again = self.keyboard.live and text == self._last and any(c.isdigit() for c in text)
-        # Where every answer comes at once, a machine is typing: then haste says nothing.
-        hasty = again and waited < HASTE_S <= self._last_waited
-        self._last, self._last_waited = text, waited
-        return Typed(text, hasty)
+    def _clear(self) -> bool:
+        """Drop what came before the prompt; True if something was said about it."""
+        before = self._keys.unasked, self._gauges.unasked
+        self.keyboard.catch_up()
+        while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
+            self._drop(line.text, line.ended, self._keys)
+        if self.gauge is not None and self._lost_since is None:
+            with suppress(GaugeLost):  # the next look reports it
+                for item in self.gauge.poll(asked=False):
+                    self._drop(item.token.raw, self.clock(), self._gauges)
+        return before != (self._keys.unasked, self._gauges.unasked)
 
-    def _listen(self, gauge: LiveGauge, asked: bool, prompt: str) -> Heard | None:
+    def _look(self, gauge: LiveGauge | None) -> Typed | Heard | Unasked | None:
+        """One look at the keyboard, then at the gauge, if it is asked."""
+        if self.keyboard.disturbed():
+            self._end_line()
+            self._redraw()
+        line = self._line(gauge)
+        if line is not None:
+            text = line.text.strip()
+            self._line_is_open = False
+            if not self.keyboard.live:
+                self.show(visible(text)[:40])  # a terminal has shown it itself
+            elif self._held or self._keys.is_early(line.begun, line.ended, len(text), self._shown):
+                self._drop(text, line.ended, self._keys)
+                return self._stream(self._keys)
+            if text or gauge is None:
+                self._answered = (line.ended, self._keys)
+                return Typed(text)
+            self._asked = self.clock()
+        if self._sending is not None and self._sending.is_quiet(self.clock()):
+            self._sending.unasked, self._sending = 0, None
+            self._break_in("The gauge is quiet now.", Style.GOOD)
+        return None if gauge is None else self._listen(gauge, line is not None)
+
+    def _line(self, gauge: LiveGauge | None) -> Line | None:
+        """What the keyboard says now; it is waited for at most until the gauge has its turn."""
+        if self._held is not None and not self.keyboard.live:
+            time.sleep(POLL_S)  # the next line of a pipe is for the next prompt
+            return None
+        try:
+            return self.keyboard.read(POLL_S if gauge or self.keyboard.live else None)
+        except EOFError:
+            if self.keyboard.live or self.gauge is None or not self.gauge.reads_itself:
+                raise
+            return Line("")
+
+    def _listen(self, gauge: LiveGauge, asked: bool) -> Heard | Unasked | None:
         """One look at the gauge."""
         now = self.clock()
+        if self._held is not None and now - self._answered[0] >= ALONE_S:
+            return self._let_go(self._held)
         if self._lost_since is not None:
             if now - self._lost_since < RECONNECT_S:
                 return None
             self._lost_since = None if gauge.reconnect() else now
             if self._lost_since is not None:
                 return None
-            self._break_in("The gauge is back.", Style.GOOD, prompt)
+            self._break_in("The gauge is back.", Style.GOOD)
         try:
             heard = gauge.poll(asked)
         except GaugeLost as lost:
             self._lost_since = now
             more = "Plug it in again and the session goes on; or type the reading, or q."
-            self._break_in(lost.what, Style.BAD, prompt, more)
+            self._break_in(f"{lost.what}\n{more}", Style.BAD)
             return None
+        if heard:
+            self._asked = None
+        elif self._asked is not None and now - self._asked >= ANSWER_S:
+            self._asked = None
+            self._break_in(gauge.silence, Style.BAD)
         for item in heard:
-            if item.token.value is not None and item.elsewhere is None:
+            if self._strict and (readings := self._gauges.arrived(now)) is not None:
+                return self._never_stops(readings)
+            if self._held or self._gauges.is_early(now, now, 0, self._shown):
+                self._drop(item.token.raw, now, self._gauges)
+            elif item.token.value is None or item.elsewhere is not None:
+                why = item.elsewhere or "That is no reading: nothing is recorded."
+                said = f"The gauge says '{visible(item.token.raw)[:40]}'. {why}"
+                self._break_in(said, Style.BAD)
+            elif gauge.reads_itself:
+                self._end_line()
                 return item
-            why = item.elsewhere or "That is no reading: nothing is recorded."
-            said = f"The gauge says '{visible(item.token.raw)[:40]}'. {why}"
-            self._break_in(said, Style.BAD, prompt)
-        return None
+            else:
+                self._hold(item, now)
+        return self._stream(self._gauges)
 
-    def _break_in(self, text: str, style: Style, prompt: str, more: str | None = None) -> None:
-        """A message in the line of the prompt, which is then shown again."""
-        self.show(f"\n{text}", style)
-        if more is not None:
-            self.show(more)
+    def _hold(self, item: Heard, now: float) -> None:
+        """A reading, if nothing follows it at once."""
+        self.show(visible(item.token.raw.strip())[:40], Style.PLAIN, "")
+        self._line_is_open = True
+        self._held, self._answered = item, (now, self._gauges)
+        self._gauges.begin(now, driving=False, mine=True)
+
+    def _never_stops(self, readings: int) -> Unasked | None:
+        """The gauge sends at equal intervals: said once, and nothing of it is a reading."""
+        known, self._sending, self._held = self._sending is self._gauges, self._gauges, None
+        self._end_line()
+        if known and not readings:
+            return None
+        return Unasked(readings)
+
+    def _let_go(self, item: Heard) -> Heard | Unasked:
+        self._held = None
+        self._gauges.was_reading(self._answered[0])
+        self._end_line()
+        if self._gauges.unasked < STREAM - 1:
+            return item
+        self._sending = self._gauges
+        return Unasked(0)
+
+    def _stream(self, source: DeadTime) -> Unasked | None:
+        """Whether this source sends by itself, said once."""
+        if self._held is not None or source.unasked < STREAM or self._sending is source:
+            return None
+        self._sending = source
+        self._end_line()
+        return Unasked(int(source.after_reading))
+
+    def _drop(self, text: str, at: float, source: DeadTime) -> None:
+        """Something came too soon: say so, unless that is known."""
+        if not self._strict:
+            return
+        gone = source.ignore(at)
+        if self._sending is source or source.unasked > STREAM:
+            return
+        when = "before it was asked for" if gone is None else f"{gone:.2f} s after the last one"
+        what = visible(text.strip())[:24] or "Return"
+        self._break_in(f"ignored: {what} arrived {when}", Style.ASIDE)
+
+    def _end_line(self) -> None:
+        """Go on below the line of the prompt, if it is open."""
+        if self._line_is_open:
+            self.show("")
+        self._line_is_open = False
+
+    def _break_in(self, text: str, style: Style) -> None:
+        """A message below the line of the prompt, which is then shown again with its place."""
+        self._end_line()
+        self.show(wrapped(text, self.columns), style)
+        self.pushed = True
+        if self._shown < math.inf and self._held is None:
+            self._redraw()
+
+    def _redraw(self) -> None:
+        """Show the prompt again, with what stands above it and what was typed."""
+        self.pushed = False
+        above, line, prompt = self._prompt(self.columns).rpartition("\n")
+        self.show(above + line, Style.PLAIN, "")
         self.show(prompt, Style.PROMPT, "")
+        if self.keyboard.partial:
+            self.show(self.keyboard.partial, Style.PLAIN, "")
         self._line_is_open = True

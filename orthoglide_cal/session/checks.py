@@ -21,7 +21,7 @@ from orthoglide_cal.session.events import Doubt, Questioned, Taken
 from orthoglide_cal.session.gauges.formats import Token, Unit
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
 from orthoglide_cal.session.steps import SessionStep
-from orthoglide_cal.session.wording import with_uncertainty
+from orthoglide_cal.session.wording import in_unit, value_text, with_uncertainty
 
 # Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.
 LIMIT = 4.5
@@ -99,11 +99,10 @@ def judge(
     # A clock that was set back must not turn the order of the readings around.
     earlier = [item.take.minutes for item in state.accepted.values()]
     minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
-    coming = NextReading(so_far, step, minutes)
-    inches = (token.unit or unit) is Unit.INCH
+    coming = NextReading(so_far, step, minutes, token.unit or unit)
     question = (
         check_reading(coming, value, gauge)
-        or check_number(coming, value, gauge, inches=inches)
+        or check_number(coming, value, gauge)
         or check_repeats(coming, value, gauge)
         or doubt
     )
@@ -121,26 +120,33 @@ def judge(
     return asked, again
 
 
-def check_number(coming: NextReading, value: float, gauge: Gauge, inches: bool) -> Question | None:
+def check_number(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
     """The question that a number [mm] itself raises; None if the gauge can show it.
 
-    What was kept once is not questioned again; `inches`: the reading was given in inches.
+    What was kept once is not questioned again.
     """
+    unit = coming.unit
     earlier = coming.so_far.value[coming.series]
     # Further from zero, or later from the gauge's other readings, than its plunger travels.
     if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.range_mm:
-        where = f"further from {earlier[-1]:+g} mm than" if earlier.size else "beyond"
-        travel = f"the gauge's travel of {gauge.range_mm:g} mm"
-        return Question(Doubt.RANGE, f"{value:+g} mm is {where} {travel}: mistyped?")
+        shown = in_unit(unit, lambda per: f"{value * per:+g}")
+        where = "beyond"
+        if earlier.size:
+            where = f"further from {in_unit(unit, lambda per: f'{earlier[-1] * per:+g}')} than"
+        travel = in_unit(unit, lambda per: f"{gauge.range_mm * per:g}")
+        text = f"{shown} is {where} the gauge's travel of {travel}: mistyped?"
+        return Question(Doubt.RANGE, text)
     believed = (Doubt.GRID, None) in coming.so_far.settled
-    if _off_scale(value, gauge.resolution_mm, inches) and not believed:
-        divisions = f"the gauge's divisions of {gauge.resolution_mm:g} mm"
-        return Question(Doubt.GRID, f"{value:g} mm lies between {divisions}: mistyped?")
+    if _off_scale(value, gauge.resolution_mm, unit) and not believed:
+        shown = in_unit(unit, lambda per: f"{value * per:g}")
+        divisions = in_unit(unit, lambda per: f"{gauge.resolution_mm * per:g}")
+        text = f"{shown} lies between the gauge's divisions of {divisions}: mistyped?"
+        return Question(Doubt.GRID, text)
     return None
 
 
-def _off_scale(value: float, division: float, inches: bool) -> bool:
-    if inches:
+def _off_scale(value: float, division: float, unit: Unit) -> bool:
+    if unit is Unit.INCH:
         # An inch gauge's divisions need not be those of the mm scale in the machine file.
         in_tenths = division / MM_PER_INCH * 1e5
         if abs(in_tenths - round(in_tenths)) > 1e-6:
@@ -163,11 +169,13 @@ def check_repeats(coming: NextReading, value: float, gauge: Gauge) -> Question |
     found = too_steady(np.append(coming.so_far.value, value), coming.setup, cell, gauge)
     if found is None:
         return None
-    stated = f"though the gauge repeats within {gauge.repeatability_mm:g} mm"
+    repeats = in_unit(coming.unit, lambda per: f"{gauge.repeatability_mm * per:.3g}")
+    stated = f"though the gauge repeats within {repeats}"
     if found.scatter_mm == 0.0:
         text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
         return Question(Doubt.DEAD, text)
-    text = f"repeated readings differ by {found.scatter_mm:.1g} mm only, {stated}: is the unit mm?"
+    scatter = in_unit(coming.unit, lambda per: f"{found.scatter_mm * per:.1g}")
+    text = f"repeated readings differ by {scatter} only, {stated}: is the unit {coming.unit}?"
     return Question(Doubt.SCATTER, text)
 
 
@@ -285,7 +293,9 @@ def _explanations(
 def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:
     """How far the reading is from what, in words."""
     if not coming.repeats:
-        return f"expected {with_uncertainty(expected, 2 * std)} mm here, not {value:+.3f}"
+        here = in_unit(coming.unit, lambda per: with_uncertainty(expected * per, 2 * std * per))
+        return f"expected {here} here, not {value_text(value, coming.unit)}"
     difference = abs(value - float(np.mean(coming.so_far.value[coming.repeats])))
     count = _NUMBERS[min(len(coming.repeats), 5)]
-    return f"{difference:.3f} mm from the last {'cycle' if count == 'one' else count + ' cycles'}"
+    far = value_text(difference, coming.unit, "")
+    return f"{far} from the last {'cycle' if count == 'one' else count + ' cycles'}"

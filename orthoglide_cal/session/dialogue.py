@@ -8,20 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.estimation import Solution
 from orthoglide_cal.files import session_text, write_session
-from orthoglide_cal.model import AXES
+from orthoglide_cal.model import AXES, Floats
 from orthoglide_cal.session import events, wording
-from orthoglide_cal.session.asking import Asker, Heard, Style, Typed
+from orthoglide_cal.session.asking import Asker, Heard, Prompt, Style, Typed, Unasked
 from orthoglide_cal.session.checks import Question, judge
 from orthoglide_cal.session.events import Doubt, Event, Questioned
-from orthoglide_cal.session.gauges.formats import NotAReading, Token, Unit, parse_typed
+from orthoglide_cal.session.gauges.formats import NotAReading, Token, Unit, is_reading, parse_typed
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
-from orthoglide_cal.session.record import session_values
+from orthoglide_cal.session.record import session_values, written_before
 from orthoglide_cal.session.state import State, advance, replay
-from orthoglide_cal.session.steps import SessionStep, minutes_left, step_name
+from orthoglide_cal.session.steps import SessionStep, minutes_left, step_name, with_set_ups
 
 _KEY = re.compile(r"(?P<key>[urnstpqURNSTPQ?])(?:\s+(?P<words>.+))?")
 
@@ -89,13 +88,36 @@ class Dialogue:
                 self._ask_about(self.state.pending)
             elif (step := self.next_step()) is not None:
                 self._announce(step)
-                prompt = wording.prompt(step, self.asker.hint, self.unit)
-                answer = self.asker.ask(prompt, step, self.state.takes(step.number))
-                self._receive(answer, step)
+                prompt = self._prompt_of(step)
+                self._receive(self.asker.ask(prompt, step, self.state.takes(step.number)), step)
             else:
                 reason = self.state.shortened.reason if self.state.shortened else "complete"
                 self.write(events.Ended(self.now(), reason))
         return self.state
+
+    def offer_missing(self, agreed: bool = False) -> None:
+        """Ask whether what was left out, perhaps to end the session, is to be read after all.
+
+        Args:
+            agreed: it is, without asking; without a terminal nobody is asked either.
+
+        Raises:
+            Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
+        """
+        state, steps = self.state, self.setting.steps
+        missing = [s for s in steps if s.number in {*state.skipped, *state.dropped}]
+        if not missing or not (agreed or self.asker.keyboard.live):
+            return
+        last = self.so_far.steps[-1] if state.accepted else missing[0]
+        again = with_set_ups(missing, last.setup, steps, state.accepted)
+        old = sum(step.number in state.accepted for step in again)
+        more = f" For that, {old} earlier readings are taken again: the stands were moved."
+        said = f"{_counted(len(missing))} left out.{more if old else ''}"
+        self._say((said, Style.QUESTION))
+        if agreed or self._agrees("Read what is missing now? y/n > "):
+            self.write(events.Reopened(self.now(), state.source))
+            numbers = tuple(step.number for step in again)
+            self.write(events.Retake(self.now(), numbers, "reopened"))
 
     def publish(self) -> None:
         """Write the session file, and say so; a second time changes nothing.
@@ -105,16 +127,25 @@ class Dialogue:
             InputError: it cannot be written.
         """
         values = session_values(self.so_far)
-        if not self.path.exists() or self.path.read_bytes() != session_text(values).encode():
-            write_session(values, self.path)
+        there = self.path.read_bytes() if self.path.is_file() else None
+        if there != session_text(values).encode():
+            # What this session wrote when it was ended before may be replaced, nothing else.
+            mine = there in written_before(self.so_far)
+            write_session(values, self.path, overwrite=mine)
         lines = wording.closing_lines(self.state, str(self.path))
         self.asker.show("\n".join(lines), Style.GOOD)
 
-    def reveal(self, solution: Solution) -> None:
-        """After a simulated session, say what was hidden beside what was found."""
+    def reveal(self, offsets_mm: Floats, interval_mm: Floats) -> None:
+        """After a simulated session, say what was hidden beside what was found.
+
+        Args:
+            offsets_mm: found, shape (3,).
+            interval_mm: their 95 % intervals, shape (3, 2).
+        """
         gauge = self.asker.gauge
         if isinstance(gauge, SimulatedGauge):
-            self.asker.show("\n".join(wording.truth_lines(solution, gauge.offsets_mm)))
+            lines = wording.truth_lines(offsets_mm, interval_mm, gauge.offsets_mm)
+            self.asker.show("\n".join(lines))
 
     def close(self) -> None:
         """Let go of the gauge and the journal."""
@@ -127,30 +158,53 @@ class Dialogue:
         return next((s for s in self.setting.steps if self.state.is_open(s.number)), None)
 
     def _say(self, *texts: str | tuple[str, Style]) -> None:
+        self.asker.pushed = True
         styled = [(text, Style.PLAIN) if isinstance(text, str) else text for text in texts]
-        for text, style in [(wording.wrapped(text), style) for text, style in styled]:
+        columns = self.asker.columns
+        for text, style in [(wording.wrapped(text, columns), style) for text, style in styled]:
             self.asker.show(text, style)
 
     def _announce(self, step: SessionStep) -> None:
+        """Show the set-up and where to drive: what is new of it, and what was pushed away."""
         setup, visit = self._shown
-        if step.visit == visit:
-            return
-        self._shown = (step.setup, step.visit)
-        said = []
+        said, columns = [], self.asker.columns
         if step.setup != setup:
             begun = step.setup in {s.setup for s in self.so_far.steps}
-            said += _headed(wording.setup_lines(self.setting, step.setup, begun))
-        left = [s for s in self.setting.steps if self.state.is_open(s.number)]
-        minutes = minutes_left(left, self.so_far.pace_min)
-        self._say(*said, *_headed(wording.step_lines(step, self.state, self.setting, minutes)))
+            said += _headed(wording.setup_lines(self.setting, step.setup, begun, columns))
+        place = "\n".join(wording.place_lines(step, self.setting, columns))
+        if step.visit != visit:
+            left = [s for s in self.setting.steps if self.state.is_open(s.number)]
+            minutes = minutes_left(left, self.so_far.pace_min)
+            line = wording.step_line(step, self.state, self.setting, minutes)
+            said += _headed([line, place])
+        elif self.asker.pushed:
+            said = [(place, Style.PLAIN)]
+        self._shown = (step.setup, step.visit)
+        self._say(*said)
+        self.asker.pushed = False
+
+    def _prompt_of(self, step: SessionStep) -> Prompt:
+        """Where to drive, and what is asked."""
+
+        def prompt(columns: int) -> str:
+            place = wording.place_lines(step, self.setting, columns)
+            asked = wording.prompt(step, self.asker.hint, self.unit, columns)
+            return "\n".join([*place, asked])
+
+        return prompt
 
     def _ask_about(self, pending: Questioned) -> None:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self.setting.steps[pending.step - 1]
         may_move = pending.doubt.compares and pending.about is None
-        asked = f"Step {step.number}, {pending.value_mm:+.3f} mm:\n  {pending.question}"
+        value = wording.value_text(pending.value_mm, self.unit)
+        asked = f"Step {step.number}, {value}:\n  {pending.question}"
         self._say((asked, Style.QUESTION))
-        prompt = wording.question_prompt(pending, self.asker.hint, may_move)
+
+        def prompt(columns: int) -> str:
+            keys = wording.question_prompt(pending, self.asker.hint, may_move, columns)
+            return f"{wording.wrapped(asked, columns)}\n{keys}"
+
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word = answer.text.lower() if isinstance(answer, Typed) else None
         if word in ("k", "y", "keep", "yes"):
@@ -162,8 +216,11 @@ class Dialogue:
         else:
             self._receive(answer, step)
 
-    def _receive(self, answer: Typed | Heard, step: SessionStep) -> None:
+    def _receive(self, answer: Typed | Heard | Unasked, step: SessionStep) -> None:
         """Take an answer for a reading or a key."""
+        if isinstance(answer, Unasked):
+            self._refuse(answer)
+            return
         if isinstance(answer, Heard):
             self._read(step, answer.token, answer.source)
             return
@@ -179,13 +236,23 @@ class Dialogue:
             return
         doubt = None
         if layout is not None:
-            value = token.mm(self.unit) or 0.0
-            text = f"{token.raw!r} would be {value:+.3f} mm typed on a {layout} keyboard layout:"
+            value = wording.value_text(token.mm(self.unit) or 0.0, self.unit)
+            text = f"{token.raw!r} would be {value} typed on a {layout} keyboard layout:"
             doubt = Question(Doubt.LAYOUT, f"{text} is it?")
-        elif answer.hasty:
-            text = "the same again at once: was the button pressed twice?"
-            doubt = Question(Doubt.DOUBLE, text)
         self._read(step, token, "typed", doubt)
+
+    def _refuse(self, stream: Unasked) -> None:
+        """A gauge sends by itself: take back the readings that its messages became."""
+        self._say((wording.STREAM, Style.BAD))
+        taken = 0
+        if stream.readings and self.state.pending is not None:
+            self.write(events.Answered(self.now(), keep=False))
+            taken += 1
+        while taken < stream.readings and self.state.before is not None:
+            self.write(events.Undone(self.now()))
+            taken += 1
+        if taken:
+            self._say(f"{_counted(taken)} taken back: the gauge sent that by itself.")
 
     def _read(
         self, step: SessionStep, token: Token, source: str, doubt: Question | None = None
@@ -198,7 +265,9 @@ class Dialogue:
         self.write(reading)
         if not isinstance(reading, Questioned):
             self._acknowledge(step, reading.value_mm)
-        elif again:
+            return
+        self.asker.rest(driving=False)
+        if again:
             self._say("Read again, and the same: kept, with a note.")
             self._keep(reading)
 
@@ -208,18 +277,25 @@ class Dialogue:
 
     def _acknowledge(self, step: SessionStep, value: float) -> None:
         """Say that it is saved; after the last gauge of a posture, the offsets so far."""
-        saved = (f"   saved {value:+.3f} mm", Style.GOOD)
+        saved = (f"   saved {wording.value_text(value, self.unit)}", Style.GOOD)
         following = self.next_step()
-        if following is not None and following.visit == step.visit:
+        stays = following is not None and following.visit == step.visit
+        self.asker.rest(driving=not stays)
+        if stays:
+            pushed = self.asker.pushed  # a reading saved leaves the place where it is
             self._say(saved)
+            self.asker.pushed = pushed
             return
         self._say(saved, *self._offsets())
         if self.until_mm is not None and not self.state.shortened:
             self._shorten(self.until_mm)
 
     def _offsets(self) -> list[tuple[str, Style]]:
-        solution = self.so_far.solution
-        return [] if solution is None else [(wording.offsets_line(solution), Style.DIM)]
+        solution, expanded = self.so_far.solution, self.so_far.expanded_mm
+        if solution is None or expanded is None:
+            return []
+        lines = wording.offsets_lines(solution.offsets_mm, expanded)
+        return [("\n".join(lines), Style.DIM)]
 
     def _shorten(self, until_mm: float) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
@@ -250,7 +326,9 @@ class Dialogue:
             case "s":
                 self._skip(words, step)
             case "t":
-                self._say("\n".join(wording.table_lines(self.state, self.setting.steps)))
+                steps, columns = self.setting.steps, self.asker.columns
+                table = wording.table_lines(self.state, steps, self.unit, columns)
+                self._say("\n".join(table))
             case "p":
                 self.write(events.Paused(self.now()))
                 self._words("Paused; everything is saved. Touch no stand. Return goes on > ")
@@ -297,19 +375,18 @@ class Dialogue:
             nothing = f"There is no reading at step {which[:20]} yet. t shows what there is."
         if not chosen:
             self._say(nothing)
-        if all(s.setup == step.setup for s in chosen):
-            return chosen
-        # Other set-ups, and the one in hand, whose stands have to move for them.
-        setups = {step.setup, *(s.setup for s in chosen)}
-        again = [s for s in steps if s.setup in setups and s.number in state.accepted]
-        here = sum(s.setup == step.setup for s in again)
+        again = with_set_ups(chosen, step.setup, steps, state.accepted)
+        old = [s for s in again if s.number in state.accepted and s not in chosen]
+        if all(s.setup == step.setup for s in chosen) or not old:
+            return again
+        here = sum(s.setup == step.setup for s in again if s.number in state.accepted)
+        there = sum(s.number in state.accepted for s in again) - here
         of_this = f" and the {here} of this one" if here else ""
         self._say(
             "The stands have been moved since then, so the gauges' zeros are others: all"
-            f" {len(again) - here} readings of that set-up{of_this} have to be taken again."
+            f" {there} readings of that set-up{of_this} have to be taken again."
         )
-        answer = self._words("Take them all again? y/n > ")
-        return again if answer.lower() in ("y", "yes") else []
+        return again if self._agrees("Take them all again? y/n > ") else []
 
     def _note(self, given: str, step: SessionStep) -> None:
         text = given or self._words("Note > ")
@@ -319,18 +396,35 @@ class Dialogue:
 
     def _skip(self, given: str, step: SessionStep) -> None:
         first, _, reason = given.partition(" ")
-        everything = first.lower() == "all"
-        why = (reason if everything else given) or self._words("Why is it skipped? > ")
-        if not why:
-            self._say("Not skipped: a reason is needed.")
+        if first.lower() == "all":
+            self._skip_all(reason, step)
             return
-        for item in self.setting.steps if everything else (step,):
-            if item.number == step.number or self.state.is_open(item.number):
-                self.write(events.Skipped(self.now(), item.number, why))
+        why = given or self._words("Why is it skipped? > ")
+        if not why or is_reading(why):
+            self._say("Not skipped: a reason in words is needed.")
+            return
+        self.write(events.Skipped(self.now(), step.number, why))
         self._say(f"Skipped: {why}")
 
+    def _skip_all(self, reason: str, step: SessionStep) -> None:
+        left = [item for item in self.setting.steps if self.state.is_open(item.number)]
+        self._say(f"{_counted(len(left))} missing.")
+        # A script that gives its reason has said all.
+        told = reason and not self.asker.keyboard.live
+        if not told and not self._agrees("End the session here? y/n > "):
+            self._say("Not ended.")
+            return
+        for item in left:
+            self.write(events.Skipped(self.now(), item.number, reason or "the session was ended"))
+
+    def _agrees(self, prompt: str) -> bool:
+        """Whether a question is answered with yes; anything else is no."""
+        return self._words(prompt).lower() in ("y", "yes")
+
     def _words(self, prompt: str) -> str:
-        answer = self.asker.ask(prompt)
+        answer = self.asker.ask(lambda columns: prompt)
+        if isinstance(answer, Unasked):
+            self._refuse(answer)
         text = _clean(answer.text) if isinstance(answer, Typed) else ""
         if text == "q":
             raise Quit
@@ -338,6 +432,11 @@ class Dialogue:
             self._say("Type a few words; Return alone goes back; q saves and quits.")
             return self._words(prompt)
         return text
+
+
+def _counted(readings: int) -> str:
+    """ "14 readings are", "1 reading is"."""
+    return "1 reading is" if readings == 1 else f"{readings} readings are"
 
 
 def _headed(lines: Sequence[str]) -> list[tuple[str, Style]]:

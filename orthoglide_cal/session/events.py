@@ -7,9 +7,10 @@ the kind that its class is called, in lower case, and has the class's fields in 
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import datetime
 from enum import StrEnum
 from functools import cache
 from types import MappingProxyType, NoneType
@@ -30,7 +31,7 @@ class Doubt(StrEnum):
     DEAD = "dead"  # its repeats never differ
     SCATTER = "scatter"  # its repeats differ far less than the gauge does
     LAYOUT = "keyboard"  # typed through a wrong keyboard layout
-    DOUBLE = "double"  # the same key stroke twice
+    DOUBLE = "double"  # the same key stroke twice; asked by earlier versions
     REVOLUTION = "revolution"  # whole turns of the dial
     SIGN = "sign"  # read with the opposite sign
     EXCHANGED = "exchanged"  # the two gauges of a leg taken for each other
@@ -83,7 +84,7 @@ class Opened(Event):
 
 @dataclass(frozen=True)
 class Reopened(Event):
-    """The session was resumed; readings come from `source` from now on."""
+    """The session was resumed, perhaps after its end; readings come from `source` from now on."""
 
     source: tuple[str, ...]
 
@@ -172,7 +173,7 @@ class Shortened(Event):
 
 @dataclass(frozen=True)
 class Ended(Event):
-    """The session is complete; nothing follows."""
+    """The session is complete; nothing follows unless it is reopened."""
 
     reason: str
 
@@ -193,12 +194,14 @@ def from_dict(record: Any) -> Event:
     """The event that a record describes.
 
     Raises:
-        ValueError: not a record of a known kind with exactly its fields.
+        ValueError: not a record of a known kind with exactly its fields and a time with zone.
     """
     kind = _KINDS.get(str(record.get("kind"))) if isinstance(record, dict) else None
     if kind is None:
         raise ValueError("not a record of a known kind")
     event: Event = _made(kind, {name: record[name] for name in record if name != "kind"})
+    if datetime.fromisoformat(event.at).tzinfo is None:
+        raise ValueError(f"{event.at!r} says no zone")
     return event
 
 
@@ -241,7 +244,7 @@ def _value(value: Any, wanted: Any, none: Any = None) -> Any:
         return _made(choice, value)
     elif issubclass(choice, StrEnum) and isinstance(value, str):
         return choice(value)
-    elif choice is float and type(value) in (int, float) and math.isfinite(value):
+    elif choice is float and type(value) in (int, float) and abs(value) <= sys.float_info.max:
         return float(value)
     elif choice is not float and type(value) is choice:
         return value

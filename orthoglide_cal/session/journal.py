@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import zlib
 from dataclasses import dataclass
 from io import BytesIO
@@ -19,19 +18,7 @@ from pathlib import Path
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import write_text
 from orthoglide_cal.session.events import Event, Opened, from_dict, to_dict
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _try_lock(descriptor: int) -> None:
-        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-
-else:
-    import fcntl
-
-    def _try_lock(descriptor: int) -> None:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
+from orthoglide_cal.system import SYSTEM
 
 START = 0
 _BEGIN = b'{"crc32":"'
@@ -212,7 +199,7 @@ class Journal:
 def _lock(descriptor: int, path: Path) -> None:
     """Take an exclusive lock; the system releases it when the process ends, however."""
     try:
-        _try_lock(descriptor)
+        SYSTEM.lock(descriptor)
     except OSError as error:
         raise UsageError(
             f"{path} is in use by another session that is still running.",

@@ -10,10 +10,18 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
-from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files import default_machine, machine_from_text, machine_text, machine_values
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError
+from orthoglide_cal.files import (
+    LARGEST_OFFSET_MM,
+    default_machine,
+    machine_from_text,
+    machine_text,
+    machine_values,
+    parse_number,
+)
 from orthoglide_cal.model import Model
-from orthoglide_cal.session.asking import Asker, Keyboard, LiveGauge, Show
+from orthoglide_cal.session import wording
+from orthoglide_cal.session.asking import Asker, Keyboard, LiveGauge, Show, Style, Typed
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import VERSION, GaugeLabel, Opened, Reopened
 from orthoglide_cal.session.gauges.formats import Unit
@@ -27,6 +35,7 @@ from orthoglide_cal.session.steps import MeasuringProtocol, Order, sequence
 
 Choice = TypeVar("Choice", bound=StrEnum)
 TYPED, SIMULATED = "typed", "simulated"
+MOST_CYCLES = 50  # that `measure --cycles` takes
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,8 @@ class Request:
 
     path: Path | None = None  # of the session file
     resume: bool = False  # go on with an unfinished session
+    agreed: bool = False  # to what is asked before the first reading
+    offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
     protocol: MeasuringProtocol | None = None
     cycles: int | None = None
@@ -74,7 +85,8 @@ def open_session(
 
     Raises:
         UsageError: the options do not go together or with the session; the file exists; another
-            session has it.
+            session has it; the operator does not agree to the machine.
+        EOFError, KeyboardInterrupt: there is no answer to whether it is this machine.
         InputError: a file cannot be used.
         GaugeLost: the gauge cannot be reached.
     """
@@ -84,16 +96,19 @@ def open_session(
         journal = Journal.resume(journal_path(path))
     else:
         path = new_session(request.path, folder)
-        opened = _opened(request, now())
-        # A gauge that is not there leaves no file behind.
+        # A gauge that is not there leaves no file behind, nor does a machine that is another one.
         for line in lines:
             line.open()
+        model = _confirmed(request, Asker(keyboard, show))
+        opened = _opened(request, model, now())
         journal = Journal.create(journal_path(path), opened)
     try:
         state = replay(journal.recovered.events)
         setting = _setting(request, journal, state.opened)
         gauge = _gauge(request, setting, state, lines)
         asker = Asker(keyboard, show, gauge)
+        if request.resume:
+            _show_machine(setting.model, asker)
         dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
         if request.source and request.source != state.source and state.ended is None:
             dialogue.write(Reopened(now(), request.source))
@@ -103,7 +118,62 @@ def open_session(
         raise
 
 
-def _opened(request: Request, at: str) -> Opened:
+def _confirmed(request: Request, asker: Asker) -> Model:
+    """The machine, with the offsets that its controller holds, once the operator has agreed to it.
+
+    Nobody is asked who has agreed already, or has no terminal.
+
+    Raises:
+        UsageError: it is another machine, or the offsets are impossible.
+        EOFError, KeyboardInterrupt: there is no answer.
+    """
+    model = _holding(request.model or default_machine(), request.offsets_mm)
+    while True:
+        _show_machine(model, asker)
+        if request.agreed or not asker.keyboard.live:
+            return model
+        if request.model is None:
+            said = wording.wrapped(wording.PROTOTYPE, asker.columns)
+            asker.show(said, Style.BAD)
+        asker.show(wording.wrapped(wording.CONFIRM, asker.columns), Style.QUESTION)
+        answer = asker.ask(lambda columns: "Return, n, or the three offsets > ")
+        text = answer.text.lower() if isinstance(answer, Typed) else ""
+        if text in ("", "y", "yes"):
+            return model
+        if text in ("n", "no", "q"):
+            raise UsageError(
+                "Nothing was begun.",
+                "Make its own file, orthocal machine new, or name it with --machine.",
+            )
+        try:
+            model = _holding(model, tuple(map(_offset, text.replace(";", " ").split())))
+        except OrthocalError as error:
+            asker.show(wording.wrapped(str(error), asker.columns), Style.BAD)
+
+
+def _show_machine(model: Model, asker: Asker) -> None:
+    asker.show(wording.wrapped("\n".join(wording.machine_lines(model)), asker.columns))
+
+
+def _offset(text: str) -> float:
+    return parse_number(text, decimal_comma=True)
+
+
+def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
+    """The machine with other offsets in its controller. Raises UsageError."""
+    if offsets_mm is None:
+        return model
+    most = min(model.machine.leg_length_mm, LARGEST_OFFSET_MM)
+    if len(offsets_mm) != 3 or not all(abs(value) < most for value in offsets_mm):
+        raise UsageError(
+            "These are not three joint offsets.",
+            "Give those of X, Y and Z in mm, as the controller shows them: 0.412 -0.3 0",
+        )
+    x, y, z = offsets_mm
+    return model.holding((x, y, z))
+
+
+def _opened(request: Request, model: Model, at: str) -> Opened:
     """The first record of a new session; what the command line leaves open is standard."""
     source = request.source or (TYPED,)
     simulated = source == (SIMULATED,)
@@ -113,7 +183,7 @@ def _opened(request: Request, at: str) -> Opened:
     seed = secrets.randbelow(1_000_000) if request.seed is None else request.seed
     return Opened(
         at=at, version=VERSION, protocol=protocol,
-        machine=machine_text(request.model or default_machine()),
+        machine=machine_text(model),
         cycles=request.cycles or 3, order=request.order or Order.PAPER,
         stands=1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2,
         source=source, seed=seed if simulated else None, operator=request.operator,
@@ -130,6 +200,13 @@ def _setting(request: Request, journal: Journal, opened: Opened) -> Setting:
             "Use the orthocal that wrote it.",
             file=path,
             value=str(opened.version),
+        )
+    if not (1 <= opened.cycles <= MOST_CYCLES and 1 <= opened.stands <= 2):
+        raise InputError(
+            "The journal is of a session that cannot be.",
+            "Restore the file from a copy.",
+            file=path,
+            value=f"{opened.cycles} cycles with {opened.stands} gauges",
         )
     model = machine_from_text(opened.machine, path)
     if request.resume:
@@ -182,7 +259,9 @@ def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
     if request.source and (SIMULATED in request.source) != (SIMULATED in opened.source):
         before, now = ", ".join(opened.source), ", ".join(request.source)
         differences.append(f"gauge: {before} in the session, {now} asked for")
-    one, other = (_flat(machine_values(m)) for m in (model, request.model or model))
+    # What the controller held was asked when the session began; the file may say otherwise.
+    asked = _holding(request.model or model, request.offsets_mm or model.machine.offsets_mm)
+    one, other = (_flat(machine_values(m)) for m in (model, asked))
     differences += [
         f"machine, {name}: {one.get(name, 'none')} in the session,"
         f" {other.get(name, 'none')} in the file"

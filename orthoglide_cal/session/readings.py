@@ -12,6 +12,7 @@ import numpy as np
 
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.estimation import Solution, solve
+from orthoglide_cal.estimation.budget import warmth
 from orthoglide_cal.estimation.forecast import PLACE, Forecast, Outlook
 from orthoglide_cal.model import (
     Contact,
@@ -28,6 +29,7 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.kinds import plan_of
 from orthoglide_cal.session.events import Doubt, Questioned
+from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.state import Accepted, State
 from orthoglide_cal.session.steps import SessionStep
 
@@ -160,11 +162,17 @@ class ReadingsSoFar:
         except OrthocalError:
             return None
 
-    def is_known(self, until_mm: float) -> bool:
-        """True if the half-width of every offset's 95 % interval is at most `until_mm`."""
+    @cached_property
+    def expanded_mm(self) -> Floats | None:
+        """U of the offsets if nothing else is wrong, shape (3,) [mm]; None without offsets."""
         if self.solution is None:
-            return False
-        return bool((self.solution.expanded_mm <= until_mm).all())
+            return None
+        length, mean_c = self.setting.machine.leg_length_mm, self.state.opened.temperature_c
+        return self.solution.budget.extended(warmth(mean_c, length)).expanded_mm
+
+    def is_known(self, until_mm: float) -> bool:
+        """True if U of every offset is at most `until_mm`."""
+        return self.expanded_mm is not None and bool((self.expanded_mm <= until_mm).all())
 
     def unneeded(self) -> list[SessionStep]:
         """Steps that can be left out once the offsets are known.
@@ -204,6 +212,7 @@ class NextReading:
     so_far: ReadingsSoFar
     step: SessionStep
     minutes: float  # when it is taken, since the session began
+    unit: Unit = Unit.MM  # in which it is given, and spoken of
 
     @cached_property
     def steps(self) -> tuple[SessionStep, ...]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 from orthoglide_cal.errors import UsageError, command
-from orthoglide_cal.files import machine_values
+from orthoglide_cal.files import machine_values, session_text
 from orthoglide_cal.model import AXES
 from orthoglide_cal.session.events import Questioned, Taken
 from orthoglide_cal.session.readings import ReadingsSoFar
@@ -14,6 +15,7 @@ from orthoglide_cal.session.state import State
 from orthoglide_cal.session.steps import SessionStep
 
 JOURNAL = ".journal"
+_LONGEST = 200  # bytes; file systems take 255, also of the temporary file's name
 
 
 def journal_path(session: Path) -> Path:
@@ -22,7 +24,18 @@ def journal_path(session: Path) -> Path:
 
 
 def session_path(given: Path) -> Path:
-    """The session file that is meant by a name, be it that of its journal or without a suffix."""
+    """The session file that is meant by a name, be it that of its journal or without a suffix.
+
+    Raises:
+        UsageError: it cannot be the name of a file.
+    """
+    if given.name in ("", ".."):
+        raise UsageError(
+            "A session is a file; this is a folder or nothing.",
+            "Name a file, such as session.yaml, or leave the name out.",
+        )
+    if len(os.fsencode(given.name)) > _LONGEST:
+        raise UsageError("The name of the file is too long.", "Choose a shorter one.")
     if given.suffix == JOURNAL:
         return given.with_suffix(".yaml")
     if given.suffix in (".yaml", ".yml"):
@@ -37,7 +50,7 @@ def new_session(given: Path | None, folder: Path) -> Path:
         UsageError: the file exists, or an unfinished session is there.
     """
     if given is None:
-        waiting = _unfinished(folder)
+        waiting = unfinished(folder)
         if waiting:
             raise UsageError(
                 f"There is an unfinished session here: {_names(waiting)}.",
@@ -66,7 +79,7 @@ def resumed_session(given: Path | None, folder: Path) -> Path:
     """The file of the session to go on with; without a name the only unfinished one here."""
     if given is not None:
         return session_path(given)
-    waiting = _unfinished(folder)
+    waiting = unfinished(folder)
     if not waiting:
         raise UsageError(
             "There is no unfinished session in this folder.",
@@ -80,7 +93,7 @@ def resumed_session(given: Path | None, folder: Path) -> Path:
     return waiting[0].with_suffix(".yaml")
 
 
-def _unfinished(folder: Path) -> list[Path]:
+def unfinished(folder: Path) -> list[Path]:
     """Journals without a session file, in alphabetical order."""
     journals = folder.glob(f"*{JOURNAL}")
     return sorted(path for path in journals if not path.with_suffix(".yaml").exists())
@@ -118,6 +131,15 @@ def session_values(so_far: ReadingsSoFar) -> dict[str, Any]:
             for number, reason in sorted(state.skipped.items())
         ],
     }
+
+
+def written_before(so_far: ReadingsSoFar) -> set[bytes]:
+    """The session files that this session wrote whenever it was ended and then reopened."""
+    written, before = set(), so_far.state.reopened
+    while before is not None:
+        written.add(session_text(session_values(ReadingsSoFar(before, so_far.setting))).encode())
+        before = before.reopened
+    return written
 
 
 def _place(step: SessionStep) -> dict[str, Any]:

@@ -44,6 +44,8 @@ class State:
     pending: Questioned | None = None  # a questioned reading that waits for an answer
     shortened: events.Shortened | None = None  # the record that dropped steps
     ended: events.Ended | None = None  # the last record, once the session is complete
+    # The state at the end before this session was reopened.
+    reopened: State | None = field(default=None, repr=False, compare=False)
     source: tuple[str, ...] = ()  # where readings come from now
     count: int = 1  # of records
     # The state to which an undo returns.
@@ -98,7 +100,8 @@ def advance(state: State, event: Event) -> State:
         case events.Ended():
             return replace(state, ended=event)
         case events.Reopened():
-            return replace(state, source=event.source)
+            ended = state if state.ended else state.reopened
+            return replace(state, source=event.source, ended=None, reopened=ended)
         case _:
             return state
 
@@ -132,6 +135,7 @@ def _give_up(state: State) -> State:
 def _retake(state: State, event: events.Retake) -> State:
     now = _give_up(state)
     again = set(event.steps)
+    dropped = now.dropped - again
     old = (
         Replaced(item.take, event.reason) for step, item in now.accepted.items() if step in again
     )
@@ -139,7 +143,8 @@ def _retake(state: State, event: events.Retake) -> State:
         now,
         accepted={step: item for step, item in now.accepted.items() if step not in again},
         skipped={step: why for step, why in now.skipped.items() if step not in again},
-        dropped=now.dropped - again,
+        dropped=dropped,
+        shortened=now.shortened if dropped else None,
         replaced=(*now.replaced, *old),
         before=now,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -121,6 +121,26 @@ def _grouped(rows: Sequence[int], *keys: Ints) -> list[int]:
     """Bring rows with equal keys together, in the order in which the keys first appear."""
     first: dict[object, int] = {}
     return sorted(rows, key=lambda i: first.setdefault(tuple(key[i] for key in keys), len(first)))
+
+
+def with_set_ups(
+    chosen: Sequence[SessionStep],
+    here: int,
+    steps: Sequence[SessionStep],
+    accepted: Collection[int],
+) -> list[SessionStep]:
+    """Steps, with all that must be read again with them while the stands are in set-up `here`.
+
+    For other set-ups the stands are moved: the zeros are then new ones, also those of the set-up
+    in hand, to which they come back. `accepted` are the numbers of the steps that were read.
+    """
+    numbers, setups = {step.number for step in chosen}, {step.setup for step in chosen}
+    moved = set() if setups <= {here} else setups | {here}
+    return [
+        step
+        for step in steps
+        if step.number in numbers or (step.setup in moved and step.number in accepted)
+    ]
 
 
 def gauge_moves(steps: Sequence[SessionStep]) -> int:

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import decimals_for
-from orthoglide_cal.model import AXES, Contact, Floats, Posture
+from orthoglide_cal.model import AXES, MM_PER_INCH, Contact, Floats, Model, Posture
 from orthoglide_cal.session.events import Questioned
 from orthoglide_cal.session.gauges.formats import Unit
+from orthoglide_cal.session.pictures import picture
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.state import State
 from orthoglide_cal.session.steps import SessionStep, gauge_moves, minutes_left
 
-WIDTH = 79
+# A narrower screen gets pictures and prompts of its own.
+NARROW = 76
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
   u            undo the last reading
   r 14 why     retake step 14 (r x: all of leg X); the old reading is kept
   n text       note, kept with this step
-  s why        skip this step (s all why: skip all that is left, and finish)
+  s why        skip this step (s all: skip all that is left, and finish)
   t            table of the readings so far
   p            pause
   q            save and quit; go on later with --resume
@@ -33,25 +34,51 @@ A reading that looks wrong is questioned once:
   or give the reading again.
 Every accepted reading is on the disk before the next prompt."""
 
+PROTOTYPE = """\
+No machine file is named, and there is none in this folder: these are the
+numbers of the paper's prototype. Make yours: orthocal machine new"""
+# What every U before the end leaves out: asking what else may be wrong takes all readings.
+UNLESS = "95 % if nothing else is wrong"
+CONFIRM = """\
+Is it this machine, and does its controller hold these offsets?
+Return: yes.  n: another machine.  Other offsets: type the three, in mm."""
+STREAM = """\
+The gauge sends by itself: nothing of that is recorded. Switch off its
+continuous output (also: AUTO, STREAM, INTERVAL), so that it sends when its
+button is pressed; then press once."""
+
+
+def machine_lines(model: Model) -> list[str]:
+    """The machine and its numbers, as they are confirmed before the first move."""
+    machine, gauge = model.machine, model.machine.gauge
+    low, high = machine.joint_limits_mm
+    known = [effect.cause.id for effect in model.accepted]
+    return [
+        f"Machine  {visible(machine.name)}",
+        f"         legs {machine.leg_length_mm:g} mm, joints {low:+g} to {high:+g} mm from the"
+        " isotropic posture",
+        *([f"         known causes: {', '.join(known)}"] if known else []),
+        f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.range_mm:g} mm travel,"
+        f" repeats within {gauge.repeatability_mm:g} mm",
+        f"Offsets  {_axes(machine.offsets_mm, '+.4g')} mm are in the controller now",
+    ]
+
 
 def opening_lines(state: State, setting: Setting, name: str) -> list[str]:
     """What lies ahead; `name` is the session file's."""
-    opened, steps, gauge = state.opened, setting.steps, setting.machine.gauge
+    opened, steps = state.opened, setting.steps
     setups = len({step.setup for step in steps})
     gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
     repeats = "cycle" if opened.cycles == 1 else "cycles"
     return [
         f"{opened.protocol} session, {opened.cycles} {repeats}, order: {opened.order}",
-        f"Machine  {visible(setting.machine.name)}",
-        f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.range_mm:g} mm travel,"
-        f" repeats within {gauge.repeatability_mm:g} mm",
         f"File     {visible(name)}",
         f"{len(steps)} readings with {gauges}: {setups} set-ups, {gauge_moves(steps)} gauge moves,"
         f" about {minutes_left(steps):.0f} min. ? is help.",
     ]
 
 
-def setup_lines(setting: Setting, setup: int, begun: bool = False) -> list[str]:
+def setup_lines(setting: Setting, setup: int, begun: bool, columns: int) -> list[str]:
     """Heading, picture and instructions of a gauge set-up.
 
     Once it is `begun`, readings were taken in it: the stands must stay where they are.
@@ -78,8 +105,8 @@ def setup_lines(setting: Setting, setup: int, begun: bool = False) -> list[str]:
         ]
     else:
         words = _fixed_words(leg, directions, setting)
-    rule = f"{heading}{'-' * max(WIDTH - 1 - len(heading) - len(right), 1)}{right}"
-    return [rule, "", *_picture(leg, directions, contact), "", *words]
+    rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
+    return [rule, "", *picture(leg, directions, contact, columns >= NARROW), "", *words]
 
 
 def _fixed_words(leg: int, directions: Sequence[int], setting: Setting) -> list[str]:
@@ -99,36 +126,75 @@ def _fixed_words(leg: int, directions: Sequence[int], setting: Setting) -> list[
     ]
 
 
-def step_lines(step: SessionStep, state: State, setting: Setting, minutes: float) -> list[str]:
-    """Where step n of N is, and where to drive; `minutes` are those left."""
-    at = setting.model.kind.joints_at(setting.machine, step.leg, step.displacement_mm)
-    joints = zip("XYZ", at, strict=True)
-    targets = "   ".join(f"{axis} {joint:.3f}" for axis, joint in joints)
+def step_line(step: SessionStep, state: State, setting: Setting, minutes: float) -> str:
+    """Where step n of N is; `minutes` are those left."""
     cycles = state.opened.cycles
     closing = step.posture is Posture.ISO and step.cycle > cycles
     when = "closing" if closing else f"cycle {step.cycle} of {cycles}"
-    return [
+    return (
         f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
-        f" {step.posture.upper()}, {when}. {_duration(minutes)} left.",
-        f"Drive to  {targets}  mm",
+        f" {step.posture.upper()}, {when}. {_duration(minutes)} left."
+    )
+
+
+def place_lines(step: SessionStep, setting: Setting, columns: int) -> list[str]:
+    """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
+    joints = setting.model.kind.joints_at(setting.machine, step.leg, step.displacement_mm)
+    tool = [step.displacement_mm if axis == step.leg else 0.0 for axis in range(3)]
+    narrow = columns < NARROW
+    head, indent = ("Drive to, in mm:\n", "") if narrow else ("Drive to  ", " " * 10)
+    gap, unit = (" ", "") if narrow else ("   ", "  mm")
+    return [
+        f"{head}joints{gap}{_axes(joints, '.3f', gap)}{unit}",
+        f"{indent}tool  {gap}{_axes(tool, '.3f', gap)}{unit}",
     ]
+
+
+def _axes(values: Iterable[float], form: str, gap: str = "  ") -> str:
+    """ "X 1.5  Y 0  Z -2": one number for each axis, never parted from it."""
+    parts = (f"{axis.upper()} {value:{form}}" for axis, value in zip(AXES, values, strict=True))
+    return gap.join(parts)
 
 
 def _duration(minutes: float) -> str:
     return f"About {minutes:.0f} min" if minutes >= 0.95 else "Less than a minute"
 
 
-def prompt(step: SessionStep, hint: str | None, unit: Unit) -> str:
+def prompt(step: SessionStep, hint: str | None, unit: Unit, columns: int) -> str:
     """What is asked, short enough to leave room for the answer."""
-    end = f" at the {step.end.upper()} end" if step.end else ""
-    doing = f" ({hint})" if hint else ""
-    return f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{unit}]{doing} > "
+    wide = columns >= NARROW
+    end = f"{' at the' if wide else ','} {step.end.upper()} end" if step.end else ""
+    asked = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{unit}]"
+    doing = f" ({hint})" if hint and wide else ""
+    return f"{asked}{doing} > "
 
 
-def question_prompt(reading: Questioned, hint: str | None, moved: bool) -> str:
+def question_prompt(reading: Questioned, hint: str | None, moved: bool, columns: int) -> str:
     """What can be answered; `moved`: also that the stand was moved."""
-    keys = "k keep it, m the stand moved" if moved else "k keep it"
-    return f"{reading.step}. {keys}, or read again{f', {hint}' if hint else ''} > "
+    narrow = columns < NARROW
+    keys = "k keep it" + (f", m {'' if narrow else 'the stand '}moved" if moved else "")
+    again = "" if narrow else " it again"
+    return f"{reading.step}. {keys}, or read{again}{f', {hint}' if hint and not narrow else ''} > "
+
+
+def value_text(value_mm: float, unit: Unit, sign: str = "+") -> str:
+    """A reading in a unit: "+0.127 mm", "+0.0050 in (+0.127 mm)"; `sign` as in a format."""
+    metric = f"{value_mm:{sign}.3f} mm"
+    if unit is Unit.MM:
+        return metric
+    inches = f"{value_mm / MM_PER_INCH:{sign}.5f}"  # no dial divides an inch more finely
+    return f"{inches.removesuffix('0')} in ({metric})"
+
+
+def in_unit(unit: Unit, text: Callable[[float], str]) -> str:
+    """Any other length in a unit: "10 mm", "0.393701 in (10 mm)".
+
+    Args:
+        unit: to speak in.
+        text: gives the number, from how many of the unit are one mm.
+    """
+    metric = f"{text(1.0)} mm"
+    return metric if unit is Unit.MM else f"{text(1.0 / MM_PER_INCH)} in ({metric})"
 
 
 def with_uncertainty(value: float, uncertainty: float) -> str:
@@ -137,22 +203,21 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
     return f"{value:+.{decimals}f} +/-{uncertainty:.{decimals}f}"
 
 
-def offsets_line(solution: Solution) -> str:
-    """The offsets so far with the half-widths of their 95 % intervals."""
-    half = solution.expanded_mm
-    decimals = decimals_for(float(half.min()))
+def offsets_lines(offsets_mm: Floats, expanded_mm: Floats) -> list[str]:
+    """The offsets so far with their U; what else may be wrong adds to it at the end only."""
+    decimals = decimals_for(float(expanded_mm.min()))
     parts = [
-        f"{axis.upper()} {value:+.{decimals}f} +/-{width:.{decimals}f}"
-        for axis, value, width in zip(AXES, solution.offsets_mm, half, strict=True)
+        f"{axis.upper()} {value:+.{decimals}f} +/-{reach:.{decimals}f}"
+        for axis, value, reach in zip(AXES, offsets_mm, expanded_mm, strict=True)
     ]
-    return f"Offsets, 95 %: {'  '.join(parts)} mm"
+    return [f"Offsets so far, {UNLESS}:", f"  {'  '.join(parts)} mm"]
 
 
 def saved_line(dropped: Sequence[SessionStep], minutes: float, until_mm: float) -> str:
     """What --until has made unnecessary."""
     cycles = len({(s.leg, s.cycle) for s in dropped if s.posture is not Posture.ISO})
     return (
-        f"Every offset is known within {until_mm:g} mm (95 %). Saved: {cycles}"
+        f"Every offset is known within {until_mm:g} mm ({UNLESS}). Saved: {cycles}"
         f" cycle{'' if cycles == 1 else 's'} of a leg, {len(dropped)} readings,"
         f" {_duration(minutes).lower()}."
     )
@@ -168,11 +233,11 @@ def closing_lines(state: State, session: str) -> list[str]:
     return ["", f"Session {reason}: {counts}.", f"Written to {visible(session)}", ""]
 
 
-def truth_lines(solution: Solution, hidden_mm: Floats) -> list[str]:
+def truth_lines(offsets_mm: Floats, interval_mm: Floats, hidden_mm: Floats) -> list[str]:
     """After a simulated session: what was hidden, beside what was found."""
     lines = ["This machine was simulated. Hidden in it, and found (mm):"]
-    low, high = solution.interval_mm.T
-    for axis, hidden, *known in zip(AXES, hidden_mm, solution.offsets_mm, low, high, strict=True):
+    low, high = interval_mm.T
+    for axis, hidden, *known in zip(AXES, hidden_mm, offsets_mm, low, high, strict=True):
         decimals = decimals_for((known[2] - known[1]) / 2.0)
         found, least, most = (f"{value:+.{decimals}f}" for value in known)
         lines.append(
@@ -184,90 +249,46 @@ def truth_lines(solution: Solution, hidden_mm: Floats) -> list[str]:
     return [*lines, verdict]
 
 
-def table_lines(state: State, steps: Sequence[SessionStep]) -> list[str]:
-    """The readings so far: one line per leg, gauge and posture, one column per cycle."""
-    cycles = max(step.cycle for step in steps)
-    columns = range(max(cycles - 6, 0) + 1, cycles + 1)  # what fits into 79 columns
+def table_lines(state: State, steps: Sequence[SessionStep], unit: Unit, columns: int) -> list[str]:
+    """The readings so far: one line per leg, gauge and posture, one column per cycle.
+
+    Where not all have room, the last ones up to the cycle in hand.
+    """
+    room = max((columns - 25) // 10, 1)
+    begun = max((steps[number - 1].cycle for number in state.accepted), default=1)
+    end = max(begun, min(room, max(step.cycle for step in steps)))
+    shown = range(max(end - room, 0) + 1, end + 1)
     rows: dict[object, list[SessionStep]] = {}
     for step in steps:
         rows.setdefault(step.cell, []).append(step)
-    heads = "".join(f"{f'cycle {number}':>10}" for number in columns)
-    lines = [f"{'leg gauge posture':<24}{heads}"]
+    heads = "".join(f"{f'cycle {number}':>10}" for number in shown)
+    lines = [f"{f'leg gauge posture  [{unit}]':<24}{heads}"]
     for row in rows.values():
-        cells = {step.cycle: _cell(state, step.number) for step in row}
+        cells = {step.cycle: _cell(state, step.number, unit) for step in row}
         leg, direction = (AXES[axis].upper() for axis in row[0].series)
         name = f" {leg}    {direction}    {row[0].posture} {row[0].end or ''}"
-        values = "".join(f"{cells.get(number, ''):>10}" for number in columns)
+        values = "".join(f"{cells.get(number, ''):>10}" for number in shown)
         lines.append(f"{name:<24}{values}".rstrip())
     marks = "? kept although questioned   - skipped   . to come"
     return [*lines, f"{marks}   replaced: {len(state.replaced)}"]
 
 
-def _cell(state: State, number: int) -> str:
+def _cell(state: State, number: int, unit: Unit) -> str:
     if number in state.accepted:
         take = state.accepted[number].take
-        return f"{take.value_mm:+.3f}{'?' if isinstance(take, Questioned) else ' '}"
+        shown, _, _ = value_text(take.value_mm, unit).partition(" ")
+        return f"{shown}{'?' if isinstance(take, Questioned) else ' '}"
     return ". " if state.is_open(number) else "- "
 
 
-def wrapped(text: str) -> str:
+def wrapped(text: str, columns: int) -> str:
     """Text whose lines end where the screen does; what goes on is indented like its beginning."""
-    lines: list[str] = []
+    width, lines = columns - 1, list[str]()
     for line in text.split("\n"):
-        indent = " " * (len(line) - len(line.lstrip()))
+        indent = " " * min(len(line) - len(line.lstrip()), width // 2)
         lines += (
-            textwrap.wrap(line, WIDTH, subsequent_indent=indent) if len(line) > WIDTH else [line]
+            textwrap.wrap(line, width, subsequent_indent=indent, break_on_hyphens=False)
+            if len(line) > width
+            else [line]
         )
     return "\n".join(lines)
-
-
-# Pictures of the gauge set-ups, x to the right, y away, z up: (row, column, text) of the machine's
-# parts, and of each gauge with its plunger, for every leg.
-_Marks = tuple[tuple[int, int, str], ...]
-
-# fmt: off
-_LEGS: tuple[_Marks, ...] = (
-    ((4, 3, "tool o========*========(X)- - - rail X"), (5, 24, "carriage")),
-    ((0, 24, "/ rail Y"), (1, 22, "(Y) carriage"), (2, 21, "/"), (3, 19, "/"), (4, 17, "*"),
-     (5, 15, "/"), (6, 13, "/"), (7, 6, "tool o")),
-    ((0, 17, "| rail Z"), (1, 16, "(Z) carriage"), (2, 17, "|"), (3, 17, "|"), (4, 17, "*"),
-     (5, 17, "|"), (6, 17, "|"), (7, 12, "tool o")),
-)
-_GAUGES: dict[tuple[int, int], _Marks] = {
-    (0, 1): ((2, 21, "[Y]"), (3, 19, "/")),
-    (0, 2): ((1, 16, "[Z]"), (2, 17, "|"), (3, 17, "v")),
-    (1, 0): ((4, 19, "<----[X]"),),
-    (1, 2): ((1, 16, "[Z]"), (2, 17, "|"), (3, 17, "v")),
-    (2, 0): ((4, 19, "<----[X]"),),
-    (2, 1): ((2, 21, "[Y]"), (3, 19, "/")),
-}
-_SLIDING: tuple[_Marks, ...] = (
-    ((1, 8, "[Z] tool end"), (2, 9, "|"), (3, 9, "v"), (1, 25, "[Z] joint end"), (2, 26, "|"),
-     (3, 26, "v"), (4, 4, "tool o===============(X)- - - rail X")),
-    ((0, 20, "[Z] joint end"), (1, 21, "|"), (2, 21, "v"), (3, 20, "(Y) carriage"),
-     (4, 3, "tool end [Z]"), (4, 19, "/"), (5, 13, "|"), (5, 17, "/"), (6, 13, "v"),
-     (6, 15, "/"), (7, 8, "tool o")),
-)
-_AXES: _Marks = (
-    (2, 48, "+Z"), (3, 48, "|   +Y"), (4, 48, "|  /"), (5, 48, "| /"), (6, 48, "+------ +X"),
-)
-# fmt: on
-
-
-def _picture(leg: int, directions: Collection[int], contact: Contact) -> list[str]:
-    """The gauges of a set-up, at most 72 columns wide.
-
-    Fixed on stands half-way along the leg (double-posture), or one that slides on the xy-surface
-    between the ends of the leg (single-posture).
-    """
-    marks = [*_LEGS[leg], *_AXES]
-    if contact is not Contact.FIXED:
-        marks = [*_SLIDING[leg], *_AXES]
-        directions = ()
-    for direction in directions:
-        marks += _GAUGES[leg, direction]
-    canvas = [[" "] * 72 for _ in range(1 + max(row for row, _, _ in marks))]
-    for row, column, text in marks:
-        canvas[row][column : column + len(text)] = text
-    lines = ["".join(line).rstrip() for line in canvas]
-    return lines[next(index for index, line in enumerate(lines) if line) :]

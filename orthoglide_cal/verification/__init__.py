@@ -1,7 +1,14 @@
 """Did the correction do what was promised? Two sessions and what was entered between them."""
 
 from orthoglide_cal.verification.response import AxisResponse, Behaviour, Coefficient
-from orthoglide_cal.verification.verify import RULE, Outcome, Size, Verification, verify
+from orthoglide_cal.verification.verify import (
+    RULE,
+    Outcome,
+    Size,
+    Verification,
+    require_limit,
+    verify,
+)
 
 __all__ = [
     "RULE",
@@ -11,5 +18,6 @@ __all__ = [
     "Outcome",
     "Size",
     "Verification",
+    "require_limit",
     "verify",
 ]

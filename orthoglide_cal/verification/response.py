@@ -8,6 +8,7 @@ off the offset that remains (true = indicated + Δρ), so theory says β = 1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import permutations, product
@@ -23,6 +24,8 @@ from orthoglide_cal.verification.comparison import Comparison
 ODDS = 20.0
 # Confidence with which the response is called other than modelled.
 CERTAIN = 0.999
+# Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
+STANDS = 0.01
 
 
 class Behaviour(StrEnum):
@@ -33,6 +36,7 @@ class Behaviour(StrEnum):
     EXCHANGED = "axes exchanged"
     NO_RESPONSE = "no response"
     OTHER_GAIN = "other gain"
+    PARTLY = "in part"
     UNDETERMINED = "undetermined"
 
 
@@ -61,6 +65,7 @@ class AxisResponse:
         found_mm: change that the readings show.
         low_mm, high_mm: its 95 % interval.
         coefficient: found / applied; None where nothing was applied.
+        otherwise: True if something else than what was applied is certain.
     """
 
     axis: str
@@ -69,6 +74,7 @@ class AxisResponse:
     low_mm: float
     high_mm: float
     coefficient: Coefficient | None
+    otherwise: bool
 
     @property
     def agrees(self) -> bool:
@@ -156,7 +162,7 @@ def respond(comparison: Comparison, offsets: Floats, applied: Floats) -> Respons
         sigma_mm=sigma,
         dof=dof,
         axes=axes,
-        behaviour=_behaviour(coefficient, dof, acted_as, applied),
+        behaviour=_behaviour(coefficient, dof, acted_as, applied, axes),
         acted_as_mm=acted_as,
         change=Change(
             rms_mm=typical * float(np.sqrt(left / spare)),
@@ -187,6 +193,7 @@ def _axes(
     for k, axis in enumerate(AXES):
         reach = half_width(dof) * std[k]
         size = float(applied[k])
+        beyond = half_width(dof, CERTAIN) * np.hypot(std[k], STANDS * size)
         rows.append(
             AxisResponse(
                 axis=axis,
@@ -199,6 +206,7 @@ def _axes(
                     if size
                     else None
                 ),
+                otherwise=bool(abs(found[k] - size) > beyond),
             )
         )
     return tuple(rows), left
@@ -236,11 +244,18 @@ def _better_order(change: Floats, slope: Floats, applied: Floats, noise_mm: floa
 
 
 def _behaviour(
-    response: Coefficient, dof: int, acted_as: Floats | None, applied: Floats
+    response: Coefficient,
+    dof: int,
+    acted_as: Floats | None,
+    applied: Floats,
+    axes: Sequence[AxisResponse],
 ) -> Behaviour:
     if acted_as is not None:
         opposite = np.allclose(acted_as, -applied)
         return Behaviour.OPPOSITE if opposite else Behaviour.EXCHANGED
+    others = [row.otherwise for row in axes]
+    if any(others) and not all(others):
+        return Behaviour.PARTLY
     # One healthy machine in twenty lies outside its 95 % interval; few enough outside this one.
     reach = half_width(dof, CERTAIN) * response.std
     moved, full = abs(response.value) > reach, abs(response.value - 1.0) <= reach

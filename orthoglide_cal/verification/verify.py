@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -13,8 +13,8 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import PromisedDifference, Solution, pose_differences, solve
 from orthoglide_cal.estimation.accuracy import half_width, rms
 from orthoglide_cal.estimation.methods import table_kind
-from orthoglide_cal.files import Input, machine_values
-from orthoglide_cal.model import Difference, Floats, Measured, Model, freeze
+from orthoglide_cal.files import Conditions, Input, machine_values
+from orthoglide_cal.model import Difference, Entered, Floats, Measured, Model, Source, freeze
 from orthoglide_cal.verification.comparison import Comparison, compare
 from orthoglide_cal.verification.response import Response, respond
 
@@ -22,6 +22,7 @@ RULE = (
     "Pass if |deviation| + U is within the limit for every difference; fail if |deviation| - U is"
     " beyond it for any; otherwise undecided (guard band U on both sides, as in ISO 14253-1)."
 )
+_SMALLEST_MM = 1e-6  # no controller takes finer offsets
 # Entries of the machine file in which two sessions of one machine agree.
 _SAME = ("kind", "leg_length_mm", "joint_limits_mm", "identified")
 
@@ -106,6 +107,7 @@ class Verification:
 
     Attributes:
         before, after: solutions of the two sessions; the second holds the offsets that remain.
+        conditions: under which the two were measured.
         applied_mm: what was entered in the controller, shape (3,).
         deviations: of each difference that both sessions hold, at least one.
         k: coverage factor of their expanded uncertainty.
@@ -116,6 +118,7 @@ class Verification:
 
     before: Solution
     after: Solution
+    conditions: tuple[Conditions, Conditions]
     applied_mm: Floats
     deviations: tuple[Deviation, ...]
     k: float
@@ -125,6 +128,16 @@ class Verification:
 
     def __post_init__(self) -> None:
         freeze(self, "applied_mm")
+
+    @property
+    def inputs(self) -> tuple[tuple[Source, Model], ...]:
+        """Both files, each with the machine that it was judged by."""
+        return tuple((each.source, each.model) for each in (self.before, self.after))
+
+    @property
+    def options(self) -> tuple[object, ...]:
+        """What the user chose beside the files."""
+        return self.applied_mm.tolist(), self.decision and self.decision.limit_mm
 
     @property
     def as_found(self) -> Size:
@@ -147,14 +160,16 @@ def verify(
     after: Input,
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
+    history: Callable[[], Sequence[Entered]] = tuple,
 ) -> Verification:
     """What was promised, what came true, and whether the machine responded as the model says.
 
     Args:
         before, after: of the same machine, measured with the same protocol.
         applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
-            None takes the difference between the offsets that two sessions record as active.
+            None takes what the inputs or the history say.
         limit_mm: largest deviation allowed in any difference; None for no decision.
+        history: gives that of the machine file; only asked where the inputs do not say enough.
 
     Raises:
         UsageError: different machines, nobody says what was applied or nothing was, or the two
@@ -162,14 +177,16 @@ def verify(
         RankDeficientError, NotConvergedError: one of them does not determine the offsets.
     """
     _require_same_machine(before.model, after.model)
-    applied = _recorded(before, after) if applied_mm is None else np.array(applied_mm, dtype=float)
-    if not np.any(applied):
+    if applied_mm is None:
+        applied = _recorded(before, after, history)
+    else:
+        applied = np.array(applied_mm, dtype=float)
+    if np.abs(applied).max() < _SMALLEST_MM:
         raise UsageError(
             "Nothing was applied, so there is no response to verify.",
             "Give the change that was entered in the controller: --applied DX DY DZ",
         )
-    if limit_mm is not None and limit_mm <= 0.0:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
+    require_limit(limit_mm)
     model = before.model
     (first, kept), (second, _) = (_solved(each, model) for each in (before, after))
     comparison = compare(before.measured, after.measured, model)
@@ -179,6 +196,7 @@ def verify(
     return Verification(
         before=first,
         after=second,
+        conditions=(before.conditions, after.conditions),
         applied_mm=applied,
         deviations=deviations,
         k=factor,
@@ -186,6 +204,12 @@ def verify(
         response=response,
         decision=None if limit_mm is None else decide(deviations, limit_mm),
     )
+
+
+def require_limit(limit_mm: float | None) -> None:
+    """Raises UsageError unless it is a length, or not given."""
+    if limit_mm is not None and not 0.0 < limit_mm < np.inf:
+        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
 
 
 def decide(deviations: Sequence[Deviation], limit_mm: float) -> Decision:
@@ -249,12 +273,18 @@ def _require_same_machine(before: Model, after: Model) -> None:
         )
 
 
-def _recorded(before: Input, after: Input) -> Floats:
-    """Difference of the active offsets of two sessions, rounded as offsets are entered [mm]."""
-    change = np.array(after.model.machine.offsets_mm) - np.array(before.model.machine.offsets_mm)
-    if not (before.is_session and after.is_session) or not np.any(change):
-        raise UsageError(
-            "The files do not say what was entered in the controller between them.",
-            "Say it: --applied DX DY DZ",
-        )
-    return np.asarray(change.round(9))
+def _recorded(before: Input, after: Input, history: Callable[[], Sequence[Entered]]) -> Floats:
+    """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
+    first, second = (each.model.machine.offsets_mm for each in (before, after))
+    if first == second or not (before.is_session and after.is_session):
+        sha256 = before.measured.source.sha256
+        known = next((each for each in history() if each.data_sha256 == sha256), None)
+        if known is None:
+            raise UsageError(
+                "The files do not say what was entered in the controller between them.",
+                "Say it: --applied DX DY DZ; next time record it with orthocal apply.",
+            )
+        if first == second:
+            # The later one was measured without knowing what had been entered.
+            first, second = known.before_mm, known.after_mm
+    return np.asarray((np.array(second) - np.array(first)).round(9))

@@ -1,6 +1,7 @@
 """The causes as a list: ids of the contract, one stage each, found by being there."""
 
 import inspect
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import Cause, Model, Stage, double_posture, simulate
-from tests.machines import NOMINAL, PROTOTYPE
+from tests.machines import NOMINAL, PROTOTYPE, ROOT
 
 CONTRACT = {
     "axis_gap": ("geometry", "mm", 3),
@@ -102,6 +103,11 @@ def test_each_takes_its_size_from_the_tolerances(cause: Cause) -> None:
 @every_cause
 def test_its_default_is_what_the_prototype_s_file_states(cause: Cause) -> None:
     assert cause.sizes["orthoglide"] == PROTOTYPE.tolerances[cause.id]
+    file = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
+    unit = f"{cause.unit}; " if cause.unit else ""
+    assert re.search(
+        rf"^  {cause.id}: .*# {re.escape(unit + cause.size_reason)}$", file, re.MULTILINE
+    )
 
 
 def test_what_lies_in_the_measurement_is_never_compensable() -> None:

@@ -1,5 +1,7 @@
 """The program as a whole: start, help, exit codes, streams, interruptions."""
 
+import contextlib
+import os
 import resource
 import signal
 import subprocess
@@ -8,6 +10,7 @@ import time
 from pathlib import Path
 from typing import NoReturn
 
+import pexpect
 import pytest
 
 from orthoglide_cal import __version__
@@ -26,7 +29,8 @@ from tests.cli.program import (
 )
 
 COMMANDS = (
-    "measure", "solve", "diagnose", "report", "verify", "simulate", "validate", "export", "paper",
+    "measure", "solve", "diagnose", "apply", "verify", "report", "export", "simulate", "validate",
+    "paper", "template", "guide", "machine",
 )  # fmt: skip
 HEAVY = {"numpy", "scipy", "matplotlib", "jinja2", "rich", "yaml", "serial"}
 
@@ -72,9 +76,12 @@ def test_version_is_one_line_and_quick() -> None:
     assert min(times) < 1.0
 
 
-def test_without_a_command_the_help_is_shown_as_a_usage_error() -> None:
-    assert run().exit_code == 2
-    assert "Commands:" in run().output
+def test_short_help_and_completion() -> None:
+    shown = run("-h")
+    assert shown.exit_code == 0
+    assert shown.stdout == run("--help").stdout
+    assert "--install-completion" in shown.stdout
+    assert run("solve", "-h").exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -99,6 +106,73 @@ def test_exit_codes(arguments: tuple[str, ...], code: int) -> None:
     if code:
         assert shown.stdout == ""
         assert shown.stderr.strip()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("simulate", "--offsets", "nan", "0", "0"),
+        ("simulate", "--noise", "1e300"),
+        ("simulate", "--resolution", "nan"),
+        ("verify", SIX, SIX, "--applied", "nan", "0", "0"),
+        ("verify", SIX, SIX, "--applied", "1", "0", "0", "--limit", "nan", "--json"),
+        ("report", SIX, "--after", SIX, "--applied", "0", "inf", "0"),
+        ("diagnose", SIX, "--holdout", SIX, "--applied", "0", "0", "1e300"),
+        ("measure", "--until", "nan"),
+        ("machine", "new", "--leg-length", "nan", "--yes"),
+    ],
+)
+def test_options_are_plain_numbers(arguments: tuple[str, ...]) -> None:
+    shown = run(*arguments)
+    assert shown.exit_code == 2
+    assert shown.stdout == ""
+    assert "cannot be" in shown.stderr
+    assert any(name in shown.stderr for name in arguments if name.startswith("--"))
+
+
+@pytest.mark.parametrize("content", [None, b"", b"\xff\xfe", b"{", b"[1]", b"name: x\n"])
+def test_a_machine_file_that_cannot_be_used_is_bad_input(
+    tmp_path: Path, content: bytes | None
+) -> None:
+    path = tmp_path / "m.yaml"
+    if content is not None:
+        path.write_bytes(content)
+    shown = run("solve", SIX, "--machine", str(path))
+    assert shown.exit_code == 3
+    assert str(path) in shown.stderr
+    assert run("solve", SIX, "--machine", str(tmp_path)).exit_code == 3
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize(
+    "arguments", [("solve", SIX), ("solve", SIX, "--json"), ("template", "machine")]
+)
+def test_a_full_disk_behind_standard_output_is_said_in_one_line(arguments: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "orthoglide_cal", *arguments],
+            cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 3
+    assert done.stderr.startswith("Standard output cannot be written:")
+    assert done.stderr.count("\n") == 1
+
+
+def test_long_messages_break_between_words_in_a_terminal(tmp_path: Path) -> None:
+    """And a command that a message names stays on one line, to be copied."""
+    child = pexpect.spawn(
+        sys.executable,
+        ["-m", "orthoglide_cal", "apply", "x.csv", "--yes"],
+        cwd=str(tmp_path), dimensions=(24, 50), encoding="utf-8", timeout=60,
+        env={name: value for name, value in os.environ.items() if name != "COLUMNS"},
+    )  # fmt: skip
+    child.expect(pexpect.EOF)
+    shown = (child.before or "").replace("\r\n", "\n").rstrip("\n").split("\n")
+    assert len(shown) > 2
+    assert max(map(len, shown)) <= 50
+    assert shown[-1] == "  orthocal machine new"
+    with contextlib.chdir(tmp_path):
+        assert " ".join(shown).split() == run("apply", "x.csv", "--yes").stderr.split()
 
 
 def test_a_result_that_must_not_be_used_is_exit_code_4() -> None:

@@ -8,14 +8,16 @@ import re
 import shlex
 import shutil
 from collections.abc import Iterator
+from contextlib import chdir
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from typer.testing import Result
 
-from orthoglide_cal.cli import common
+from orthoglide_cal.files import default_machine, machine_text, shipped_folder
 from tests import truth
 from tests.cli.program import process, run
 from tests.machines import SAMPLES
@@ -45,11 +47,27 @@ def walk(*given: str) -> Iterator[str]:
         assert bool(orders) == (released and verb != "export"), (verb, orders, text)
     typed = set().union(*(printed(text) for text in texts.values()))
     assert typed or not released
-    for command in sorted(typed):
+    kept = [command for command in sorted(typed) if command.startswith("apply ")]
+    # What was entered is typed a second time only where no file keeps it.
+    verified = [command for command in typed if command.startswith("verify ")]
+    assert all(("--applied" in command) != bool(kept) for command in verified), verified
+    for command in sorted(typed - set(kept)):
         words = [given[0] if word == "AFTER" else word for word in shlex.split(command)]
-        done = run(*words)
+        done = recorded(kept[0], *words) if kept and words[0] == "verify" else run(*words)
         assert done.exit_code == 0, (command, said(done))
         yield said(done)
+
+
+def recorded(record: str, *words: str) -> Result:
+    """A command after `apply` and its yes, in a copy of this folder."""
+    with TemporaryDirectory() as copy:
+        shutil.copytree(Path(), copy, dirs_exist_ok=True)
+        with chdir(copy):
+            entered = run(*shlex.split(record), "--yes")
+            assert entered.exit_code == 0, (record, said(entered))
+            # Nothing is offered that is done already.
+            assert not any(c.startswith("apply ") for c in printed(said(run("solve", words[1]))))
+            return run(*words)
 
 
 def walk_on(*given: str) -> int:
@@ -66,7 +84,6 @@ def written(session: truth.Session) -> tuple[str, ...]:
     truth.write_readings(session, Path(READINGS))
     text = truth.machine_yaml(session.machine, session.gauge)
     Path(MACHINE).write_text(text, encoding="utf-8")
-    common.given_machine.cache_clear()
     return READINGS, "--machine", MACHINE
 
 
@@ -87,6 +104,33 @@ def test_samples(name: str) -> None:
     shutil.copy(SAMPLES / name, f"my {name}")
     # The session's gap is accepted, and that machine file is walked, too.
     assert walk_on(f"my {name}") == (2 if name == "session.yaml" else 1)
+
+
+def test_in_a_folder_with_its_machine_what_is_entered_is_recorded() -> None:
+    shutil.copy(SAMPLES / "double_posture_session.csv", READINGS)
+    Path("machine.yaml").write_text(machine_text(default_machine()), encoding="utf-8")
+    for verb in ("solve", "report", "export"):
+        commands = printed(said(run(verb, READINGS)))
+        assert {f"apply '{READINGS}'", f"verify '{READINGS}' AFTER"} <= commands
+    assert walk_on(READINGS) == 1
+
+
+def test_where_no_machine_file_can_keep_it_the_command_says_what_was_entered() -> None:
+    """None here, that of another machine, one that comes with the program, several."""
+    shutil.copy(SAMPLES / "double_posture_session.csv", READINGS)
+    shipped = str(shipped_folder() / "orthoglide_prototype.yaml")
+    measured = process("measure", str(Path.cwd() / "s.yaml"), "--gauge", "simulated", "--seed", "1")
+    assert measured.returncode == 0
+    other = machine_text(default_machine()).replace("Orthoglide prototype", "Mill 3")
+    for given in ((READINGS,), (READINGS, "--machine", shipped), ("s.yaml",)):
+        if given[0] == "s.yaml":
+            Path("machine.yaml").write_text(other, encoding="utf-8")
+        text = said(run("solve", *given))
+        assert "orthocal apply" not in text
+        machine = f" --machine {shlex.quote(shipped)}" if len(given) > 1 else ""
+        assert f"AFTER{machine} --applied " in text
+    Path("second.yaml").write_text(other, encoding="utf-8")
+    assert "--applied" in said(run("solve", "s.yaml"))
 
 
 @pytest.mark.parametrize("cause", [None, "axis_gap", "misread"])
@@ -124,7 +168,6 @@ def test_offsets_that_no_home_switch_leaves_are_refused_everywhere_alike(offset:
         assert done.exit_code == (4 if verb in ("solve", "export") else 0)
     machine = Path(MACHINE).read_text(encoding="utf-8")
     Path(MACHINE).write_text(f"{machine}homing_mm: 40\n", encoding="utf-8")
-    common.given_machine.cache_clear()
     assert run("solve", *given).exit_code == 0
 
 

@@ -105,6 +105,8 @@ BAD = [
      "'misread'? Known: axis_gap"),
     ("backlash: 0.02", "backlash: -0.02", 30, "tolerances.backlash", "-0.02", "negative",
      "zero or more"),
+    ("backlash: 0.02", "backlash: 1e-300", 30, "tolerances.backlash", "1e-300", "from 1e-09",
+     "0 to rule it out"),
     ("backlash: 0.02", "backlash: .inf", 30, "tolerances.backlash", ".inf", "not a number",
      "plain number"),
     ("backlash: 0.02", "backlash: .nan", 30, "tolerances.backlash", ".nan", "not a number",
@@ -230,7 +232,7 @@ def test_the_file_holds_every_key_in_order():
     assert list(content) == [
         "schema_version", "kind", "name", "leg_length_mm", "parallelogram_width_mm",
         "tool_offset_mm", "joint_limits_mm", "workspace_mm", "gauge", "offsets_mm", "tolerances",
-        "identified",
+        "history", "identified", "complete",
     ]  # fmt: skip
     assert content["kind"] == "orthoglide"
     (entry,) = content["identified"]
@@ -268,7 +270,7 @@ def test_a_file_read_and_written_again_says_the_same(id):
     text = text_with(accepted(id))
     for _ in range(3):
         read = machine_from_text(text, "m.yaml")
-        assert machine_values(read) == yaml.safe_load(text)
+        assert {**machine_values(read), "complete": True} == yaml.safe_load(text)
         text = machine_text(read)
 
 
@@ -433,3 +435,13 @@ def test_correlations_are_checked(rows, what):
     assert fault.column == "identified[0].correlation"
     assert text.split("\n")[fault.line - 1].strip().endswith("correlation:")
     assert what in fault.what
+
+
+def test_a_tolerance_that_nothing_has_is_a_slip() -> None:
+    """A leg's in micrometres, for instance; a thousand times the usual one is still allowed."""
+    content = machine_values(default_machine())
+    content["tolerances"] = {"leg_length": 10.0}
+    machine_from_text(yaml.safe_dump(content), "m.yaml")
+    content["tolerances"] = {"leg_length": 10.1}
+    (fault,) = problems(machine_from_text, yaml.safe_dump(content), "m.yaml")
+    assert "1000 times the usual size of leg_length" in fault.what

@@ -368,3 +368,22 @@ def test_minutes_are_short():
     minutes = [line.split(",")[6] for line in text.splitlines()[1:]]
     assert minutes[::2] == ["0", "0.4", "0.8", "1.2", "5.6", "6", "6.4", "6.8", "11.2", "11.6",
                             "12", "12.4"]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("um", "0.001"), ("µm", "0.001"), ("cm", "10"), ("thou", "0.0254")]
+)
+@pytest.mark.parametrize("head", ["leg,posture,direction,reading_{}", "difference,value_{}"])
+def test_another_unit_is_told_how_to_become_millimetres(tmp_path, unit, factor, head):
+    (fault,) = problems(measured, tmp_path, head.format(unit) + "\n")
+    stem = "reading" if "reading" in head else "value"
+    assert fault.column == f"{stem}_mm"
+    assert f"by {factor} " in fault.remedy
+    assert f"{stem}_{unit}" in fault.remedy
+
+
+@pytest.mark.parametrize("text", ["dx_y,-0.43\ndx_z,-0.37\n", "-0.43\n-0.37\n", "-0.43,0.2\n"])
+def test_differences_without_a_header_are_told_the_header(tmp_path, text):
+    (fault,) = problems(measured, tmp_path, text)
+    assert fault.line == 1
+    assert "difference,value_mm" in fault.remedy

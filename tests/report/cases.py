@@ -51,7 +51,7 @@ def verified() -> Document:
     before = given(session(TRUE, 12, FINE), FINE)
     after = given(session(TRUE - TRUE[[1, 0, 2]], 13, moved), FINE)
     found = verify(before, after, TRUE.tolist(), limit_mm=0.05)
-    identity = Identity("OC-20260304-050607-0123ABCD", ISSUED, "orthocal 0")
+    identity = Identity("OC-012345-ABCDEF", ISSUED, "orthocal 0")
     return verification_document(found, identity)
 
 
@@ -59,7 +59,7 @@ def history_of_machine() -> Document:
     """Four sessions, an adjustment, drift of x, and files that are no sessions."""
     with tempfile.TemporaryDirectory() as folder:
         write_history(Path(folder))
-        return history_document(history(Path(folder)), identify("0", ISSUED))
+        return history_document(history(Path(folder)), identify([], issued=ISSUED))
 
 
 def solved() -> Document:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from orthoglide_cal.files import Conditions, GaugeIdentity
+from orthoglide_cal.model import Details, Model
+from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.html import html
 from tests.report.cases import documents
 from tests.report.chromium import Browser, browser, find_chromium
+from tests.results import cases
 
 PROGRAM = find_chromium()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="there is no Chromium on this machine")
@@ -140,6 +146,123 @@ def test_first_printed_page_holds_what_is_pinned_to_the_machine(
     chromium.open(pages["healthy"], width=A4_CONTENT, media="print")
     end = chromium.evaluate("document.querySelector('.sign').getBoundingClientRect().bottom")
     assert end < (297 - 31) / 25.4 * 96
+
+
+def test_a_report_without_a_result_takes_one_sheet_of_paper(chromium: Browser, tmp_path: Path):
+    """Two pages, with all that a session can hold."""
+    full = Conditions(
+        protocol="double-posture",
+        operator="A. Martin",
+        started="2026-03-03T09:00:00+01:00",
+        finished="2026-03-03T09:31:00+01:00",
+        temperature_c=(20.9, 21.6),
+        environment=tuple((f"remark {k}", "draught from the door " * 3) for k in range(6)),
+        gauges=tuple(GaugeIdentity(f"no. {k}", f"2026-{k:04d}", 0.01) for k in range(6)),
+        notes=tuple((k, "touched the stand") for k in range(60)),
+    )
+    failed = cases.failed()
+    given = replace(failed.input, conditions=full, model=_owned(failed.input.model))
+    page = tmp_path / "failed.html"
+    document = calibration_document(replace(failed, input=given))
+    page.write_text(html(document.page()), encoding="utf-8")
+    chromium.open(page)
+    assert len(re.findall(rb"/Type /Page\b", chromium.pdf())) <= 2
+
+
+def _owned(model: Model, name: str = "Machine") -> Model:
+    report = Details(
+        organisation="Calibration Ltd",
+        place="hall 3",
+        customer="Milling Ltd",
+        serial_number="OG-17",
+        method="double posture, work instruction 12",
+        gauge_due="2027-01-31",
+    )
+    return replace(model, machine=replace(model.machine, name=name, report=report))
+
+
+@pytest.mark.parametrize(("width", "media"), [(360, ""), (800, ""), (A4_CONTENT, "print")])
+def test_a_long_name_leaves_the_decision_in_sight(
+    chromium: Browser, tmp_path: Path, width: int, media: str
+):
+    healthy = cases.healthy()
+    long = _owned(healthy.input.model, "A very long name of a machine " * 17)
+    page = tmp_path / "long.html"
+    document = calibration_document(replace(healthy, input=replace(healthy.input, model=long)))
+    page.write_text(html(document.page()), encoding="utf-8")
+    chromium.open(page, width=width, media=media)
+    end = chromium.evaluate("document.querySelector('.notice').getBoundingClientRect().bottom")
+    assert end < 740  # of a telephone's screen of 360 × 740, in the first view
+    # The name is cut where it heads the page, and whole where the machine is described.
+    whole = chromium.evaluate(
+        "[...document.querySelectorAll('dd bdi')].filter(e => e.textContent.length > 490"
+        " && e.parentElement.scrollHeight <= e.parentElement.clientHeight + 1).length"
+    )
+    assert whole == 1
+
+
+def test_an_axis_stays_beside_its_value(chromium: Browser, pages: dict[str, Path]):
+    for kind in ("healthy", "named_in_machine", "hostile"):
+        chromium.open(pages[kind], width=360)
+        tiles = chromium.evaluate(
+            "[...document.querySelectorAll('.tile .value')].map(e => [...e.children].map("
+            "c => { const b = c.getBoundingClientRect(); return [b.top, b.bottom, b.right]; }))"
+        )
+        assert len(tiles) == 3
+        for (top, bottom, _), (value_top, value_bottom, right) in tiles:
+            assert abs(top - value_top) < 2
+            assert abs(bottom - value_bottom) < 2
+            assert right < 360
+    chromium.open(pages["healthy"], width=360)
+    broken = "[...document.querySelectorAll('.steps strong')].filter(e => e.offsetHeight > 30)"
+    assert chromium.evaluate("document.querySelectorAll('.steps strong').length") >= 3
+    assert chromium.evaluate(f"{broken}.map(e => e.textContent)") == []
+
+
+def test_one_click_selects_a_command(chromium: Browser, pages: dict[str, Path]):
+    chromium.open(pages["healthy"])
+    box = chromium.evaluate(
+        "(() => { const b = document.querySelector('.command').getBoundingClientRect();"
+        " return [b.left + b.width / 4, b.top + b.height / 2]; })()"
+    )
+    for kind in ("mousePressed", "mouseReleased"):
+        chromium.call("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left",
+                      clickCount=1)  # fmt: skip
+    selected = chromium.evaluate("getSelection().toString()")
+    assert selected.strip() == "orthocal export made.csv --format linuxcnc"
+
+
+def test_a_wide_screen_is_used(chromium: Browser, pages: dict[str, Path]):
+    boxes = "[...document.querySelectorAll('section')].map(e => { const b ="
+    boxes += " e.getBoundingClientRect(); return [b.left, b.right, b.top, b.bottom]; })"
+    for width, columns in ((800, 1), (1200, 2), (1600, 2)):
+        chromium.open(pages["named_in_machine"], width=width)
+        found = chromium.evaluate(boxes)
+        assert len({round(left) for left, *_ in found}) == columns
+        covered = max(right for _, right, *_ in found) - min(left for left, *_ in found)
+        assert covered > 0.9 * width
+        overlapping = [
+            (a, b)
+            for a, b in combinations(found, 2)
+            if a[0] < b[1] - 1 and b[0] < a[1] - 1 and a[2] < b[3] - 1 and b[2] < a[3] - 1
+        ]
+        assert overlapping == []
+
+
+def test_pictures_do_not_glare_in_the_dark(chromium: Browser, pages: dict[str, Path]):
+    fills = "[...document.querySelectorAll('.heat')].map(e => getComputedStyle(e).fill)"
+    for dark in (False, True):
+        chromium.open(pages["named_in_machine"], dark=dark)
+        light = [_luminance(fill) for fill in chromium.evaluate(fills)]
+        assert len(set(light)) > 8
+        assert (max(light) < 0.4) is dark
+        # Each step of a scale differs from its neighbours, and from the first to the last goes on.
+        for when in ("before", "after"):
+            scale = f"[...document.querySelectorAll('svg g.{when}[transform] .heat')]"
+            steps = chromium.evaluate(f"{scale}.map(e => getComputedStyle(e).fill)")
+            levels = [_luminance(fill) for fill in steps]
+            assert levels == sorted(levels, reverse=not dark)
+            assert len(set(levels)) == 7
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 import subprocess
 import sys
@@ -61,6 +62,15 @@ def test_report_files_are_not_replaced_unasked(healthy: Path, tmp_path: Path):
     again = run("report", healthy, "--html", html)
     assert again.exit_code == 2
     assert "--overwrite" in again.stderr
+    for own in (healthy, text.parent / "notes.txt"):
+        if not Path(own).exists():
+            Path(own).write_text("mine")
+        kept = Path(own).read_bytes()
+        for form in ("--html", "--markdown"):
+            refused = run("report", healthy, form, own, "--overwrite")
+            assert refused.exit_code == 2
+            assert "not a page that orthocal wrote" in refused.stderr
+            assert Path(own).read_bytes() == kept
     assert run("report", healthy, "--html", html, "--overwrite").exit_code == 0
     assert run("report", healthy, "--html", "-").stdout.startswith("<!DOCTYPE html>")
 
@@ -112,6 +122,35 @@ def test_report_history(tmp_path: Path):
     numbers = json.loads(run("report", "--history", tmp_path, "--json").stdout)
     assert len(numbers["sessions"]) == 4
     assert run("report", "x.csv", "--history", tmp_path).exit_code == 2
+    assert re.search(r"in a month +\+0\.00[0-9]+ ± 0\.00", found.stdout)
+    rate, reach = (numbers["trend"][key]["x"] for key in
+                   ("mm_per_month", "expanded_mm_per_month"))  # fmt: skip
+    assert 0.0 < reach < rate < 0.02
+    assert numbers["due"] is None
+    assert "Due" not in found.stdout
+
+
+def test_history_says_when_the_machine_is_due(tmp_path: Path):
+    write_history(tmp_path)
+    limited = ("report", "--history", tmp_path, "--limit")
+    soon, never = (json.loads(run(*limited, mm, "--json").stdout) for mm in (0.1, 5.0))
+    assert soon["sessions"][-1]["finished"] < soon["due"] < "2031"
+    assert never["due"] is None
+    assert never["limit_mm"] == 5.0
+    page = run(*limited, 0.1).stdout
+    assert f"by {soon['due'][:10]}: from then on the limit of 0.1 mm" in " ".join(page.split())
+    assert "not within 5 years" in run(*limited, 5.0).stdout
+    assert 'class="due"' in run(*limited, 0.1, "--html", "-").stdout
+    assert run("report", "x.csv", "--limit", 0.1).exit_code == 2
+
+
+def test_the_same_inputs_and_options_give_the_same_number(healthy: Path, tmp_path: Path):
+    numbers = [json.loads(run(*command, "--json").stdout)["number"] for command in (
+        ("report", healthy), ("report", healthy), ("report", healthy, "--method", "readings"),
+        ("report", healthy, "--method", "six"),
+    )]  # fmt: skip
+    assert numbers[0] == numbers[1] == numbers[2] != numbers[3]
+    assert numbers[0] in run("export", healthy).stdout
 
 
 def test_verify_prints_what_the_paper_prints():

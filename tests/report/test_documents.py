@@ -6,6 +6,7 @@ import ast
 import json
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import entered_decimals
-from orthoglide_cal.files import check_file, read_input
+from orthoglide_cal.files import check_file, machine_text, read_input, read_machine_file
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import as_json
 from orthoglide_cal.report.documents.calibration import calibration_document
@@ -160,7 +161,7 @@ def test_offsets_end_where_their_uncertainty_does() -> None:
 def test_what_was_applied_is_shown_to_its_last_digit() -> None:
     before, after = given(session(TRUE, 14)), given(session(np.zeros(3), 15))
     found = verify(before, after, (-0.5304, 0.59, -1.76))
-    facts = verification_document(found, identify("0", cases.ISSUED)).page().facts
+    facts = verification_document(found, identify([], issued=cases.ISSUED)).page().facts
     assert facts is not None
     assert "-0.5304 +0.5900 -1.7600" in str(dict(facts.rows)["Applied"])
 
@@ -207,13 +208,18 @@ def test_the_first_box_has_the_tone_of_the_decision(kind: str, tone: doc.Tone) -
     assert notice.tone is tone
 
 
-def test_the_commands_to_type_hold_the_files_and_the_numbers() -> None:
+def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> None:
     calibration = cases.healthy()
     assert calibration.adjustment is not None
     entering, comparing = commands(calibration_document(calibration))
     assert entering == "orthocal export made.csv --format linuxcnc"
     given = comparing.removeprefix("orthocal verify made.csv AFTER --applied ").split()
     assert [float(v) for v in given] == list(calibration.adjustment.applied_mm)
+    path = tmp_path / "machine.yaml"
+    path.write_text(machine_text(calibration.input.model), encoding="utf-8")
+    kept = replace(calibration.input, keeper=read_machine_file(path))
+    known = commands(calibration_document(replace(calibration, input=kept)))
+    assert known == [entering, "orthocal apply made.csv", "orthocal verify made.csv AFTER"]
     accept = commands(documents()["named_in_machine"]())
     assert accept == ["orthocal diagnose made.csv --accept axis_gap"]
     for kind in ("named_in_measurement", "ambiguous", "unexplained", "failed"):

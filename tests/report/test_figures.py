@@ -18,7 +18,8 @@ from orthoglide_cal.report.canvas import (
     tick_text,
     ticks,
 )
-from orthoglide_cal.report.views import CLASSES, class_limits
+from orthoglide_cal.report.drift import DriftLine, drift_panels
+from orthoglide_cal.report.slices import CLASSES, class_limits, legend, slices
 from orthoglide_cal.results import Residuals
 
 
@@ -86,33 +87,119 @@ def test_difference_rows_show_what_is_left():
     assert "dx_y is missed most: measured -0.430 mm, predicted -0.150 mm" in drawn
 
 
-def test_workspace_classes_hold_the_largest_error():
-    for largest in (0.0313, 0.1, 2.4, 7.0, 0.00071):
-        limits = class_limits(largest)
-        assert len(limits) == CLASSES
+def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
+    which = (Difference(Series(1, 0)), Difference(Series(0, 2)))
+    given = np.array([0.0, -0.1]), np.array([0.1, -0.3]), np.array([0.02, 0.04])
+    (drawn,) = charts.corrected_rows(which, *given, 0.2)
+    assert "left after correction, mm" in drawn
+    assert "+0.100 ± 0.020" in drawn
+    assert "dz_x is left largest: -0.300 ± 0.040 mm, promised -0.100 mm; the limit is 0.2" in drawn
+    limits = [float(x) for x in re.findall('<line x1="([0-9.]+)"[^>]*class="due"', drawn)]
+    places = [x for x, _ in marks(drawn)]
+    bars = re.findall('<line x1="([0-9.]+)" y1="[0-9.]+" x2="([0-9.]+)"[^>]*class="whisker"', drawn)
+    reach = [tuple(map(float, pair)) for pair in bars if pair[0] != pair[1]]
+    # Places on the scale: 0.4 mm lie between the limits, and the second mark beyond them.
+    scale = (limits[1] - limits[0]) / 0.4
+    middle = sum(limits) / 2.0
+    assert middle + 0.1 * scale == pytest.approx(places[0], abs=0.2)
+    assert places[1] < limits[0]
+    assert (reach[1][1] - reach[1][0]) / scale == pytest.approx(0.08, abs=0.002)
+    assert 'class="due"' not in charts.corrected_rows(which, *given, None)[0]
+
+
+def test_waterfall_goes_down_to_the_noise():
+    left = {"as found": 1.2, "offsets": 0.3, "axis_gap": 0.05}
+    (drawn,) = charts.waterfall(left, 0.02)
+    bars = re.findall(
+        '<rect x="([0-9.]+)" y="[0-9.]+" width="([0-9.]+)" height="15" class="(part-[a-z]+)"', drawn
+    )
+    assert [class_ for *_, class_ in bars] == [
+        "part-found", "part-cause", "part-cause", "part-noise", "part-open",
+    ]  # fmt: skip
+    start, wide = float(bars[0][0]), float(bars[0][1]) / 1.2
+    spans = [((float(x) - start) / wide, float(w) / wide) for x, w, _ in bars]
+    wanted = [(0.0, 1.2), (0.3, 0.9), (0.05, 0.25), (0.0, 0.02), (0.02, 0.03)]
+    for found, want in zip(spans, wanted, strict=True):
+        assert found == pytest.approx(want, abs=1e-3)
+    for text in ("1.2 mm", "-0.90 mm", "-0.25 mm", "0.020 mm", "0.030 mm"):
+        assert f">{text}<" in drawn
+    assert "noise" not in charts.waterfall(left, None)[0]
+    assert "unexplained" not in charts.waterfall(left, 0.05)[0]
+
+
+def test_workspace_classes_hold_all_errors_in_round_steps():
+    for lowest, largest in ((0.0, 0.0313), (1.7, 2.41), (0.0, 7.0), (0.00012, 0.00071), (2.0, 2.0)):
+        limits = class_limits(lowest, largest)
+        assert len(limits) == CLASSES + 1
+        assert limits[0] <= lowest + 1e-12
         assert limits[-1] >= largest * (1 - 1e-9)
-        assert limits[-1] <= largest * 2.1
+        steps = np.diff(limits)
+        assert steps == pytest.approx(steps[0])
+        mantissa = steps[0] / 10.0 ** np.floor(np.log10(steps[0]) + 1e-9)
+        assert mantissa in (pytest.approx(1), pytest.approx(1.5), pytest.approx(2),
+                            pytest.approx(2.5), pytest.approx(3), pytest.approx(4),
+                            pytest.approx(5), pytest.approx(7.5))  # fmt: skip
+        # No scale is so coarse that most of it stays unused.
+        assert largest - lowest > 0.45 * (limits[-1] - limits[0]) or lowest == largest
 
 
-def test_workspace_before_and_after_share_one_scale():
-    axis = np.linspace(-80.0, 60.0, 5)
-    before = np.full((3, 5, 5), 2.0)
-    before[2, 0, 4] = 2.4
-    after = np.full((3, 5, 5), 0.03)
-    drawn = views.slices(axis, axis[[0, 2, 4]], before, after)
-    assert [re.search("<title[^>]*>([^<]*)", panel)[1] for panel in drawn][::3] == [
-        "Workspace before, z = 60 mm",
-        "Workspace after, z = 60 mm",
-    ]
-    assert "2.0 to 2.4 mm" in drawn[0]
-    assert 'class="heat h0"' in drawn[3]
-    assert 'class="heat h0"' not in drawn[0]
-    # The cell with the larger error (x highest, y lowest) is in a class of its own, at the bottom
-    # right of the picture.
-    last = re.search(r'd="M([\d.]+) ([\d.]+)h[^"]*" class="heat h5"', drawn[0])
-    assert last is not None
-    assert float(last[1]) > 150.0
-    assert float(last[2]) > 150.0
+def areas(panel: str) -> dict[str, float]:
+    """Area of each colour that lies above a limit, by the shoelace formula; contours' length."""
+    found = {}
+    for drawn, class_ in re.findall('<path d="([^"]*)" class="heat (h[0-9])"', panel):
+        total = 0.0
+        for polygon in drawn.rstrip("z").split("z"):
+            corners = np.array([pair.split() for pair in polygon[1:].split("L")], dtype=float)
+            x, y = corners.T
+            total += abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
+        found[class_] = total
+    return found
+
+
+def test_contours_stand_where_the_error_is():
+    """A cone of errors: what lies above a limit is all but a disc of known size."""
+    axis = np.linspace(-70.0, 70.0, 17)
+    x, y = np.meshgrid(axis, axis)
+    error = np.hypot(x, y)[None] / 100.0  # up to 0.99 mm
+    (drawn,) = slices("before", axis, np.zeros(1), error, np.zeros((1, 17, 17, 3)))
+    limits = class_limits(0.0, float(error.max()))
+    whole, scale = 186.0**2, (186.0 / 140.0) ** 2
+    found = areas(drawn)
+    assert len(found) >= 4
+    for class_, area in found.items():
+        radius = 100.0 * limits[int(class_[1])]
+        if radius < 70.0:
+            assert area == pytest.approx(whole - np.pi * radius**2 * scale, rel=0.02)
+    # The contour of the smallest limit is a circle about the middle.
+    contour = re.search('<path d="([^"]*)" class="contour"', drawn)[1]
+    ends = np.array(re.findall(r"([0-9.]+) ([0-9.]+)", contour), dtype=float)
+    middle = np.array([46.0 + 93.0, 38.0 + 93.0])
+    radii = np.linalg.norm(ends - middle, axis=1) * 140.0 / 186.0
+    assert radii.min() == pytest.approx(100.0 * limits[1], rel=0.05)
+
+
+def test_before_and_after_have_scales_and_arrows_of_their_own():
+    axis, levels = np.linspace(-80.0, 60.0, 5), np.array([-80.0, 60.0])
+    before, after = np.linspace(1.7, 2.4, 50).reshape(2, 5, 5), np.linspace(0, 0.03, 50)
+    shift = np.zeros((2, 5, 5, 3))
+    shift[..., 0], shift[1, 2, 2] = 1.0, (2.0, 1.0, 3.0)
+    scales = {"before": (before, shift), "after": (after.reshape(2, 5, 5), 0.0 * shift)}
+    shown = {when: slices(when, axis, levels, *given) for when, given in scales.items()}
+    high = shown["before"][0]
+    assert '<title id="workspace-before-1-t">Workspace before, z = 60 mm<' in high
+    assert "y, mm" in high
+    assert "2.1 to 2.4 mm" in high
+    assert 'class="heat h5"' in shown["after"][0]  # not blank on the scale of "before"
+    assert 'class="arrow"' not in "".join(shown["after"])
+    # The longest arrow points towards +x and up, half as far up as to the right.
+    drawn = re.findall(
+        r'<line x1="([0-9.]+)" y1="([0-9.]+)" x2="([0-9.]+)" y2="([0-9.]+)" class="arrow"', high
+    )
+    x1, y1, x2, y2 = map(float, max(drawn, key=lambda each: float(each[2]) - float(each[0])))
+    assert (x2 - x1) == pytest.approx(2.0 * (y1 - y2), abs=0.1)
+    key = legend(scales)
+    assert "before from 1.7 to 2.4 mm, after from 0.000 to 0.035 mm" in key
+    assert "2.2 mm" in key  # the longest arrow, in the plane
 
 
 def test_machine_names_every_gauge():
@@ -127,24 +214,43 @@ def test_machine_names_every_gauge():
     assert "leg z, direction x" in marked
 
 
-def test_explained_shares_and_strips():
-    drawn = charts.share_bar({"axis_gap": 0.9, "noise": 0.08, "unexplained": 0.02})
-    assert "axis_gap explains 90 %" in drawn
-    assert "2 % stays unexplained" in drawn
+def test_strips_count_what_lies_outside_the_noise():
     before, after = np.array([0.05, -0.05, 0.02]), np.array([0.001, 0.0, -0.002])
     strips = charts.residual_strips(("a", "b"), (before, after), np.array([0, 1, 2]), 0.003)
+    assert "leg y" in strips[0]
+    mixed = charts.residual_strips(("a",), (np.zeros(4),), np.array([0, 1, 0, 1]), 0.003)
+    assert "leg x" not in mixed[0]
     assert "3 of 3 outside" in strips[0]
     assert "0 of 3 outside" in strips[1]
 
 
 def test_drift_says_first_last_and_adjustments():
     total = np.array([[0.1, 0.2, 0.3], [0.15, 0.2, 0.1]])
-    drawn = charts.drift_panels(
+    drawn = drift_panels(
         (0.0, 30.0), ("2026-01-01", "2026-01-31"), total, total * 0 + 0.01, (False, True)
     )
     assert "+0.100 mm on 2026-01-01, +0.150 mm on 2026-01-31" in drawn[0]
     assert "adjusted before 2026-01-31" in drawn[2]
     assert drawn[0].count('class="event"') == 1
+
+
+def test_drift_shows_the_trend_in_its_band_and_the_day_that_is_due():
+    total = np.array([[0.1, 0.2, 0.3], [0.15, 0.2, 0.1]])
+    days, value = np.array([0.0, 30.0, 60.0]), np.array([[0.1] * 3, [0.2] * 3, [0.3] * 3])
+    trend = DriftLine(days, value, np.array([[0.02] * 3, [0.01] * 3, [0.04] * 3]), 45.0)
+    given = ((0.0, 30.0), ("2026-01-01", "2026-01-31"), total, total * 0 + 0.01, (False, False))
+    (band,) = re.findall('points="([^"]*)" class="trend"', drift_panels(*given, trend)[1])
+    corners = [tuple(map(float, corner.split(","))) for corner in band.split()]
+    assert len(corners) == 6
+    # Three corners below, then three above from the last to the first; half as wide as said.
+    widths = [low[1] - high[1] for low, high in zip(corners[:3], corners[:2:-1], strict=True)]
+    assert widths[0] == pytest.approx(2.0 * widths[1], abs=0.2)
+    assert widths[2] == pytest.approx(4.0 * widths[1], abs=0.4)
+    drawn = drift_panels(*given, trend)[0]
+    due = float(re.search('<line x1="([0-9.]+)"[^>]*class="due"', drawn)[1])
+    assert due == pytest.approx((corners[1][0] + corners[2][0]) / 2.0, abs=0.1)
+    assert 'class="due"' not in drift_panels(*given)[0]
+    assert 'class="trend"' not in drift_panels(*given)[0]
 
 
 def test_sketches():

@@ -5,13 +5,21 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
+from orthoglide_cal.files import read_machine
+from orthoglide_cal.model import Details
+from orthoglide_cal.report.document import MARK
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.escape import Html, in_html, tag
 from orthoglide_cal.report.html import html
+from orthoglide_cal.report.markdown import markdown
+from tests.machines import ROOT
 from tests.report.cases import documents
 from tests.results import cases
 
@@ -112,12 +120,74 @@ def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
         "no. 41",
         "2026-0117",
         "touched the stand",
-        "OC-20260304-050607-",
+        cases.healthy().identity.number,
         "0" * 64,
         "orthocal 0.",
         "Measured by, date",
     ):
         assert wanted in words, wanted
+
+
+@pytest.mark.parametrize("make", [cases.healthy, cases.failed, cases.as_left])
+def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
+    written = {
+        "organisation": "Milling & Sons",
+        "place": "Nantes",
+        "serial_number": "OG-17",
+        "customer": "A <b>",
+        "method": "instruction 12",
+        "gauge_due": "2027-01-31",
+    }
+    bare = calibration_document(make()).page()
+    names = ("Organisation", "Place", "Serial number", "Customer", "Method", "Gauge due")
+    assert not [name for name in names if f"<dt>{name}</dt>" in html(bare)]
+    given = make().input
+    machine = replace(given.model.machine, report=Details(**written))
+    model = replace(given.model, machine=machine)
+    whole = html(calibration_document(replace(make(), input=replace(given, model=model))).page())
+    for name, text in zip(names, written.values(), strict=True):
+        assert f"<dt>{name}</dt><dd><bdi>{escape(text)}</bdi></dd>" in whole
+    # Who and which stands at its head, how among the conditions.
+    head, _, _ = whole.partition("<main>")
+    assert "Milling &amp; Sons" in head
+    assert "instruction 12" not in head
+
+
+@pytest.mark.parametrize(
+    ("due", "finished", "past"),
+    [
+        ("2027-01-31", "2027-02-01T08:00:00+01:00", True),
+        ("2027-01-31", "2027-01-31T23:00:00", False),
+        ("2027-01-31", "2026-12-24T08:00:00", False),
+        ("2027-01-31", "on a Monday", False),
+        ("2027-01-31", None, False),
+    ],
+)
+def test_a_gauge_that_was_due_before_the_measurement_is_marked(
+    tmp_path: Path, due: str, finished: str | None, past: bool
+):
+    """From the machine file to the page."""
+    path = tmp_path / "machine.yaml"
+    text = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
+    path.write_text(f"{text}report: {{gauge_due: {due}, place: Nantes}}\n", encoding="utf-8")
+    given = replace(cases.healthy().input, model=read_machine(path))
+    given = replace(given, conditions=replace(given.conditions, finished=finished))
+    whole = html(calibration_document(replace(cases.healthy(), input=given)).page())
+    assert "<dt>Place</dt><dd><bdi>Nantes</bdi></dd>" in whole
+    (said,) = re.findall(r"<dt>Gauge due</dt><dd>(.*?)</dd>", whole)
+    assert due in said
+    assert ("past on the day of the measurement" in said) == past
+
+
+@pytest.mark.parametrize("name", ["healthy", "failed", "verified", "history"])
+def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
+    page = documents()[name]().page()
+    outline = Outline()
+    outline.feed(html(page))
+    said = " ".join(outline.words)
+    assert "This report holds for the machine" in said
+    assert said.endswith(f"End of report {page.number}.")
+    assert markdown(page).endswith(f"End of report {page.number}.\n\n{MARK}")
 
 
 def test_what_was_not_given_is_a_blank_line():

@@ -5,8 +5,9 @@ Formats and pages are tested where they are made.
 
 from __future__ import annotations
 
+import re
 from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import DOUBTFUL, Verdict
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Known, promise, solve, stays
-from orthoglide_cal.model import Series, Stage, simulate, single_posture
+from orthoglide_cal.model import Entered, Model, Series, Source, Stage, simulate, single_posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import calibrate, calibration, export, identify, release
 from orthoglide_cal.results.adjustment import as_found
@@ -364,15 +365,37 @@ def test_a_result_is_frozen_to_the_last_array(make):
     assert len(seen) > 20
 
 
-def test_numbers_are_unique_and_tell_the_time():
+def test_a_number_says_what_went_in_and_not_when():
     moment = datetime(2026, 3, 4, 5, 6, 7, 123, UTC)
-    numbers = {
-        identify(digest, moment + timedelta(microseconds=k)).number
-        for digest in ("a", "b")
-        for k in range(50)
-    }
-    assert len(numbers) == 100
-    assert all(number.startswith("OC-20260304-050607-") for number in numbers)
+    renamed = Model(replace(NOMINAL.machine, name="Other"))
+    given = [
+        ([(Source("a.csv", "a"), NOMINAL)], ()),
+        ([(Source("a.csv", "b"), NOMINAL)], ()),
+        ([(Source("a.csv", "a"), renamed)], ()),
+        ([(Source("a.csv", "a"), NOMINAL)], ("six",)),
+        ([(Source("a.csv", "a"), NOMINAL)] * 2, ()),
+    ]
+    numbers = [identify(inputs, *options, issued=moment).number for inputs, options in given]
+    assert len(set(numbers)) == len(given)
+    assert all(re.fullmatch("OC-[0-9A-F]{6}-[0-9A-F]{6}", number) for number in numbers)
+    later = [identify(inputs, *options).number for inputs, options in given]
+    assert later == numbers
+    # Where the file lies does not matter.
+    assert identify([(Source("moved/a.csv", "a"), NOMINAL)]).number == numbers[0]
+    # What is entered later in the controller is no part of it.
+    entry = Entered("2026-03-03", (0.0, 0.0, 0.0), (0.1, 0.2, 0.3), "a" * 64)
+    entered = replace(NOMINAL, machine=replace(NOMINAL.machine, history=(entry,)))
+    assert identify([(Source("a.csv", "a"), entered)]).number == numbers[0]
+
+
+def test_what_is_shown_as_left_has_a_number_of_its_own():
+    left = cases.as_left()
+    assert left.verification is not None
+    alone = calibrate(left.input, issued=cases.ISSUED)
+    again = calibrate(left.input, "readings", verification=left.verification)
+    assert again.identity.number == left.identity.number
+    assert again.identity.issued != left.identity.issued
+    assert alone.identity.number != left.identity.number
 
 
 @pytest.mark.parametrize("make", NOT_USABLE[:4])
@@ -394,6 +417,30 @@ def test_nothing_can_be_forced_out_of_no_result():
     with pytest.raises(UnusableResultError, match="do not determine") as refused:
         export(cases.failed(), force=True)
     assert "--force" not in refused.value.remedy
+
+
+def test_each_step_takes_its_part_of_the_deviation():
+    """From the readings themselves: their spread about the mean of each set-up, and the truth's."""
+    found = cases.named_in_machine()
+    assert list(found.left_mm) == ["as found", "offsets", "axis_gap"]
+    readings = found.input.measured
+    off = readings.value - simulate(found.input.model, np.zeros(3), readings.plan)
+    for setup in range(readings.plan.setups):
+        off[readings.plan.setup == setup] -= off[readings.plan.setup == setup].mean()
+    as_found, offsets, cause = found.left_mm.values()
+    assert as_found == pytest.approx(np.sqrt(np.mean(off**2)))
+    assert offsets == pytest.approx(found.solution.rms_after_mm)
+    # 60 readings, less 3 offsets and 6 zeros: what the gauge's noise leaves of itself.
+    noise = np.sqrt(51.0 / 60.0) * FINE.machine.gauge.noise_mm
+    assert cause == pytest.approx(noise, rel=0.3)
+    # As much as that is noise alone; of what nobody explains it is the smaller part.
+    assert found.noise_mm == cause
+    assert cases.unexplained().noise_mm == pytest.approx(noise, rel=1e-6)
+    assert cases.unexplained().noise_mm < 0.1 * cases.unexplained().left_mm["offsets"]
+    assert list(cases.healthy().left_mm) == ["as found", "offsets"]
+    assert list(cases.unexplained().left_mm) == ["as found", "offsets"]
+    assert cases.failed().left_mm == {}
+    assert cases.few().noise_mm is None
 
 
 def test_accepted_causes_act_in_everything_that_follows():

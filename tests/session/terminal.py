@@ -19,6 +19,11 @@ from tests.machines import ROOT
 from .virtual import answered
 
 PROGRAM = "from orthoglide_cal.cli import main; main()"
+# The same without dead times, for tests of something else that answer at once.
+AT_ONCE = (
+    "from orthoglide_cal.session import asking, dead_time;"
+    "dead_time.BETWEEN_GAUGES_S = dead_time.AFTER_A_DRIVE_S = asking.ALONE_S = 0.0;" + PROGRAM
+)
 # The last thing on the screen, perhaps followed by the end of a colour.
 PROMPT = re.compile(r"(\d+)\. Gauge [XYZ][^\r\n]* > (?:\x1b\[0m)?$")
 QUESTION = re.compile(r"(\d+)\. k keep it[^\r\n]* > (?:\x1b\[0m)?$")
@@ -34,10 +39,17 @@ def environment() -> dict[str, str]:
 
 
 class Terminal:
-    """One run of `orthocal measure`."""
+    """One run of a command; of `measure`, `agreed`: nothing is asked before the first reading."""
 
     def __init__(
-        self, folder: Path, *arguments: str, colour: bool = False, columns: int = 80
+        self,
+        folder: Path,
+        *arguments: str,
+        command: tuple[str, ...] = ("measure",),
+        colour: bool = False,
+        columns: int = 80,
+        agreed: bool = True,
+        program: str = AT_ONCE,
     ) -> None:
         here = environment()
         for name in ("COLUMNS", "LINES", "NO_COLOR"):
@@ -47,7 +59,7 @@ class Terminal:
         )
         self.child = pexpect.spawn(
             sys.executable,
-            ["-c", PROGRAM, "measure", *arguments],
+            ["-c", program, *command, *arguments, *(("--yes",) if agreed else ())],
             cwd=str(folder),
             env=here,
             dimensions=(24, columns),

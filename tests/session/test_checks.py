@@ -1,9 +1,14 @@
 """Live checks: every blunder is questioned at the very reading where it happens."""
 
+import re
+from dataclasses import replace
+
 import pytest
 
-from orthoglide_cal.session.checks import check_number, check_reading
-from orthoglide_cal.session.events import Answered, Doubt, Questioned
+from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
+from orthoglide_cal.session.events import Answered, Doubt, Questioned, Taken
+from orthoglide_cal.session.gauges.formats import Unit
+from orthoglide_cal.session.readings import NextReading
 from orthoglide_cal.session.state import advance
 from orthoglide_cal.session.steps import SessionStep
 from tests.machines import PROTOTYPE
@@ -215,24 +220,54 @@ def test_numbers_that_the_gauge_cannot_show(
     value: float, inches: bool, doubt: Doubt | None
 ) -> None:
     state = state_of([])
-    past = compared(state, steps_of(), 0, 0.0)
-    question = check_number(past, value, PROTOTYPE.gauge, inches=inches)
+    unit = Unit.INCH if inches else Unit.MM
+    past = replace(compared(state, steps_of(), 0, 0.0), unit=unit)
+    question = check_number(past, value, PROTOTYPE.gauge)
     assert (question.doubt if question else None) == doubt
+
+
+@pytest.mark.parametrize("unit", Unit)
+def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
+    """In inches, with mm in brackets behind; the reading itself is the same one."""
+    steps = steps_of()
+    values = readings_of(steps, 3)
+    steady = [taken(step.number, 0.0, step.number / 5.0) for step in steps[:39]]
+
+    def coming(taken_before: list[Taken], index: int) -> NextReading:
+        return replace(compared(state_of(taken_before), steps, index, index / 5.0), unit=unit)
+
+    read = [taken(n, value, n / 5.0) for n, value in enumerate(values, start=1)]
+    gauge = PROTOTYPE.gauge
+    asked = [
+        check_number(coming([], 0), 12.7, gauge),
+        check_number(coming(read[:2], 2), 12.7, gauge),
+        check_number(coming([], 0), 0.0137, replace(gauge, resolution_mm=0.0254)),
+        check_reading(coming(read[:9], 9), values[9] + 0.3, gauge),
+        check_reading(coming(read[:50], 50), values[50] + 1.0, gauge),
+        check_repeats(coming(steady, 39), 0.001, gauge),
+    ]
+    texts = [question.text for question in asked if question]
+    assert len(texts) == len(asked)
+    for text in texts:
+        bare = re.sub(r" in \([^()]* mm\)", "", text)
+        assert ("mm" in bare) == (unit is Unit.MM), text
+    shown = {Unit.MM: "+12.7 mm is beyond", Unit.INCH: "+0.5 in (+12.7 mm) is beyond"}
+    assert shown[unit] in texts[0]
 
 
 def test_a_finer_scale_that_was_confirmed_once_is_believed() -> None:
     fine = Questioned(AT, 1, 0.0, 0.125, "0.125", "typed", Doubt.GRID, "mistyped?")
     state = state_of([fine, Answered(AT, True)])
     past = compared(state, steps_of(), 1, 0.2)
-    assert check_number(past, 0.345, PROTOTYPE.gauge, inches=False) is None
+    assert check_number(past, 0.345, PROTOTYPE.gauge) is None
 
 
 def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
     preset = Questioned(AT, 1, 0.0, 100.0, "100", "typed", Doubt.RANGE, "mistyped?")
     state = state_of([preset, Answered(AT, True)])
     past = compared(state, steps_of(), 2, 0.4)
-    assert check_number(past, 100.4, PROTOTYPE.gauge, inches=False) is None
-    far = check_number(past, 0.4, PROTOTYPE.gauge, inches=False)
+    assert check_number(past, 100.4, PROTOTYPE.gauge) is None
+    far = check_number(past, 0.4, PROTOTYPE.gauge)
     assert far is not None
     assert far.doubt is Doubt.RANGE
 

@@ -1,6 +1,7 @@
 """The loop, driven without a terminal: whole sessions, screens, keys, questions, resume."""
 
 import contextlib
+import re
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -9,6 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.estimation.influences import Origin
+from orthoglide_cal.files import read_input
+from orthoglide_cal.results import calibrate
 from orthoglide_cal.session import Dialogue, Quit, Style
 from orthoglide_cal.session.events import Doubt, Questioned
 from orthoglide_cal.session.gauges.formats import Unit
@@ -69,7 +74,8 @@ def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
     _, screen = answered(tmp_path / "s.journal", lines)
     for part in screen.text.split("-- Set-up")[1:]:
         assert len(part[: part.index(" > ")].splitlines()) <= 23
-    table, help_text = [t for t, style in screen.shown if style is Style.PLAIN and "\n" in t][-2:]
+    plain = [t for t, style in screen.shown if style is Style.PLAIN and t.count("\n") > 2]
+    table, help_text = plain[-2:]
     assert 18 < len(table.splitlines()) <= 23
     assert 10 < len(help_text.splitlines()) <= 23
 
@@ -101,6 +107,25 @@ def test_a_value_ends_at_the_digit_of_its_uncertainty(
     value: float, uncertainty: float, shown: str
 ) -> None:
     assert with_uncertainty(value, uncertainty) == shown
+
+
+def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> None:
+    """What is shown is U of the end, but for what is asked at the end only; it says so."""
+    path = tmp_path / "s.journal"
+    lines = typed(readings_of(steps_of(), 4))
+    dialogue, screen = answered(path, lines, first=opened(temperature_c=35.0))
+    dialogue.publish()
+    _, found = calibrate(read_input(str(dialogue.path))).found
+    sure = Budget(tuple(each for each in found.budget.contributions if not each.possible))
+    assert any(each.source == Origin.TEMPERATURE for each in sure.contributions)
+    shown = screen.text.split("Offsets so far, 95 % if nothing else is wrong:\n")
+    assert len(shown) > 20
+    said = re.findall(r"([-+]\d\.\d+) \+/-(\d\.\d+)", shown[-1])
+    offsets_mm, expanded_mm = np.array(said, dtype=float).T
+    np.testing.assert_allclose(offsets_mm, found.offsets_mm, atol=6e-4)
+    np.testing.assert_allclose(expanded_mm, sure.expanded_mm, atol=6e-4)
+    # Without the warmth it would be half as large.
+    assert (expanded_mm > 1.5 * sure.renewed.expanded_mm).all()
 
 
 @pytest.mark.parametrize(("until", "least"), [(0.04, 12), (0.0261, 2)])

@@ -78,12 +78,15 @@ def test_every_record_comes_back_as_it_was(event: Event) -> None:
     [
         None, [], {}, {"kind": "taken"}, {"kind": "hello", "at": AT}, {"kind": "undone"},
         {"kind": [], "at": AT}, {"kind": {}, "at": AT}, {"at": AT},
-        {"kind": "undone", "at": 3}, {"kind": "undone", "at": AT, "more": 1},
+        {"kind": "undone", "at": 3}, {"kind": "undone", "at": "2025-03-01T09:00"},
+        {"kind": "undone", "at": "2025-75-01T09:00:00+01:00"},
+        {"kind": "undone", "at": AT, "more": 1},
         {"kind": "noted", "at": AT, "step": "1", "text": "x"},
         {"kind": "noted", "at": AT, "step": True, "text": "x"},
         {"kind": "retake", "at": AT, "steps": [1, None], "reason": ""},
         {**to_dict(taken(1, 0.1)), "value_mm": float("nan")},
         {**to_dict(taken(1, 0.1)), "value_mm": "0.1"},
+        {**to_dict(taken(1, 0.1)), "value_mm": 10**400},
         {**to_dict(opened()), "gauges": [{"id": 3}]},
     ],
 )  # fmt: skip

@@ -1,15 +1,21 @@
 """What `measure` refuses, and that it names the reason: files, other sessions, full disks."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.files import machine_text
+from orthoglide_cal.files import machine_from_text, machine_text
+from orthoglide_cal.session.events import Opened
+from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.opening import MOST_CYCLES
 from orthoglide_cal.session.record import new_session, resumed_session, session_path
-from tests.machines import NOMINAL
+from tests.machines import NOMINAL, PROTOTYPE
 
 from .terminal import Terminal, begun, refused, run_program
+from .virtual import opened, setting_of, steps_of
 
 
 def machine_file(folder: Path, old: str, new: str) -> str:
@@ -183,6 +189,22 @@ def test_a_damaged_journal_is_refused_with_its_line(tmp_path: Path) -> None:
     assert "s.journal, line 2" in said
 
 
+@pytest.mark.parametrize("wrong", [{"cycles": MOST_CYCLES + 1}, {"cycles": 0}, {"stands": 3}])
+def test_a_session_that_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, int]) -> None:
+    """Its checksum is right: another program wrote it. No time is spent on its many steps."""
+    Journal.create(tmp_path / "s.journal", opened(**wrong)).close()
+    code, said = refused(tmp_path, "s.yaml", "--resume")
+    assert code == 3
+    assert "of a session that cannot be" in said
+
+
+def test_the_most_cycles_are_those_that_the_command_takes(tmp_path: Path) -> None:
+    Journal.create(tmp_path / "s.journal", opened(cycles=MOST_CYCLES)).close()
+    code, said = refused(tmp_path, "s.yaml", "--resume", "--cycles", str(MOST_CYCLES + 1))
+    assert code == 2
+    assert str(MOST_CYCLES) in said
+
+
 def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
     data = begun(tmp_path)
     (tmp_path / "s.journal").write_bytes(data[:-10])
@@ -237,7 +259,101 @@ def test_no_reading_at_all(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+# ---- the machine and its offsets
+
+
+def held(folder: Path) -> tuple[float, ...]:
+    """Offsets in the session's copy of the machine file."""
+    first = decode((folder / "s.journal").read_bytes(), "s.journal").events[0]
+    assert isinstance(first, Opened)
+    return machine_from_text(first.machine, "s.journal").machine.offsets_mm
+
+
+def test_the_machine_is_named_and_confirmed_before_anything_is_written(tmp_path: Path) -> None:
+    machine = machine_file(tmp_path, "leg_length_mm: 310.25", "leg_length_mm: 400.0")
+    options = ("s.yaml", "--machine", machine)
+    with Terminal(tmp_path, *options, agreed=False) as terminal:
+        terminal.expect("Machine  Orthoglide prototype\r\n")
+        terminal.expect(r"legs 400 mm, joints -100 to \+60 mm")
+        terminal.expect(r"Gauge    0\.01 mm divisions, 10 mm travel")
+        terminal.expect(r"Offsets  X \+0  Y \+0  Z \+0 mm are in the controller now")
+        terminal.expect("three offsets > ")
+        assert not (tmp_path / "s.journal").exists()
+        terminal.type("0.4 -0.3")
+        terminal.expect("not three joint offsets")
+        terminal.type("0,412 -0.3 x")
+        terminal.expect("not a number")
+        terminal.type("0,412 -0.3 0.861")
+        terminal.expect(r"Offsets  X \+0\.412  Y -0\.3  Z \+0\.861 mm")
+        terminal.expect("three offsets > ")
+        terminal.type("")
+        assert terminal.step() == 1
+        assert "paper's prototype" not in terminal.seen
+    assert held(tmp_path) == (0.412, -0.3, 0.861)
+
+
+@pytest.mark.parametrize(("answer", "code"), [("n", 2), ("q", 2), ("\x04", 130), ("\x03", 130)])
+def test_another_machine_begins_no_session(tmp_path: Path, answer: str, code: int) -> None:
+    with Terminal(tmp_path, "s.yaml", agreed=False) as terminal:
+        terminal.expect("numbers of the paper's prototype")
+        terminal.expect("three offsets > ")
+        terminal.type(answer)
+        assert terminal.finish() == code
+        assert "Traceback" not in terminal.seen
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Path) -> None:
+    machine = machine_file(tmp_path, "offsets_mm: {x: 0.0,", "offsets_mm: {x: 0.25,")
+    done = run_program(tmp_path, "s.yaml", "--machine", machine, stdin="-0.64\n")
+    assert held(tmp_path) == (0.25, 0.0, 0.0)
+    assert "Offsets  X +0.25  Y +0  Z +0 mm" in done.stdout
+    (tmp_path / "s.journal").unlink()
+    option = ("--offsets-active", "0.4", "-0.3", "0.9")
+    run_program(tmp_path, "s.yaml", "--machine", machine, *option)
+    assert held(tmp_path) == (0.4, -0.3, 0.9)
+    # The file still says something else: the session was asked.
+    again = run_program(tmp_path, "s.yaml", "--resume", "--machine", machine)
+    assert (again.returncode, "X +0.4  Y -0.3  Z +0.9" in again.stdout) == (130, True)
+    code, said = refused(tmp_path, "s.yaml", "--resume", "--offsets-active", "0.4", "-0.3", "0")
+    assert code == 2
+    assert "machine, offsets_mm.z: 0.9 in the session, 0.0 in the file" in said
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        ("nan", "--offsets-active cannot be nan"),
+        ("inf", "--offsets-active cannot be inf"),
+        ("1e300", "--offsets-active cannot be 1e+300"),
+        ("310.25", "not three joint offsets"),
+    ],
+)
+def test_impossible_offsets(tmp_path: Path, value: str, why: str) -> None:
+    code, said = refused(tmp_path, "s.yaml", "--offsets-active", value, "0", "0")
+    assert code == 2
+    assert why in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_the_controller_holds_is_gone_from_a_simulated_machine() -> None:
+    steps = steps_of()
+    bare = SimulatedGauge(setting_of(steps), 3).offsets_mm
+    machine = replace(PROTOTYPE, offsets_mm=(0.4, -0.3, 0.9))
+    corrected = SimulatedGauge(setting_of(steps, machine), 3).offsets_mm
+    assert corrected == pytest.approx(bare - [0.4, -0.3, 0.9])
+
+
 # ---- names
+
+
+@pytest.mark.parametrize("name", [".", "", "..", "/", "a" * 300, "missing/.."])
+@pytest.mark.parametrize("option", [(), ("--resume",)])
+def test_what_is_no_file_is_no_session(tmp_path: Path, name: str, option: tuple[str]) -> None:
+    code, said = refused(tmp_path, name, *option)
+    assert code in (2, 3)
+    assert "file" in said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_names(tmp_path: Path) -> None:

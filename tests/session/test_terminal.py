@@ -213,7 +213,7 @@ def test_the_terminal_is_left_as_it_was(tmp_path: Path) -> None:
     script = (
         "import sys, subprocess, termios;"
         "before = termios.tcgetattr(0);"
-        f"subprocess.run([sys.executable, '-c', {PROGRAM!r}, 'measure', 's.yaml']);"
+        f"subprocess.run([sys.executable, '-c', {PROGRAM!r}, 'measure', 's.yaml', '--yes']);"
         "print('same' if termios.tcgetattr(0) == before else 'changed')"
     )
     child = pexpect.spawn(

@@ -12,7 +12,7 @@ import pytest
 from orthoglide_cal.files import machine_text, session_text
 from orthoglide_cal.model import Machine, Model
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
-from orthoglide_cal.session.asking import Asker, LiveGauge
+from orthoglide_cal.session.asking import Asker, Line, LiveGauge
 from orthoglide_cal.session.checks import Question, check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Event, Opened, Questioned, Taken
 from orthoglide_cal.session.gauges.formats import Unit
@@ -118,7 +118,7 @@ def play(
         beside = NextReading(ReadingsSoFar(state, setting), step, now)
         question = (
             check_reading(beside, value, gauge)
-            or check_number(beside, value, gauge, inches=False)
+            or check_number(beside, value, gauge)
             or check_repeats(beside, value, gauge)
         )
         if question is None:
@@ -137,19 +137,25 @@ class Script:
     """A keyboard that gives prepared lines, then ends."""
 
     live = False
+    columns = 80
+    partial = ""
 
     def __init__(self, lines: Iterable[str]) -> None:
         self._lines: Iterator[str] = iter(lines)
 
-    def read(self, timeout_s: float | None) -> str | None:
+    def read(self, timeout_s: float | None) -> Line | None:
         """The next line."""
         try:
-            return next(self._lines)
+            return Line(next(self._lines))
         except StopIteration:
             raise EOFError from None
 
-    def flush(self) -> None:
-        """Nothing to forget."""
+    def catch_up(self) -> None:
+        """Nothing was typed before a prompt."""
+
+    def disturbed(self) -> bool:
+        """There is no screen."""
+        return False
 
 
 class Screen:

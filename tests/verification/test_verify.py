@@ -126,6 +126,8 @@ def test_raw_readings_against_differences():
         (TRUE[[2, 0, 1]], Behaviour.EXCHANGED),
         (TRUE * 0.0, Behaviour.NO_RESPONSE),
         (TRUE * 0.9, Behaviour.OTHER_GAIN),
+        (TRUE * [1.0, 1.0, 0.0], Behaviour.PARTLY),
+        (TRUE * [0.8, 1.0, 1.0], Behaviour.PARTLY),
     ],
 )
 def test_what_the_machine_did_instead_is_named(acted, behaviour):
@@ -240,6 +242,8 @@ def test_two_machines_are_not_compared(other, name):
 
 
 def test_usage_errors():
+    with pytest.raises(UsageError, match="Nothing was applied"):
+        verify(before(23), after(TRUE, 24), (0.0, 1e-300, 0.0))
     with pytest.raises(UsageError, match="Nothing was applied"):
         verify(paper(2), paper(3), (0.0, 0.0, 0.0))
     with pytest.raises(UsageError, match="limit"):

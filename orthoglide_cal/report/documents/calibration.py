@@ -22,8 +22,10 @@ from orthoglide_cal.report.documents import evidence
 from orthoglide_cal.report.documents.budget import budget_section
 from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.documents.diagnosis import diagnosis_data
+from orthoglide_cal.report.documents.motion import motion
 from orthoglide_cal.report.documents.solution import solution_data
 from orthoglide_cal.report.documents.verification import (
+    entered_and_left,
     verification_data,
     verification_notice,
     verification_outcome,
@@ -31,8 +33,10 @@ from orthoglide_cal.report.documents.verification import (
 )
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, fields_of, input_data
 from orthoglide_cal.report.words import (
+    SCOPE,
     coverage_words,
     difference_decimals,
+    owner_facts,
     plain,
     signed,
     two_figures,
@@ -45,21 +49,22 @@ KIND = "Calibration report"
 
 
 def calibration_document(
-    calibration: Calibration, machine_file: Path | None = None
+    calibration: Calibration, machine_file: Path | None = None, interactive: bool = False
 ) -> doc.Document:
     """The document, for any of the renderers.
 
     Args:
         calibration: what to show.
         machine_file: as the user gave it, for the commands to run next.
+        interactive: also with the machine in motion.
     """
     return doc.Document(
         partial(calibration_data, calibration, machine_file),
-        partial(_page, calibration, machine_file),
+        partial(_page, calibration, machine_file, interactive),
     )
 
 
-def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
+def _page(calibration: Calibration, machine_file: Path | None, interactive: bool) -> doc.Page:
     identity, given = calibration.identity, calibration.input.conditions
     verification = calibration.verification
     if verification is not None:
@@ -69,16 +74,21 @@ def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
     pages = [verification_outcome(verification)] if verification else []
     if calibration.adjustment is not None:
         sheet += _answer(calibration, calibration.adjustment)
-    pages += evidence.evidence(calibration, machine_file)
-    if calibration.adjustment is not None:
+        pages.append(_intervals(calibration, calibration.adjustment))
         pages.append(budget_section(calibration.adjustment))
-    pages += [evidence.conditions(calibration), evidence.origin(calibration)]
+    pages += evidence.evidence(calibration, machine_file)
+    if interactive and calibration.travel is not None:
+        pages.append(motion(calibration.travel, calibration.input.model.machine))
+    background = [evidence.conditions(calibration), evidence.origin(calibration)]
+    # Without a result there is nothing to pin to the machine, and one sheet of paper says it all.
+    (pages if calibration.solution else sheet).extend(background)
     return doc.Page(
         kind=KIND,
         title=calibration.input.model.machine.name,
         number=identity.number,
         facts=doc.Facts(
             (
+                *owner_facts(calibration.input.model.machine),
                 ("Number", doc.Code(identity.number)),
                 ("Measured", evidence.moment(given.finished or given.started)),
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
@@ -88,6 +98,7 @@ def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
         sheet=tuple(sheet),
         sections=tuple(pages),
         signatures=("Measured by", "Adjusted by", "Checked by"),
+        scope=SCOPE,
     )
 
 
@@ -172,15 +183,19 @@ def _size_data(size: Size | None) -> dict[str, Any] | None:
 
 
 def _answer(calibration: Calibration, adjustment: Adjustment) -> list[doc.Section]:
-    """The offsets, what they mend, and where their intervals lie."""
-    sections = [_offsets(adjustment, calibration.release.usable)]
+    """The offsets, and what they mend."""
+    left = calibration.verification
+    if left is None:
+        sections = [_offsets(adjustment, calibration.release.usable)]
+    else:
+        sections = [entered_and_left(adjustment, left)]
     if calibration.as_found is not None:
         given = calibration.input
         raw, gauge = given.measured.kind is DataKind.READINGS, given.model.machine.gauge
         digits = difference_decimals(raw, gauge.resolution_mm)
         sizes = (calibration.as_found, calibration.expected, calibration.as_left)
         sections.append(_found_and_left(sizes, digits))
-    return [*sections, _intervals(calibration, adjustment)]
+    return sections
 
 
 def _offsets(adjustment: Adjustment, usable: bool) -> doc.Section:
@@ -198,10 +213,11 @@ def _offsets(adjustment: Adjustment, usable: bool) -> doc.Section:
         tuple(columns),
         tuple(zip(*columns.values(), strict=True)),
         caption="In mm. Now: active in the controller. True joint position = indicated + Δρ.",
+        tiles=True,
     )
     coverage = doc.Paragraph(_coverage(adjustment), small=True)
     title = "Joint offsets" if usable else "Joint offsets as found"
-    return doc.Section(title, (grid, coverage), beside=True)
+    return doc.Section(title, (grid, coverage))
 
 
 def _coverage(adjustment: Adjustment) -> str:
@@ -227,7 +243,7 @@ def _found_and_left(sizes: Sequence[Size | None], digits: int) -> doc.Section:
         for size in sizes
     ]
     grid = doc.Grid(
-        ("", "as found", "left after correction", "as left"),
+        ("", "as found", "promised" if sizes[-1] else "left after correction", "as left"),
         tuple(zip(("r.m.s.", "largest", "which"), *columns, strict=True)),
         caption="Deviation of the legs from parallel motion, mm"
         + ("." if sizes[-1] else "; as left is blank until it is measured again."),

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from orthoglide_cal.errors import file_words
+from orthoglide_cal.errors import UnusableResultError, file_words
 from orthoglide_cal.files import Check
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
@@ -16,17 +16,22 @@ if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
 
 
-def check_document(check: Check) -> doc.Document:
-    """A line for a sound file, every fault of another; lines that other programs can search."""
-    return doc.Document(partial(check_data, check), partial(_check_page, check))
+def check_document(check: Check, refused: UnusableResultError | None = None) -> doc.Document:
+    """A line for a sound file, every fault of another; lines that other programs can search.
+
+    Args:
+        check: what a check of the file found.
+        refused: why its data give no offsets although nothing is wrong with the file.
+    """
+    return doc.Document(partial(check_data, check, refused), partial(_check_page, check, refused))
 
 
-def _check_page(check: Check) -> doc.Page:
-    listing = doc.Listing(tuple(_lines(check)))
+def _check_page(check: Check, refused: UnusableResultError | None) -> doc.Page:
+    listing = doc.Listing(tuple(_lines(check, refused)))
     return doc.Page("Validation", title=None, sections=(doc.Section(None, (listing,)),))
 
 
-def check_data(check: Check) -> dict[str, Any]:
+def check_data(check: Check, refused: UnusableResultError | None) -> dict[str, Any]:
     """The object of `validate --json`; fields that are not known are null."""
     return {
         "schema_version": SCHEMA_VERSION,
@@ -43,16 +48,18 @@ def check_data(check: Check) -> dict[str, Any]:
             for problem in check.problems
         ],
         "remarks": list(check.remarks),
+        "refused": str(refused) if refused else None,
     }
 
 
-def _lines(check: Check) -> Iterator[str]:
+def _lines(check: Check, refused: UnusableResultError | None) -> Iterator[str]:
     """One line for the file; two for each fault: where and what, then the remedy."""
     path = file_words(check.path)
     if check.kind == "machine":
         yield f"{path}: machine {check.name!r}, fine"
     elif check.valid and check.kind is not None:
-        yield f"{path}: {data_words(check.count, check.kind)}, fine (for {check.name})"
+        word = "which give no offsets" if refused else "fine"
+        yield f"{path}: {data_words(check.count, check.kind)}, {word} (for {check.name})"
     else:
         yield f"{path}: {counted(len(check.problems), 'fault')}"
     for problem in check.problems:
@@ -63,6 +70,9 @@ def _lines(check: Check) -> Iterator[str]:
         yield f"  {where}{': ' if where else ''}{problem.what}{value}"
         if problem.remedy:
             yield f"    → {problem.remedy}"
+    if refused:
+        yield f"  {refused.what}"
+        yield f"    → {refused.remedy}"
     yield from (f"  note: {remark}" for remark in check.remarks)
 
 

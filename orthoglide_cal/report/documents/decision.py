@@ -10,12 +10,13 @@ from orthoglide_cal.report.controller import (
     check_words,
     expected,
     follow_up,
+    record_command,
     remedy_command,
     table_command,
     verify_command,
 )
 from orthoglide_cal.report.words import signed
-from orthoglide_cal.results import Adjustment, Calibration
+from orthoglide_cal.results import Adjustment, Calibration, Recording, recording
 
 
 def decision_notice(calibration: Calibration) -> doc.Notice:
@@ -47,16 +48,26 @@ def to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
 def _entering(
     calibration: Calibration, adjustment: Adjustment, machine_file: Path | None
 ) -> list[doc.Instruction]:
-    values = ", ".join(
-        f"{joint.axis} {signed(joint.new_mm, adjustment.decimals)}" for joint in adjustment.joints
+    # Each axis with its value: a narrow page must not break between the two.
+    x, y, z = (
+        doc.Strong(f"{joint.axis} {signed(joint.new_mm, adjustment.decimals)}")
+        for joint in adjustment.joints
     )
     items = [
         doc.Instruction(
-            ("Enter the new joint offsets in the controller, in mm: ", doc.Strong(values + ".")),
+            ("The machine file says that these are in the controller: ", x, ", ", y, ", ", z, ".")
+        )
+        if recording(calibration.input) is Recording.DONE
+        else doc.Instruction(
+            ("Enter the new joint offsets in the controller, in mm: ", x, ", ", y, ", ", z, "."),
             follow_up("export", calibration, machine_file, "--format linuxcnc"),
         ),
         doc.Instruction("Re-home all three axes."),
     ]
+    record = record_command(calibration, machine_file)
+    if record is not None:
+        known = "Record it: from then on every command knows what is in the controller."
+        items.append(doc.Instruction(known, record))
     check = adjustment.check
     if check is not None:
         before = f" (before the adjustment: {signed(check.before_mm, 2)} mm)."

@@ -28,11 +28,13 @@ from orthoglide_cal.report.documents.diagnosis import (
     ranking_grid,
 )
 from orthoglide_cal.report.documents.solution import left_after, noise_grid
+from orthoglide_cal.report.slices import legend, slices
 from orthoglide_cal.report.words import (
     METHOD_WORDS,
     counted,
     data_words,
     end_words,
+    method_facts,
     percent,
     plain,
     short,
@@ -57,13 +59,27 @@ def evidence(calibration: Calibration, machine_file: Path | None) -> list[doc.Se
     residuals, workspace = calibration.residuals, calibration.workspace
     if solution is None or adjustment is None or residuals is None:
         return []
-    sections = [left_after(solution, adjustment.promised, in_full=True)]
+    sections = [_steps(calibration), left_after(solution, adjustment.promised, in_full=True)]
     sections.append(_wrong(calibration.input.measured, solution, residuals))
     if calibration.diagnosis is not None:
         sections.append(_diagnosis(calibration.diagnosis, calibration.explained, machine_file))
     if workspace is not None:
         sections.append(_workspace(workspace, calibration.model))
     return sections
+
+
+def _steps(calibration: Calibration) -> doc.Section:
+    """What takes the deviation away, step by step."""
+    left = calibration.left_mm
+    texts = [f"{two_figures(size)} mm" for size in left.values()]
+    figure = doc.Figure(
+        None,
+        f"r.m.s. of the data: {texts[0]} as found, {texts[-1]} left.",
+        charts.waterfall(left, calibration.noise_mm),
+        sketch=bar_lines(list(left), list(left.values()), texts),
+        columns=1,
+    )
+    return doc.Section("From as found to what is left", (figure,))
 
 
 def _wrong(measured: Measured, solution: Solution, found: Residuals) -> doc.Section:
@@ -157,7 +173,6 @@ def _explained(parts: Explained, found: Diagnosis) -> doc.Figure:
         sketch=bar_lines(list(shares), sizes, [percent(share) for share in sizes], width=30),
         columns=2,
         key="Leg x ●, y ▲, z ■. Band: what the gauge's noise explains (95 %).",
-        legend=charts.share_bar(shares),
     )
 
 
@@ -188,16 +203,25 @@ def _workspace(found: WorkspaceError, model: Model) -> doc.Section:
             if effect.cause.timed
         )
     )
+    scales = {
+        "before": (found.before_mm, found.before_shift_mm),
+        "after": (found.after_mm, found.after_shift_mm),
+    }
     figure = doc.Figure(
         "Distance between commanded and true tool position, mm",
         f"Up to {before} mm before and {after} mm after.",
-        views.slices(found.axis_mm, found.levels_mm, found.before_mm, found.after_mm),
-        legend=views.legend(max(found.before_max_mm, found.after_max_mm)),
+        tuple(
+            panel
+            for when, values in scales.items()
+            for panel in slices(when, found.axis_mm, found.levels_mm, *values)
+        ),
+        legend=legend(scales),
         sketch=bar_lines(
             list(sizes), list(sizes.values()), [f"{text} mm" for text in texts], width=36
         ),
         pairs=True,
-        key=f"Cube from {plain(low, 0)} to {plain(high, 0)} mm along x, y and z: what the joint"
+        key="Arrows: where the tool really goes, seen along z."
+        f" Cube from {plain(low, 0)} to {plain(high, 0)} mm along x, y and z: what the joint"
         f" limits allow (workspace by the machine file: {plain(found.nominal_edge_mm, 0)} mm).",
     )
     return doc.Section("Tool-position error over the workspace", (lead, figure))
@@ -208,6 +232,7 @@ def conditions(calibration: Calibration) -> doc.Section:
     given, machine = calibration.input.conditions, calibration.input.model.machine
     stated = machine.gauge
     rows: list[tuple[str, doc.Blank]] = [
+        *method_facts(machine, given.finished or given.started),
         ("Protocol", _given(given.protocol)),
         ("Operator", _given(given.operator)),
         ("Started", moment(given.started)),
@@ -234,6 +259,8 @@ def conditions(calibration: Calibration) -> doc.Section:
         doc.Grid(head, tuple(gauges) or nothing, words=(0, 1), caption=caption),
         doc.Paragraph(sizes, small=True),
     ]
+    if calibration.solution is None:
+        return doc.Section("Conditions and gauges", tuple(blocks))
     if isinstance(calibration.input.measured, Readings):
         blocks.append(_gauges(calibration.input.measured, machine, calibration.diagnosis))
         sign = "A reading grows when the leg moves towards the dial."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
@@ -10,14 +11,25 @@ import numpy as np
 
 from orthoglide_cal.estimation.accuracy import entered_decimals
 from orthoglide_cal.model import AXES
-from orthoglide_cal.report import charts
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.canvas import interval_lines
+from orthoglide_cal.report.drift import DriftLine, drift_panels
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
-from orthoglide_cal.report.words import counted, plain, signed, two_figures, with_uncertainty
-from orthoglide_cal.results import Drift, Entry, History, Identity
+from orthoglide_cal.report.words import (
+    SCOPE,
+    counted,
+    owner_facts,
+    plain,
+    signed,
+    two_figures,
+    with_uncertainty,
+)
+from orthoglide_cal.results import Entry, History, Identity, Trend
+from orthoglide_cal.results.trend import DAY, FARTHEST_DAYS
 
 KIND = "Calibration history"
+# How far the trend is drawn beyond the last session, as a part of the time between first and last.
+AHEAD = 0.25
 
 
 def history_document(history: History, identity: Identity) -> doc.Document:
@@ -39,6 +51,7 @@ def _page(history: History, identity: Identity) -> doc.Page:
         number=identity.number,
         facts=doc.Facts(
             (
+                *owner_facts(history.entries[-1].solution.model.machine),
                 ("Number", doc.Code(identity.number)),
                 ("Sessions", str(len(history.entries))),
                 (
@@ -47,11 +60,13 @@ def _page(history: History, identity: Identity) -> doc.Page:
                     if adjusted is None
                     else f"before the session of {_day(adjusted)}",
                 ),
+                *_due(history),
                 ("Software", identity.software),
             )
         ),
         notice=_notice(history),
         sheet=tuple(sections),
+        scope=SCOPE,
     )
 
 
@@ -70,8 +85,21 @@ def history_data(history: History) -> dict[str, Any]:
             }
             for drift in history.drifts
         ],
+        "trend": _trend_data(history.trend),
+        "limit_mm": history.limit_mm,
+        "due": None if history.due is None else _time(history.due),
         "last_adjusted_before": None if adjusted is None else _time(adjusted),
         "left_out": [{"file": name, "reason": reason} for name, reason in history.left_out],
+    }
+
+
+def _trend_data(found: Trend | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "mm_per_month": by_axis(found.rate_mm),
+        "expanded_mm_per_month": by_axis(found.expanded_mm),
+        **axes_of(found, "drifts"),
     }
 
 
@@ -99,26 +127,53 @@ def _day(moment: float) -> str:
     return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
 
+def _due(history: History) -> tuple[tuple[str, str], ...]:
+    """When the machine is to be measured again, where a limit says what is too much."""
+    if history.limit_mm is None or history.trend is None:
+        return ()
+    limit = f"of {history.limit_mm:g} mm in a difference"
+    if history.due is None:
+        return (("Due", f"not within {FARTHEST_DAYS // 365} years, for a limit {limit}"),)
+    return (("Due", f"by {_day(history.due)}: from then on the limit {limit} may be exceeded"),)
+
+
 def _notice(history: History) -> doc.Notice:
     if not history.drifts:
         return doc.Notice(doc.Tone.INFO, "One session: nothing to compare yet")
-    lines = tuple(_sentence(drift) for drift in history.drifts)
-    moved = [axis for k, axis in enumerate(AXES) if any(drift.moved[k] for drift in history.drifts)]
+    found = [drift.moved for drift in history.drifts]
+    if history.trend is not None:
+        found.append(history.trend.drifts)
+    moved = [axis for axis, seen in zip(AXES, zip(*found, strict=True), strict=True) if any(seen)]
     if not moved:
-        return doc.Notice(doc.Tone.GOOD, "No drift beyond the uncertainty", lines)
+        return doc.Notice(doc.Tone.GOOD, "No drift beyond the uncertainty")
     axes = f"axis {moved[0]}" if len(moved) == 1 else f"axes {', '.join(moved)}"
-    return doc.Notice(doc.Tone.WARN, f"The offsets drift: {axes}", lines)
+    return doc.Notice(doc.Tone.WARN, f"The offsets drift: {axes}")
 
 
-def _sentence(drift: Drift) -> str:
-    days = counted(round(drift.days), "day")
-    changes = ", ".join(
-        f"{axis} {with_uncertainty(change, expanded)}{' (drifts)' if yes else ''}"
-        for axis, change, expanded, yes in zip(
-            AXES, drift.change_mm, drift.expanded_mm, drift.moved, strict=True
-        )
+def _changes(history: History) -> doc.Grid:
+    """How far each offset went, and how fast; bold where that is more than its uncertainty."""
+    rows = []
+    for drift in history.drifts:
+        name = f"since {drift.since} ({counted(round(drift.days), 'day')})"
+        rows.append((name, drift.moved, drift.change_mm, drift.expanded_mm))
+    found = history.trend
+    if found is not None:
+        rates = tuple(found.rate_mm.tolist()), tuple(found.expanded_mm.tolist())
+        rows.append(("in a month", found.drifts, *rates))
+    return doc.Grid(
+        ("", *AXES),
+        tuple(
+            (name, *map(_change, moved, changes, expanded))
+            for name, moved, changes, expanded in rows
+        ),
+        caption="Change of the offsets, mm; bold: more than its expanded uncertainty (95 %), which"
+        " counts what is new in each session: the readings and the places of the gauges.",
     )
-    return f"Since {drift.since} ({days}), mm: {changes}."
+
+
+def _change(moved: bool, change: float, expanded: float) -> doc.Inline:
+    text = with_uncertainty(change, expanded)
+    return doc.Strong(text) if moved else text
 
 
 def _drift(history: History) -> doc.Section:
@@ -136,18 +191,35 @@ def _drift(history: History) -> doc.Section:
         "Offset of each axis over time",
         f"Offsets of {history.machine} in {counted(len(entries), 'session')} from {days[0]} to"
         f" {days[-1]}.",
-        charts.drift_panels(
-            [(moment - moments[0]) / 86400.0 for moment in moments],
+        drift_panels(
+            [(moment - moments[0]) / DAY for moment in moments],
             days,
             total,
             expanded,
             [entry.adjusted for entry in entries],
+            _line(history, moments),
         ),
         sketch=sketch,
         key="Offset in the controller plus the offset found. Bars: expanded uncertainty. Dashed:"
-        " the controller was adjusted.",
+        " the controller was adjusted."
+        + (" Line and band: the trend, and how far it may be off." if history.trend else ""),
     )
-    return doc.Section("Drift of the offsets", (figure,))
+    changes = (_changes(history),) if history.drifts else ()
+    return doc.Section("Drift of the offsets", (*changes, figure))
+
+
+def _line(history: History, moments: Sequence[float]) -> DriftLine | None:
+    """The trend, drawn a little beyond the last session or until the machine is due."""
+    found, due = history.trend, history.due
+    if found is None:
+        return None
+    ahead = moments[-1] + AHEAD * (moments[-1] - moments[0])
+    last = ahead if due is None else min(max(due, ahead), 2.0 * ahead - moments[0])
+    times = np.linspace(moments[0], last, 25)
+    value, covariance = found.at(times)
+    expanded = found.k * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    reached = None if due is None or due > last else (due - moments[0]) / DAY
+    return DriftLine((times - moments[0]) / DAY, value, expanded, reached)
 
 
 def _sessions(history: History) -> doc.Section:

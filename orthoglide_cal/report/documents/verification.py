@@ -12,22 +12,28 @@ from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.errors import command
+from orthoglide_cal.errors import command, file_words
+from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import entered_decimals
+from orthoglide_cal.files import Conditions
 from orthoglide_cal.model import AXES, MM_PER_INCH, DataKind
 from orthoglide_cal.report import charts
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import remainder
+from orthoglide_cal.report.documents.evidence import moment
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
 from orthoglide_cal.report.words import (
+    SCOPE,
     chance,
     coverage_words,
     difference_decimals,
+    owner_facts,
     plain,
     signed,
     two_figures,
+    with_uncertainty,
 )
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results import Adjustment, Identity
 from orthoglide_cal.verification import (
     RULE,
     AxisResponse,
@@ -53,6 +59,7 @@ def _page(verification: Verification, identity: Identity) -> doc.Page:
         number=identity.number,
         facts=doc.Facts(
             (
+                *owner_facts(verification.after.model.machine),
                 ("Number", doc.Code(identity.number)),
                 ("Applied", f"{applied} mm (x, y, z)"),
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
@@ -66,6 +73,7 @@ def _page(verification: Verification, identity: Identity) -> doc.Page:
             _origin(verification, identity),
         ),
         signatures=("Measured by", "Checked by"),
+        scope=SCOPE,
     )
 
 
@@ -75,8 +83,8 @@ def verification_data(verification: Verification) -> dict[str, Any]:
     before, after, acted = verification.before, verification.after, response.acted_as_mm
     return {
         "schema_version": SCHEMA_VERSION,
-        "before": fields_of(before.source, "path", "sha256"),
-        "after": fields_of(after.source, "path", "sha256"),
+        "before": _source_data(before, verification.conditions[0]),
+        "after": _source_data(after, verification.conditions[1]),
         "machine": before.machine,
         "kind": verification.comparison.kind,
         "compared": len(verification.comparison),
@@ -110,6 +118,13 @@ def verification_data(verification: Verification) -> dict[str, Any]:
             "coverage_factor": verification.k,
             "rule": RULE,
         },
+    }
+
+
+def _source_data(solution: Solution, given: Conditions) -> dict[str, Any]:
+    return {
+        **fields_of(solution.source, "path", "sha256"),
+        **fields_of(given, "started", "finished", "operator"),
     }
 
 
@@ -192,9 +207,21 @@ def _answer(verification: Verification) -> str:
         " values are active.",
         Behaviour.OTHER_GAIN: f"The machine responded by another amount ({size}, theory 1):"
         f" {_gain(response.coefficient)}",
+        Behaviour.PARTLY: f"Not every axis did what was entered: {_others(response.axes)}. Check"
+        " what the controller holds there, and re-home.",
         Behaviour.UNDETERMINED: "The correction is too small for these readings to show a response"
         f" ({size}).",
     }[response.behaviour]
+
+
+def _others(axes: Sequence[AxisResponse]) -> str:
+    """The axes that did something else, each with what."""
+    return "; ".join(
+        f"{row.axis} changed by {signed(row.found_mm, 3)} mm where {signed(row.applied_mm, 3)} mm"
+        " was applied"
+        for row in axes
+        if row.otherwise
+    )
 
 
 def _gain(response: Coefficient) -> str:
@@ -233,6 +260,36 @@ def _decision(verification: Verification) -> tuple[str, ...]:
     )
 
 
+def entered_and_left(adjustment: Adjustment, verification: Verification) -> doc.Section:
+    """What the controller held, what was entered, and what remains; where both sides come from."""
+    decimals = max(adjustment.decimals, _entered(verification))
+    after, applied = verification.after, verification.applied_mm.tolist()
+    rows = tuple(
+        (
+            doc.Strong(axis),
+            signed(before, decimals),
+            signed(change, decimals),
+            doc.Strong(signed(before + change, decimals)),
+            with_uncertainty(remains, expanded),
+        )
+        for axis, before, change, remains, expanded in zip(
+            AXES,
+            adjustment.previous_mm.tolist(),
+            applied,
+            after.offsets_mm.tolist(),
+            after.expanded_mm.tolist(),
+            strict=True,
+        )
+    )
+    grid = doc.Grid(
+        ("axis", "before", "entered", "now", "remains ± U"),
+        rows,
+        caption="In mm. Before, now: active in the controller; entered: the change between them;"
+        " remains: found by the session after it.",
+    )
+    return doc.Section("Joint offsets", (grid, doc.Facts(verified_sessions(verification))))
+
+
 def verification_outcome(verification: Verification) -> doc.Section:
     """Promised and measured, difference by difference."""
     digits, deviations = _digits(verification), verification.deviations
@@ -250,17 +307,20 @@ def verification_outcome(verification: Verification) -> doc.Section:
         caption="Deviation from parallel motion, mm.",
         last_is_total=True,
     )
+    limit = verification.decision.limit_mm if verification.decision else None
     figure = doc.Figure(
         None,
-        "How far each difference is from its promise.",
-        charts.difference_rows(
+        "What is left of each difference, and what was promised.",
+        charts.corrected_rows(
             [d.difference for d in deviations],
-            np.array([d.after_mm for d in deviations]),
             np.array([d.promised_mm for d in deviations]),
-            "promised",
+            np.array([d.after_mm for d in deviations]),
+            np.array([d.expanded_mm for d in deviations]),
+            limit,
         ),
         columns=1,
-        key="○ measured after the adjustment, ■ promised.",
+        key="○ left after correction with U (95 %), ■ promised"
+        + ("." if limit is None else "; dotted: the limit."),
     )
     decided = [doc.Paragraph(doc.Strong(sentence)) for sentence in _decision(verification)]
     rule = [doc.Paragraph(f"Decision rule: {RULE}", small=True)] if decided else []
@@ -312,14 +372,26 @@ def _remaining(verification: Verification) -> doc.Section:
     return doc.Section("Offsets that remain", (grid,))
 
 
+def verified_sessions(verification: Verification) -> tuple[tuple[str, doc.Blank], ...]:
+    """Where both sides come from: file, digest, time, operator; blank where not given."""
+    rows: list[tuple[str, doc.Blank]] = []
+    solutions = (verification.before, verification.after)
+    for name, solution, given in zip(
+        ("Before", "After"), solutions, verification.conditions, strict=True
+    ):
+        rows += [
+            (name, doc.Given(file_words(solution.source.path))),
+            ("SHA-256", doc.Code(solution.source.sha256)),
+            ("Measured", moment(given.finished or given.started)),
+            ("Operator", None if given.operator is None else doc.Given(given.operator)),
+        ]
+    return tuple(rows)
+
+
 def _origin(verification: Verification, identity: Identity) -> doc.Section:
-    before, after = verification.before.source, verification.after.source
     facts = doc.Facts(
         (
-            ("Before", doc.Given(before.path)),
-            ("SHA-256", doc.Code(before.sha256)),
-            ("After", doc.Given(after.path)),
-            ("SHA-256", doc.Code(after.sha256)),
+            *verified_sessions(verification),
             ("Machine", doc.Given(verification.before.machine)),
             ("Compared", f"{len(verification.comparison)} independent changes"),
             ("Software", identity.software),

@@ -163,6 +163,15 @@ def parse_typed(text: str) -> tuple[Token, str | None]:
     )
 
 
+def is_reading(text: str) -> bool:
+    """Whether a person or a gauge may have typed this as a reading."""
+    try:
+        parse_typed(text)
+    except NotAReading:
+        return False
+    return True
+
+
 def _ungarbled(plain: str, raw: str) -> tuple[Token, str] | None:
     """The reading that one wrong keyboard layout explains, if it leaves no doubt."""
     for layout, (digits, marks) in _LAYOUTS.items():

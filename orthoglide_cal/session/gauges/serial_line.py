@@ -93,6 +93,12 @@ class SerialGauge(LiveGauge):
         self.name = f"{self.format.name}:{self.port}"
         asked = self.format.request is not None
         self.hint = "press Return or the gauge's button" if asked else "press its button"
+        check = f"Is it on, its cable plugged in, and set to {self.baud} baud?"
+        self.silence = (
+            f"The gauge on {self.port} did not answer. {check} Or press its button."
+            if asked
+            else f"Return cannot ask the gauge on {self.port}: press its button. Nothing? {check}"
+        )
         self._splitter = Splitter()
         self._line: serial.Serial | None = None
         self._stand = 0
@@ -184,12 +190,13 @@ class GaugePair(LiveGauge):
     def __init__(self, gauges: Sequence[SerialGauge]) -> None:
         self._gauges = gauges
         self._stand = 0
-        self.hint = gauges[0].hint
+        self.hint, self.silence = gauges[0].hint, gauges[0].silence
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """A prompt for the gauge of this step appears."""
         self._stand = min(step.stand, len(self._gauges) - 1)
-        self.hint = self._gauges[self._stand].hint
+        wanted = self._gauges[self._stand]
+        self.hint, self.silence = wanted.hint, wanted.silence
         for gauge in self._gauges:
             gauge.begin(step, takes)
 

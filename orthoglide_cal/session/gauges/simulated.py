@@ -15,6 +15,7 @@ from orthoglide_cal.session.steps import SessionStep
 # Half the width of the ranges that the hidden truth is drawn from.
 OFFSETS_MM = 1.5
 ZEROS_MM = 0.3
+_FINEST_MM = 1e-6  # in which two active offsets are told apart
 
 _TRUTH, _NOISE = 0, 1  # streams of random numbers
 
@@ -22,8 +23,11 @@ _TRUTH, _NOISE = 0, 1  # streams of random numbers
 class SimulatedGauge(LiveGauge):
     """Reads what the real gauges would; the same seed gives the same readings.
 
-    Every reading has its own stream of random numbers (seed, step, take), so that a session
-    that was interrupted reads the same as one that was not.
+    The hidden offsets are those of the machine without any correction: what is active in the
+    controller acts, so that a correction that was entered is seen when it is measured again.
+
+    Every reading has its own stream of random numbers (seed, step, take, and what is active), so
+    that a session that was interrupted reads the same as one that was not.
     """
 
     hint = "press Return to read it"
@@ -32,8 +36,12 @@ class SimulatedGauge(LiveGauge):
     def __init__(self, setting: Setting, seed: int) -> None:
         self._gauge = setting.machine.gauge
         self._seed = seed
+        active = np.array(setting.machine.offsets_mm)
+        # Nothing for no correction.
+        steps = (active / _FINEST_MM).round().astype(np.int64) % 2**32
+        self._active: list[int] = steps.tolist() if steps.any() else []
         rng = np.random.default_rng([seed, _TRUTH])
-        self.offsets_mm: Floats = rng.uniform(-OFFSETS_MM, OFFSETS_MM, 3)
+        self.offsets_mm: Floats = rng.uniform(-OFFSETS_MM, OFFSETS_MM, 3) - active
         zeros = rng.uniform(-ZEROS_MM, ZEROS_MM, (3, 3))
         plan = setting.plan
         exact = simulate(setting.model, self.offsets_mm, plan)
@@ -50,7 +58,7 @@ class SimulatedGauge(LiveGauge):
             return []
         step, takes = self._wanted
         division = self._gauge.resolution_mm
-        rng = np.random.default_rng([self._seed, _NOISE, step, takes])
+        rng = np.random.default_rng([self._seed, _NOISE, step, takes, *self._active])
         noisy = self._exact[step - 1] + rng.normal(0.0, self._gauge.repeatability_mm)
         value = round(round(noisy / division) * division, 6)
         decimals = max(0, math.ceil(-math.log10(division)))

@@ -1,0 +1,93 @@
+"""`orthocal apply`: what was entered in the controller, recorded in the machine file."""
+
+from __future__ import annotations
+
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.cli.export import released
+from orthoglide_cal.errors import UsageError
+
+if TYPE_CHECKING:
+    from orthoglide_cal.results import Application
+
+
+def apply(
+    session: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="SESSION",
+            help="The session, or table, whose offsets were entered; --undo needs none.",
+            show_default=False,
+        ),
+    ] = None,
+    machine: Annotated[
+        Path | None,
+        common.option(
+            "--machine",
+            metavar="FILE",
+            help="Machine file to record it in; without it the one in this folder.",
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    undo: Annotated[
+        bool,
+        typer.Option("--undo", help="Take the last entry back: offsets and history as before it."),
+    ] = False,
+    json: common.AsJson = False,
+    no_colour: common.NoColour = False,
+) -> None:
+    """Record in the machine file that the offsets of a session are in the controller now."""
+    from orthoglide_cal import results
+    from orthoglide_cal.files import read_input
+    from orthoglide_cal.report.documents.application import application_document
+
+    if session is None and not undo:
+        raise UsageError("Nothing says which offsets were entered.", "Name the session.")
+    if yes and undo:
+        raise UsageError("--yes and --undo do not go together.", "Give one of them.")
+    ask = not (yes or undo)
+    if ask and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError("`apply` asks before it records anything.", "In a script, give --yes.")
+
+    def judge(path: str) -> None:
+        target = common.own_machine_file(machine)
+        file = common.read_machine_file(target)
+        if undo:
+            source = read_input(path, file.model).measured.source if path else None
+            found = results.take_back(file, source.sha256 if source else None)
+        else:
+            own = read_input(path)
+            found = results.apply(
+                released(path, machine, forcible=False),
+                file,
+                datetime.now().astimezone(),
+                own.model if own.is_session else None,
+            )
+        document = application_document(found, path)
+        if not json:
+            common.deliver(document)
+        if ask and not typer.confirm(
+            f"Are these values in the controller now? Record them in {target}", err=True
+        ):
+            common.tell("Nothing was recorded.")
+            return
+        _write(found, target)
+        if json:
+            common.deliver(document, as_json=True)
+        common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
+
+    common.for_each([session or ""], judge, as_json=json)
+
+
+def _write(found: Application, path: Path) -> None:
+    from orthoglide_cal.files import read_machine_file, write_text
+
+    if read_machine_file(path).document.sha256 != found.file.document.sha256:
+        raise UsageError(f"{path} was changed meanwhile.", "Give the command again.")
+    write_text(path.resolve(), found.text, overwrite=True)

@@ -1,0 +1,64 @@
+"""`orthocal guide`: the manual in the terminal; its pages are the Markdown files of `guide/`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.errors import UsageError
+
+# Longer lines are hard to read.
+_WIDEST = 100
+
+
+def guide(
+    topic: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[TOPIC]",
+            help="A topic, or a cause by its id; without it the list of them.",
+            show_default=False,
+        ),
+    ] = None,
+    no_colour: common.NoColour = False,
+) -> None:
+    """Show a page of the manual; into a pipe, as Markdown."""
+    text = _page(" ".join(topic or ["index"])).read_text(encoding="utf-8")
+    console = common.output()
+    if not console.is_terminal:
+        print(text, end="")
+        return
+    from rich.markdown import Markdown
+    from rich.theme import Theme
+
+    # Colours of the terminal itself: rich's own are a dark patch on a light screen.
+    with console.use_theme(Theme({"markdown.code": "bold cyan"})):
+        page = Markdown(text, code_theme="ansi_dark")
+        console.print(page, width=min(console.width, _WIDEST))
+
+
+def _page(topic: str) -> Path:
+    """The file of a topic, however it is written. Raises UsageError, with the nearest names."""
+    from difflib import get_close_matches
+    from importlib.resources import files
+
+    folder = Path(str(files("orthoglide_cal") / "guide"))
+    pages = {_plain(path.stem): path for path in sorted(folder.rglob("*.md"))}
+    wanted = _plain(topic)
+    if wanted in pages:
+        return pages[wanted]
+    # A word of a name is as near as a slip of the finger.
+    near = [name for name in pages if wanted and wanted in name]
+    near += get_close_matches(wanted, pages, n=3)
+    names = ", ".join(pages[name].stem for name in dict.fromkeys(near))
+    raise UsageError(
+        f"The guide has no page {topic!r}." + (f" Nearest: {names}." if names else ""),
+        "All pages: orthocal guide",
+    )
+
+
+def _plain(name: str) -> str:
+    return "-".join(name.lower().replace("_", " ").replace("-", " ").split())

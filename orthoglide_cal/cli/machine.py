@@ -1,0 +1,253 @@
+"""`orthocal machine`: a machine file made by question and answer, and shown."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
+
+if TYPE_CHECKING:
+    from orthoglide_cal.report.document import Document
+
+# Key of the file → what is asked, why, and how the answer is told apart from the others.
+_QUESTIONS = {
+    "name": ("Name of the machine", "stands on every report"),
+    "leg_length_mm": ("L, length of a leg, mm", "centre to centre of its joints"),
+    "parallelogram_width_mm": ("d, width of a leg, mm", "between its two bars"),
+    "tool_offset_mm": ("r of the tool, mm", "from the legs' ends to its centre point"),
+    "joint_limits_mm": ("Travel, mm", "lowest and highest, from the isotropic posture"),
+    "workspace_mm": ("Workspace, mm", "edge of the cube in which errors are shown"),
+    "gauge.resolution_mm": ("Gauge: one division, mm", "the smallest step that it shows"),
+    "gauge.range_mm": ("Gauge: range, mm", "travel of its plunger"),
+    "gauge.revolution_mm": ("Gauge: one turn, mm", "travel of one turn; 0 without a dial"),
+    "gauge.repeatability_mm": ("Gauge: repeatability, mm", "standard deviation of one reading"),
+}
+
+_TOLERANCES = "tolerances"
+
+machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
+
+
+@machine.command(cls=common.Command)
+def new(
+    target: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="File to write; an existing one stays as it is."
+        ),
+    ] = Path("machine.yaml"),
+    kind: Annotated[str | None, common.option(metavar="KIND", help="Kind of machine.")] = None,
+    name: Annotated[str | None, common.option(metavar="NAME", help="For people.")] = None,
+    leg_length: Annotated[float | None, common.option(metavar="MM", help="L.")] = None,
+    width: Annotated[float | None, common.option(metavar="MM", help="d of a leg.")] = None,
+    tool_offset: Annotated[
+        float | None, common.option(metavar="MM", help="r, from the legs' ends to the tool.")
+    ] = None,
+    limits: Annotated[
+        tuple[float, float] | None,
+        common.option(metavar="LOW HIGH", help="Travel from the isotropic posture, mm."),
+    ] = None,
+    workspace: Annotated[
+        float | None, common.option(metavar="MM", help="Edge of the workspace.")
+    ] = None,
+    resolution: Annotated[
+        float | None, common.option(metavar="MM", help="One division of the gauge.")
+    ] = None,
+    range_: Annotated[
+        float | None, common.option("--range", metavar="MM", help="Travel of its plunger.")
+    ] = None,
+    revolution: Annotated[
+        float | None,
+        common.option(metavar="MM", help="One turn of its dial; 0 for a gauge without one."),
+    ] = None,
+    repeatability: Annotated[
+        float | None, common.option(metavar="MM", help="Standard deviation of one reading.")
+    ] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        common.option(
+            metavar="CAUSE=SIZE",
+            help="Plausible size of a cause, such as axis_gap=0.3; 0 rules it out; again for"
+            " others.",
+        ),
+    ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Ask nothing: the prototype's values for all others.")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="The machine as one JSON object.")] = False,
+    no_colour: common.NoColour = False,
+) -> None:
+    """Make a machine file: asks what the options leave open."""
+    from orthoglide_cal.files import write_text
+
+    given = {
+        "kind": kind,
+        "name": name,
+        "leg_length_mm": leg_length,
+        "parallelogram_width_mm": width,
+        "tool_offset_mm": tool_offset,
+        "joint_limits_mm": list(limits) if limits else None,
+        "workspace_mm": workspace,
+        "gauge.resolution_mm": resolution,
+        "gauge.range_mm": range_,
+        "gauge.revolution_mm": revolution,
+        "gauge.repeatability_mm": repeatability,
+    }
+    answers = {key: value for key, value in given.items() if value is not None}
+    answers |= dict(map(_tolerance, tolerance or ()))
+    if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError("`machine new` asks for what is not given.", "In a script, give --yes.")
+    if target.exists():
+        raise UsageError(f"{target} exists and is not overwritten.", "Name another: --output FILE")
+    try:
+        text = _text(answers, target)
+    except InvalidFileError as error:
+        raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in error.problems)) from error
+    if not yes:
+        common.tell("Return takes the value in brackets: the prototype's, or in its proportion.")
+        for key, (title, reason) in _QUESTIONS.items():
+            if key not in answers:
+                text = _asked(answers, key, f"{title} ({reason})", target)
+        text = _tolerances_asked(answers, target) or text
+    write_text(target, text)
+    common.deliver(_shown(target), as_json=json)
+    common.tell(f"Written to {target}, with what is plausible on such a machine: look through it.")
+    common.tell("In this folder every command uses it. Next: orthocal measure")
+
+
+@machine.command(cls=common.Command)
+def show(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]", help="Without it the machine file in this folder.", show_default=False
+        ),
+    ] = None,
+    json: common.AsJson = False,
+    no_colour: common.NoColour = False,
+) -> None:
+    """Show a machine: its numbers, its travel, what is entered and what is known to be wrong."""
+    from orthoglide_cal.files import machine_in_folder
+
+    path = file or machine_in_folder(Path())
+    if path is None:
+        raise UsageError(
+            "There is no machine file in this folder.",
+            "Name one, or make one: orthocal machine new",
+        )
+    common.deliver(_shown(path), as_json=json)
+
+
+def _shown(path: Path) -> Document:
+    from orthoglide_cal.report.documents.machine import machine_document
+
+    return machine_document(common.read_machine_file(path).model)
+
+
+def _tolerances_asked(answers: dict[str, Any], target: Path) -> str | None:
+    """Ask how large each error plausibly is, unless the usual will do: the file's text, or None."""
+    from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.report.words import unit_words
+
+    common.tell("How large an error plausibly is tells `diagnose` what to expect and what not.")
+    if typer.confirm("The usual tolerances", default=True, err=True):
+        return None
+    common.tell("Return keeps each; 0 rules it out. What they are: orthocal guide causes")
+    text = None
+    for cause in CAUSES.values():
+        key = f"{_TOLERANCES}.{cause.id}"
+        # What has no size happens or does not.
+        if cause.unit and key not in answers:
+            common.tell(f"{cause.title} ({cause.size_reason})")
+            text = _asked(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
+    return text
+
+
+def _tolerance(given: str) -> tuple[str, float]:
+    """Key and value of CAUSE=SIZE. Raises UsageError."""
+    from orthoglide_cal.files import parse_number
+
+    cause, _, size = given.partition("=")
+    try:
+        return f"{_TOLERANCES}.{cause}", parse_number(size)
+    except InputError as error:
+        raise UsageError(
+            f"--tolerance {given}: {error.what}", "Write it as axis_gap=0.3"
+        ) from error
+
+
+def _asked(answers: dict[str, Any], key: str, question: str, target: Path) -> str:
+    """Ask until the answer makes a machine; it joins the others. Returns the file's text."""
+    usual = _plain(_usual(key, answers))
+    shown = " ".join(str(each) for each in (usual if isinstance(usual, list) else [usual]))
+    while True:
+        said = typer.prompt(question, default=shown, type=str, err=True)
+        try:
+            value = said if key == "name" else _numbers(said, len(shown.split()))
+            text = _text({**answers, key: value}, target)
+        except InvalidFileError as error:
+            # What follows from a wrong answer is not asked yet.
+            own = [fault for fault in error.problems if (fault.column or "").startswith(key)]
+            common.tell(_fault(*(own or error.problems)[:1]))
+            continue
+        except InputError as error:
+            common.tell(_fault(error))
+            continue
+        answers[key] = value
+        return text
+
+
+def _fault(fault: InputError) -> str:
+    """What is wrong with an answer; it has no other place than the question."""
+    value = f" ({fault.value})" if fault.value is not None else ""
+    return f"{fault.what}{value} {fault.remedy}"
+
+
+def _numbers(said: str, wanted: int) -> float | list[float]:
+    """The number that was typed, or several. Raises InputError if there are not as many."""
+    from orthoglide_cal.files import parse_number
+
+    values = [parse_number(part, decimal_comma=True) for part in said.split()]
+    if len(values) != wanted:
+        what = "One number is wanted." if wanted == 1 else f"{wanted} numbers are wanted."
+        raise InputError(what, "Type it as in the brackets.", value=said)
+    return values[0] if wanted == 1 else values
+
+
+def _text(answers: dict[str, Any], target: Path) -> str:
+    """The file's text. Raises InvalidFileError for values that make no machine."""
+    from orthoglide_cal.files import new_machine
+
+    values: dict[str, Any] = {}
+    for key in (*_QUESTIONS, *(key for key in answers if key not in _QUESTIONS)):
+        value = _plain(answers[key] if key in answers else _usual(key, answers))
+        group, _, inner = key.rpartition(".")
+        (values.setdefault(group, {}) if group else values)[inner] = value
+    values["gauge"]["revolution_mm"] = values["gauge"]["revolution_mm"] or None
+    return new_machine(values, str(target))
+
+
+def _plain(value: Any) -> Any:
+    """Whole numbers without a decimal point."""
+    if isinstance(value, list):
+        return [_plain(each) for each in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _usual(key: str, answers: dict[str, Any]) -> Any:
+    """What is proposed: the prototype's value, for travel and workspace in proportion to L."""
+    from orthoglide_cal.files import default_machine, machine_values
+
+    value: Any = {**machine_values(default_machine()), "name": "my machine"}
+    length = value["leg_length_mm"]
+    for part in key.split("."):
+        value = value[part]
+    share = answers.get("leg_length_mm", length) / length
+    if share != 1.0 and key == "joint_limits_mm":
+        return [round(limit * share) for limit in value]
+    return round(value * share) if share != 1.0 and key == "workspace_mm" else value

@@ -1,0 +1,96 @@
+"""Values of a YAML file changed where they stand: comments, order and blanks stay as they are.
+
+A file that people keep is edited, never dumped again. Whoever edits one reads the result back,
+because YAML has forms that nobody writes and this does not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import yaml
+
+from orthoglide_cal.files.yaml_tree import yaml_text
+
+
+class _Change(NamedTuple):
+    """Characters [start, end) of a text, and what takes their place."""
+
+    start: int
+    end: int
+    text: str
+
+
+def edited(text: str, values: Mapping[str, Any]) -> str:
+    """The text of a YAML file with other values.
+
+    `edited("a: 1  # one\\n", {"a": 2, "b": []})` is `"a: 2  # one\\nb: []\\n"`.
+
+    Args:
+        text: of a file that `load_tree` reads, with a group at its top.
+        values: key → plain value. A group whose keys are all there is changed key by key; any
+            other value takes the place of the old one as a whole; a new key comes last.
+    """
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    missing = {key: value for key, value in values.items() if _entry(root, key)[1] is None}
+    for change in sorted(_changes(root, values, text), reverse=True):
+        text = _with(text, change)
+    if not missing:
+        return text
+    return text.rstrip("\n") + "\n" + yaml_text(missing)
+
+
+def _changes(group: Any, values: Mapping[str, Any], text: str) -> Iterator[_Change]:
+    for key, value in values.items():
+        name, node = _entry(group, key)
+        if node is None:
+            continue
+        start = node.start_mark.index
+        line = text.rfind("\n", 0, start)
+        if isinstance(value, Mapping) and all(_entry(node, inner)[1] for inner in value):
+            yield from _changes(node, value, text)
+        elif _is_block(node) and not text[line:start].strip(" \n"):
+            # A block below its key: the new value stands behind the key, whatever its form.
+            colon = text.index(":", name.end_mark.index) + 1
+            yield _Change(colon, colon, _written(value))
+            yield _Change(line, _end(node), "")
+        else:
+            yield _Change(start, _end(node), _written(value))
+
+
+def _entry(group: Any, key: str) -> tuple[Any, Any]:
+    """The nodes of a key and its value; None where there is none."""
+    entries = group.value if isinstance(group, yaml.MappingNode) else ()
+    return next((entry for entry in entries if entry[0].value == key), (None, None))
+
+
+def _is_block(node: Any) -> bool:
+    return not isinstance(node, yaml.ScalarNode) and not node.flow_style
+
+
+def _end(node: Any) -> int:
+    """Where the node's own text ends; the parser counts what follows a block to it."""
+    if not _is_block(node):
+        return int(node.end_mark.index)
+    last = node.value[-1]
+    return _end(last[1] if isinstance(last, tuple) else last)
+
+
+def _written(value: Any) -> str:
+    """A value as it stands behind `key: `, or on the lines below."""
+    # The list keeps the dumper from writing a group of nothing but scalars in braces.
+    lines = yaml_text({"_": value, "__": []}).removeprefix("_:").removesuffix("\n__: []\n")
+    return lines.removeprefix(" ")
+
+
+def _with(text: str, change: _Change) -> str:
+    """The text after one change; a comment behind it stays in its column."""
+    new, rest = change.text, text[change.end :]
+    if text[: change.start].endswith(":") and not new.startswith("\n"):
+        new = f" {new}"
+    blanks = len(rest) - len(rest.lstrip(" "))
+    if rest[blanks : blanks + 1] == "#" and "\n" not in new:
+        longer = len(new) - (change.end - change.start)
+        rest = " " * max(1, blanks - longer) + rest[blanks:]
+    return text[: change.start] + new + rest

@@ -1,0 +1,6 @@
+"""What differs from one operating system to another: terminal, lock, giving a file its name."""
+
+from orthoglide_cal.system.chosen import SYSTEM
+from orthoglide_cal.system.interface import Terminal
+
+__all__ = ["SYSTEM", "Terminal"]

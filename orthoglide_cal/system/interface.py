@@ -1,0 +1,50 @@
+"""The few things that each operating system does in its own way, as the program wants them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+# Where nobody says how wide the screen is.
+COLUMNS = 80
+END_OF_INPUT = "\x04"  # Ctrl-D; what other systems use instead is read as this
+
+
+class Terminal(Protocol):
+    """The terminal of standard input: each key as it is pressed, and nothing shown of it."""
+
+    def read(self, timeout_s: float) -> str:
+        """The keys pressed since the last call; "" after the time-out.
+
+        Raises:
+            EOFError: the terminal was closed.
+            KeyboardInterrupt: Ctrl-C.
+        """
+
+    def write(self, text: str) -> None:
+        """Show what was typed."""
+
+    def columns(self) -> int:
+        """The width of the screen, in characters."""
+
+    def disturbed(self) -> bool:
+        """True once after the screen has changed: another size, or the program was stopped."""
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+
+
+class System(Protocol):
+    """An operating system."""
+
+    def terminal(self, descriptor: int) -> Terminal:
+        """The terminal that this descriptor reads from."""
+
+    def lock(self, descriptor: int) -> None:
+        """Lock a file until it is closed or the process ends, however. Raises OSError if it is."""
+
+    def publish(self, temporary: Path, path: Path) -> None:
+        """Give a finished file its name. Raises FileExistsError if another file has it."""
+
+    def sync_folder(self, folder: Path) -> None:
+        """Make new names in a folder survive a power loss, as far as the system can."""

@@ -1,0 +1,128 @@
+"""Linux, macOS and the like."""
+
+from __future__ import annotations
+
+import codecs
+import fcntl
+import os
+import select
+import signal
+import termios
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from orthoglide_cal.system.interface import COLUMNS
+
+
+class PosixTerminal:
+    """A terminal that hands over each key at once (not canonical) and shows none (no echo)."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._input = self._output = descriptor
+        with suppress(OSError):  # standard input may be open for reading only
+            self._output = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NOCTTY)
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._disturbed = False
+        self._before = termios.tcgetattr(descriptor)
+        self._handlers: dict[int, Any] = {
+            number: signal.signal(number, self._on_signal)
+            for number in (signal.SIGCONT, signal.SIGWINCH, signal.SIGTSTP)
+            if signal.getsignal(number) != signal.SIG_IGN
+        }
+        self._take()
+
+    def _take(self) -> None:
+        mode = termios.tcgetattr(self._input)
+        # A line ends with CR, LF or both, as the gauge pleases: they must arrive as they are.
+        mode[0] &= ~termios.ICRNL
+        mode[3] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
+        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
+        termios.tcsetattr(self._input, termios.TCSADRAIN, mode)
+
+    def _give_back(self, when: int) -> None:
+        with suppress(termios.error):  # the terminal was closed
+            termios.tcsetattr(self._input, when, self._before)
+
+    def _on_signal(self, number: int, frame: object) -> None:
+        self._disturbed = True
+        if number == signal.SIGTSTP:
+            self._give_back(termios.TCSADRAIN)
+            signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+            os.kill(os.getpid(), signal.SIGTSTP)
+            # From here on it is continued.
+            signal.signal(signal.SIGTSTP, self._on_signal)
+
+    def read(self, timeout_s: float) -> str:
+        """See `interface.Terminal`."""
+        try:
+            ready, _, _ = select.select([self._input], [], [], timeout_s)
+            if not ready:
+                return ""
+            data = os.read(self._input, 4096)
+        except OSError as error:  # the terminal was closed
+            raise EOFError from error
+        if not data:
+            raise EOFError
+        return self._decoder.decode(data)
+
+    def write(self, text: str) -> None:
+        """See `interface.Terminal`."""
+        os.write(self._output, text.encode("utf-8", errors="replace"))
+
+    def columns(self) -> int:
+        """See `interface.Terminal`."""
+        with suppress(OSError):
+            return os.get_terminal_size(self._input).columns or COLUMNS
+        return COLUMNS
+
+    def disturbed(self) -> bool:
+        """See `interface.Terminal`; whoever had the terminal meanwhile has set it differently."""
+        if not self._disturbed:
+            return False
+        self._disturbed = False
+        with suppress(termios.error):
+            self._take()
+        return True
+
+    def close(self) -> None:
+        """See `interface.Terminal`; what was typed for nobody does not reach the shell."""
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        self._give_back(termios.TCSAFLUSH)
+        if self._output != self._input:
+            os.close(self._output)
+
+
+class Posix:
+    """See `interface.System`."""
+
+    def terminal(self, descriptor: int) -> PosixTerminal:
+        """See `interface.System`."""
+        return PosixTerminal(descriptor)
+
+    def lock(self, descriptor: int) -> None:
+        """See `interface.System`."""
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def publish(self, temporary: Path, path: Path) -> None:
+        """A link fails where a rename would replace. File systems without links (USB sticks) get
+        a check and a rename.
+        """
+        try:
+            path.hardlink_to(temporary)
+        except FileExistsError:
+            raise
+        except OSError:
+            if path.exists():
+                raise FileExistsError(str(path)) from None
+            temporary.rename(path)
+
+    def sync_folder(self, folder: Path) -> None:
+        """See `interface.System`."""
+        with suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)

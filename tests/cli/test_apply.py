@@ -1,0 +1,263 @@
+"""`orthocal apply`: the machine file learns what was entered, and the later commands agree."""
+
+import json
+import re
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from orthoglide_cal.files import shipped_folder
+from tests import truth
+
+from .program import UNDETERMINED, lines, run
+
+COMMENT = "# of the foundry, not to be lost\n"
+FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with a machine file that somebody wrote, and a first measurement."""
+    monkeypatch.chdir(tmp_path)
+    machine = truth.machine_yaml(truth.LARGE, truth.MICRON)
+    Path("machine.yaml").write_text(COMMENT + machine, encoding="utf-8")
+    truth.write_readings(FIRST, Path("before.csv"))
+
+
+def machine_file() -> dict[str, object]:
+    """As any other program reads it."""
+    content: dict[str, object] = yaml.safe_load(Path("machine.yaml").read_text(encoding="utf-8"))
+    return content
+
+
+def active() -> np.ndarray:
+    """Offsets in the controller, says the machine file."""
+    return np.array(list(machine_file()["offsets_mm"].values()))  # type: ignore[attr-defined]
+
+
+def applied() -> None:
+    done = run("apply", "before.csv", "--yes")
+    assert done.exit_code == 0, done.stderr
+
+
+def measured_again(name: str = "after.csv") -> None:
+    """The same machine, corrected by what its controller holds."""
+    left = replace(FIRST, offsets=FIRST.offsets - active())
+    truth.write_readings(truth.second_session(left, 7), Path(name))
+
+
+def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
+    before = Path("machine.yaml").read_text(encoding="utf-8")
+    (exported,) = lines(run("export", "before.csv", "--json"))
+    applied()
+    after = Path("machine.yaml").read_text(encoding="utf-8")
+    changed = [line for line in before.splitlines() if line not in after.splitlines()]
+    assert changed == ["offsets_mm: {x: 0.0, y: 0.0, z: 0.0}"]
+    np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
+    (entry,) = machine_file()["history"]  # type: ignore[misc]
+    assert list(entry) == ["date", "before", "after", "data_sha256"]
+    assert entry["before"] == {"x": 0.0, "y": 0.0, "z": 0.0}
+    assert entry["after"] == machine_file()["offsets_mm"]
+    assert entry["after"] == {axis: exported["joints"][axis]["new_mm"] for axis in "xyz"}
+    assert entry["data_sha256"] == sha256(Path("before.csv").read_bytes()).hexdigest()
+
+
+def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
+    applied()
+    measured_again()
+    (solved,) = lines(run("solve", "after.csv", "--json"))
+    (exported,) = lines(run("export", "after.csv", "--json"))
+    for k, axis in enumerate("xyz"):
+        joint = exported["joints"][axis]
+        assert joint["previous_mm"] == active()[k]
+        assert joint["new_mm"] == pytest.approx(FIRST.offsets[k], abs=0.01)
+        assert abs(solved["offsets_mm"][axis]) < 0.01
+    (verified,) = lines(run("verify", "before.csv", "after.csv", "--json"))
+    np.testing.assert_allclose(list(verified["applied_mm"].values()), active(), atol=1e-9)
+    assert verified["answer"] == "as modelled"
+    again = run("verify", "before.csv", "after.csv", "--json", "--applied", *map(str, active()))
+    assert lines(again)[0]["differences"] == verified["differences"]
+
+
+def test_the_first_measurement_still_says_what_it_said() -> None:
+    before = run("solve", "before.csv", "--json").stdout
+    applied()
+    assert run("solve", "before.csv", "--json").stdout == before
+
+
+def test_the_second_correction_adds_to_the_first() -> None:
+    applied()
+    first = active()
+    measured_again()
+    assert run("apply", "after.csv", "--yes").exit_code == 0
+    one, other = machine_file()["history"]  # type: ignore[misc]
+    assert other["before"] == one["after"] == dict(zip("xyz", first.tolist(), strict=True))
+    np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
+
+
+def test_the_sheet_as_left_shows_both_sides() -> None:
+    applied()
+    measured_again()
+    digests = [sha256(Path(name).read_bytes()).hexdigest() for name in ("before.csv", "after.csv")]
+    shown = run("report", "before.csv", "--after", "after.csv", "--limit", "0.05")
+    assert shown.exit_code == 0, shown.stderr
+    head, *rows = shown.stdout.split("Joint offsets\n")[1].splitlines()[:4]
+    assert head.split() == ["axis", "before", "entered", "now", "remains", "±", "U"]
+    for row, value in zip(rows, active(), strict=True):
+        _, before, entered, now, *_ = row.split()
+        assert (float(before), float(entered), float(now)) == (0.0, value, value)
+    assert all(digest in shown.stdout for digest in digests)
+    assert "before.csv" in shown.stdout
+    assert "after.csv" in shown.stdout
+
+
+def test_undo_takes_the_last_entry_back() -> None:
+    before = machine_file()
+    applied()
+    undone = run("apply", "--undo")
+    assert undone.exit_code == 0
+    assert machine_file() == {**before, "history": []}
+    assert COMMENT in Path("machine.yaml").read_text(encoding="utf-8")
+    assert run("apply", "--undo").exit_code == 2
+    applied()
+    assert len(machine_file()["history"]) == 1  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("before.csv", "--yes"), "applied already"),
+        (("after.csv", "--undo"), "another measurement"),
+        (("before.csv",), "In a script, give --yes"),
+        ((), "Name the session"),
+        (("before.csv", "--yes", "--machine", "-"), "cannot be changed"),
+        (("before.csv", "--yes", "--undo"), "do not go together"),
+    ],
+)
+def test_what_is_refused_changes_nothing(arguments: tuple[str, ...], words: str) -> None:
+    applied()
+    measured_again()
+    before = Path("machine.yaml").read_bytes()
+    refused = run("apply", *arguments)
+    assert refused.exit_code == 2
+    assert words in refused.stderr
+    assert Path("machine.yaml").read_bytes() == before
+
+
+def test_a_result_that_must_not_be_used_is_not_applied() -> None:
+    Path("few.csv").write_text(UNDETERMINED, encoding="utf-8")
+    before = Path("machine.yaml").read_bytes()
+    assert run("apply", "few.csv", "--yes").exit_code == run("export", "few.csv").exit_code == 4
+    assert Path("machine.yaml").read_bytes() == before
+
+
+def test_a_session_from_before_the_last_entry_is_refused() -> None:
+    run("simulate", "--seed", "3", "--output", "old.yaml")
+    applied()
+    refused = run("apply", "old.yaml", "--yes")
+    assert refused.exit_code == 2
+    assert "Measure again" in refused.stderr
+
+
+def test_a_session_of_another_machine_is_refused() -> None:
+    other = str(shipped_folder() / "orthoglide_prototype.yaml")
+    run("simulate", "--seed", "3", "--machine", other, "--output", "other.yaml")
+    refused = run("apply", "other.yaml", "--yes")
+    assert refused.exit_code == 2
+    assert "name, leg_length_mm" in refused.stderr
+
+
+def test_the_shipped_machine_is_never_written() -> None:
+    path = shipped_folder() / "orthoglide_large.yaml"
+    before = path.read_bytes()
+    refused = run("apply", "before.csv", "--yes", "--machine", str(path))
+    assert refused.exit_code == 2
+    assert path.read_bytes() == before
+
+
+def test_offsets_changed_by_hand_are_not_taken_back() -> None:
+    applied()
+    text = Path("machine.yaml").read_text(encoding="utf-8")
+    changed = re.sub("^offsets_mm: .*", "offsets_mm: {x: 1, y: 0, z: 0}", text, flags=re.MULTILINE)
+    Path("machine.yaml").write_text(changed, encoding="utf-8")
+    refused = run("apply", "--undo")
+    assert refused.exit_code == 2
+    assert "by hand" in refused.stderr
+
+
+def test_without_a_machine_file_it_says_how_to_make_one() -> None:
+    Path("machine.yaml").unlink()
+    refused = run("apply", "before.csv", "--yes")
+    assert refused.exit_code == 2
+    assert "orthocal machine new" in refused.stderr
+
+
+def test_json_says_what_changed() -> None:
+    (said,) = lines(run("apply", "before.csv", "--yes", "--json"))
+    (entry,) = machine_file()["history"]  # type: ignore[misc]
+    assert {key: said[key] for key in entry} == json.loads(json.dumps(entry))
+    assert said["machine_file"] == "machine.yaml"
+
+
+def test_sessions_say_themselves_what_was_active() -> None:
+    """Of two sessions, and with the machine file's offsets changed since."""
+    run("simulate", "--offsets", "0.4", "0", "0", "--seed", "1", "--output", "one.yaml")
+    assert run("apply", "one.yaml", "--yes").exit_code == 0
+    entered = active()
+    left = np.array([0.4, 0.0, 0.0]) - entered
+    run("simulate", "--offsets", *map(str, left), "--seed", "2", "--output", "two.yaml")
+    run("apply", "--undo")
+    (exported,) = lines(run("export", "two.yaml", "--json", "--machine", "machine.yaml"))
+    assert exported["joints"]["x"]["previous_mm"] == entered[0]
+    (verified,) = lines(run("verify", "one.yaml", "two.yaml", "--json"))
+    assert verified["applied_mm"]["x"] == pytest.approx(entered[0], abs=1e-9)
+    # They need no machine file: nothing that lies around may stop them.
+    Path("other.yaml").write_text("kind: broken\n", encoding="utf-8")
+    assert run("verify", "one.yaml", "two.yaml").exit_code == 0
+    Path("other.yaml").unlink()
+    (history,) = lines(run("report", "--history", ".", "--json"))
+    totals = [entry["total_mm"]["x"] for entry in history["sessions"]]
+    np.testing.assert_allclose(totals, 0.4, atol=0.01)
+    assert [entry["adjusted"] for entry in history["sessions"]] == [False, True]
+
+
+def simulated_session() -> None:
+    """s.yaml, as `measure --gauge simulated --seed 4` leaves one."""
+    done = run("simulate", "--offsets", "1", "-0.8", "0.6", "--seed", "3", "-o", "s.yaml")
+    assert done.exit_code == 0, done.stderr
+    content = yaml.safe_load(Path("s.yaml").read_text(encoding="utf-8"))
+    content["environment"] = {**(content.get("environment") or {}), "seed": "4"}
+    Path("s.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+
+
+def test_a_session_says_itself_which_machine_it_is_of() -> None:
+    """Naming another machine's file does not make it that machine's."""
+    machine = Path("machine.yaml").read_text(encoding="utf-8")
+    simulated_session()
+    other = machine.replace(f"leg_length_mm: {truth.LARGE.leg}", "leg_length_mm: 421.5")
+    assert other != machine
+    Path("machine.yaml").write_text(other, encoding="utf-8")
+    refused = run("apply", "s.yaml", "--machine", "machine.yaml", "--yes")
+    assert refused.exit_code == 2
+    assert "leg_length_mm" in refused.stderr
+    assert Path("machine.yaml").read_text(encoding="utf-8") == other
+
+
+def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
+    """What the screens suggest leads back to the same machine, with its correction."""
+    simulated_session()
+    shown = run("apply", "s.yaml", "--yes").stdout
+    assert "orthocal measure --gauge simulated --seed 4" in shown
+    assert "orthocal measure --gauge simulated --seed 4" in run().stdout
+    assert "are in the controller" in run("solve", "s.yaml").stdout
+
+
+def test_no_option_is_offered_that_apply_does_not_have() -> None:
+    Path("d.csv").write_text(run("template", "differences").stdout, encoding="utf-8")
+    refused = run("apply", "d.csv", "--yes")
+    assert refused.exit_code == 4
+    assert "--force" not in refused.stderr

@@ -1,0 +1,80 @@
+"""`orthocal guide`: from the name of a topic to its page, on a screen or in a pipe."""
+
+import re
+
+import pytest
+
+from tests.cli.program import modules_after, process, run
+from tests.guide.test_pages import PAGES
+from tests.markdown import blocks
+
+
+def on_screen(monkeypatch: pytest.MonkeyPatch, columns: int, *topic: str) -> str:
+    """What a terminal of this width shows, without colours."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", str(columns))
+    shown = run("guide", *topic)
+    assert shown.exit_code == 0, shown.stderr
+    return re.sub(r"\x1b\[[0-9;]*m", "", shown.stdout)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_topic_is_laid_out_on_a_screen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = on_screen(monkeypatch, 80, name)
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "**" not in shown
+    assert "```" not in shown
+    lines = [line.strip() for line in shown.splitlines()]
+    for kind in ("text", "sh", "console"):
+        for block in blocks(PAGES[name], kind):
+            for line in block.splitlines():
+                assert line.strip() in lines, "broken"
+
+
+def test_a_wide_screen_is_not_used_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    def widest(columns: int) -> int:
+        shown = on_screen(monkeypatch, columns, "signs")
+        return max(len(line.rstrip()) for line in shown.splitlines())
+
+    assert widest(60) <= 60 < 80 < widest(100) == widest(250) <= 100
+
+
+def test_in_a_pipe_it_is_the_page_as_written() -> None:
+    assert process("guide", "signs").stdout == PAGES["signs"]
+    assert not {"numpy", "scipy", "yaml"} & modules_after("guide", "signs")
+
+
+def test_without_a_topic_the_list_is_shown() -> None:
+    assert run("guide").stdout == PAGES["index"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [
+        (("What", "to", "do", "when"), "what-to-do-when"),
+        (("what-to-do when",), "what-to-do-when"),
+        (("AXIS-GAP",), "axis_gap"),
+        (("axis gap",), "axis_gap"),
+    ],
+)
+def test_a_topic_however_it_is_written(typed: tuple[str, ...], name: str) -> None:
+    assert run("guide", *typed).stdout == PAGES[name]
+
+
+@pytest.mark.parametrize(
+    ("typed", "near"),
+    [("sings", "signs"), ("gap", "axis_gap"), ("backlsh", "backlash"), ("leg", "leg_length")],
+)
+def test_of_an_unknown_topic_the_nearest_are_named(typed: str, near: str) -> None:
+    shown = run("guide", typed)
+    assert shown.exit_code == 2
+    assert shown.stdout == ""
+    assert near in re.split(r"[ ,.]+", shown.stderr.partition("Nearest: ")[2])
+
+
+@pytest.mark.parametrize("typed", ["", "xyzzy", "../causes", "/etc/passwd", "\x1b[31mred"])
+def test_what_is_near_nothing_is_refused_all_the_same(typed: str) -> None:
+    shown = run("guide", typed)
+    assert shown.exit_code == 2
+    assert "All pages: orthocal guide" in shown.stderr
+    assert "\x1b" not in shown.stderr

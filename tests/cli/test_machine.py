@@ -1,0 +1,206 @@
+"""`orthocal machine` and `template`: files that the program itself reads; the folder's machine."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.files import default_machine, read_machine
+from tests.session.terminal import Terminal
+
+from .program import SESSION, SIX, lines, run
+
+ANSWERS = (
+    "--name", "Mill 3", "--leg-length", "400", "--width", "90", "--tool-offset", "25.5",
+    "--limits", "-120", "80", "--workspace", "250", "--resolution", "0.001", "--range", "12.5",
+    "--revolution", "0", "--repeatability", "0.002",
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_options_make_the_machine() -> None:
+    made = run("machine", "new", *ANSWERS, "--yes", "--output", "mine.yaml")
+    assert made.exit_code == 0, made.stderr
+    machine = read_machine("mine.yaml").machine
+    assert (machine.name, machine.leg_length_mm, machine.parallelogram_width_mm) == (
+        "Mill 3", 400.0, 90.0,
+    )  # fmt: skip
+    assert (machine.tool_offset_mm, machine.joint_limits_mm) == (25.5, (-120.0, 80.0))
+    assert (machine.workspace_mm, machine.gauge.revolution_mm) == (250.0, None)
+    assert (machine.gauge.resolution_mm, machine.gauge.range_mm) == (0.001, 12.5)
+    assert machine.gauge.repeatability_mm == 0.002
+    assert dict(machine.tolerances) == dict(default_machine().machine.tolerances)
+    text = Path("mine.yaml").read_text(encoding="utf-8")
+    assert "# L, the parallelograms' length" in text
+    assert "Pashkevich" not in text
+    shown = run("machine", "show", "mine.yaml")
+    assert shown.stdout == made.stdout
+    assert "L = 400" in shown.stdout
+    assert max(map(len, shown.stdout.splitlines())) <= 80
+
+
+def test_tolerances_are_options_too() -> None:
+    given = ("--tolerance", "axis_gap=0.3", "--tolerance", "wrong_unit=0", "--yes")
+    assert run("machine", "new", *given).exit_code == 0
+    known = dict(default_machine().machine.tolerances)
+    tolerances = dict(read_machine("machine.yaml").machine.tolerances)
+    assert tolerances == {**known, "axis_gap": 0.3, "wrong_unit": 0.0}
+    # Every other line is as in the file that it was made from.
+    text = Path("machine.yaml").read_text(encoding="utf-8")
+    assert re.search(r"^  axis_gap: 0\.3 +# mm; usual assembly leaves", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("axis_gap", "--tolerance axis_gap: "),
+        ("axis_gap=", "Write it as axis_gap=0.3"),
+        ("axis_gap=nan", "Write it as axis_gap=0.3"),
+        ("axis_gap=-1", "tolerances.axis_gap"),
+        ("axis_gap=1e9", "tolerances.axis_gap"),
+        ("axisgap=1", "axisgap"),
+        ("=1", "tolerances"),
+    ],
+)
+def test_tolerances_of_nothing_are_refused(given: str, words: str) -> None:
+    refused = run("machine", "new", "--tolerance", given, "--yes")
+    assert refused.exit_code == 2, refused.output
+    assert words in " ".join(refused.stderr.split())
+    assert not Path("machine.yaml").exists()
+
+
+def test_tolerances_are_asked_for_with_their_reasons(tmp_path: Path) -> None:
+    sized = [cause for cause in CAUSES.values() if cause.unit]
+    given = ("--tolerance", "backlash=0.01", *ANSWERS)
+    with Terminal(tmp_path, command=("machine", "new", *given), agreed=False) as terminal:
+        terminal.expect(r"usual tolerances \[Y/n\]: $")
+        terminal.type("n")
+        for cause in sized:
+            if cause.id == "backlash":
+                continue
+            terminal.expect(rf"{cause.id}, \S+ \[[\d.]+\]: $")
+            if cause.id == "axis_squareness":
+                terminal.type("-1")
+                terminal.expect(rf"{cause.id}, \S+ \[[\d.]+\]: $")
+                terminal.type("0,4")
+                continue
+            terminal.type("")
+        assert terminal.finish() == 0, terminal.seen
+    seen = " ".join(terminal.seen.split())
+    for cause in sized:
+        assert (f"{cause.title} ({cause.size_reason})" in seen) == (cause.id != "backlash")
+    known = dict(default_machine().machine.tolerances)
+    tolerances = dict(read_machine(tmp_path / "machine.yaml").machine.tolerances)
+    assert tolerances == {**known, "backlash": 0.01, "axis_squareness": 0.4}
+
+
+def test_travel_and_workspace_follow_the_leg() -> None:
+    run("machine", "new", "--leg-length", "620.5", "--yes")
+    machine = read_machine("machine.yaml").machine
+    assert (machine.joint_limits_mm, machine.workspace_mm) == ((-200.0, 120.0), 400.0)
+
+
+def test_an_existing_file_and_a_script_without_yes() -> None:
+    assert run("machine", "new").exit_code == 2
+    Path("machine.yaml").write_text("mine")
+    refused = run("machine", "new", "--yes")
+    assert refused.exit_code == 2
+    assert Path("machine.yaml").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--leg-length", "1e4", "--limits", "-2e4", "5"), "beyond the leg's length"),
+        (("--resolution", "1e-30"), "from 1e-06 to 100"),
+        (("--leg-length", "nan"), "--leg-length cannot be nan"),
+        (("--kind", "crane"), "kind of machine is not known"),
+        (("--name", ""), "empty"),
+    ],
+)
+def test_values_of_no_machine_are_refused(arguments: tuple[str, ...], words: str) -> None:
+    refused = run("machine", "new", *arguments, "--yes")
+    assert refused.exit_code == 2
+    assert words in refused.stderr
+    assert not Path("machine.yaml").exists()
+
+
+def test_a_folder_remembers_its_machine() -> None:
+    run("machine", "new", "--name", "Mill 3", "--leg-length", "400", "--yes")
+    solved = run("solve", SIX, "--json")
+    assert lines(solved)[0]["machine"] == "Mill 3"
+    assert "machine.yaml" in solved.stderr
+    assert lines(run("solve", SESSION, "--json"))[0]["machine"] == "Orthoglide prototype"
+    run("machine", "new", "--name", "Mill 4", "--yes", "--output", "other.yaml")
+    several = run("solve", SIX)
+    assert several.exit_code == 2
+    assert "machine.yaml, other.yaml" in several.stderr
+    named = run("solve", SIX, "--machine", "other.yaml", "--json")
+    assert lines(named)[0]["machine"] == "Mill 4"
+    assert run("solve", SESSION).exit_code == 0
+
+
+@pytest.mark.parametrize("kind", ["readings", "differences", "machine"])
+def test_a_template_is_a_file_that_the_program_takes(kind: str) -> None:
+    shown = run("template", kind)
+    assert shown.stdout.startswith("#")
+    Path(f"{kind}.txt").write_text(shown.stdout, encoding="utf-8")
+    checked = run("validate", f"{kind}.txt")
+    assert checked.exit_code == 0, checked.stdout
+    assert "note:" not in checked.stdout
+    data = SIX if kind == "machine" else f"{kind}.txt"
+    machine = ("--machine", "machine.txt") if kind == "machine" else ()
+    assert run("solve", data, *machine).exit_code == 0
+
+
+def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
+    def page() -> str:
+        shown = run()
+        assert shown.exit_code == 0
+        return shown.stdout
+
+    assert "orthocal machine new" in page()
+    run("machine", "new", "--name", "Mill 3", "--yes")
+    assert "Mill 3" in page()
+    assert "orthocal machine new" not in page()
+    Path("begun.journal").write_text("")
+    assert "orthocal measure begun.yaml --resume" in page()
+    Path("begun.journal").unlink()
+    run("simulate", "--offsets", "0.4", "0", "0", "--seed", "1", "--output", "one.yaml")
+    assert "orthocal apply one.yaml" in page()
+    assert run("apply", "one.yaml", "--yes").exit_code == 0
+    assert "orthocal measure\n" in page()
+    assert "orthocal apply" not in page()
+    run("simulate", "--seed", "2", "--output", "two.yaml")
+    assert "orthocal verify one.yaml two.yaml" in page()
+    Path("second.yaml").write_text(Path("machine.yaml").read_text())
+    assert "2 machine files" in page()
+
+
+def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
+    answers = ("Mill 3", "abc", "-5", "620,5", "", "", "-100", "-700 20", "-150 90", *[""] * 6)
+    with Terminal(tmp_path, command=("machine", "new"), agreed=False) as terminal:
+        for answer in answers:
+            terminal.expect(r"\]: $")
+            terminal.type(answer)
+        assert terminal.finish() == 0, terminal.seen
+    machine = read_machine(tmp_path / "machine.yaml").machine
+    assert (machine.name, machine.leg_length_mm) == ("Mill 3", 620.5)
+    assert machine.joint_limits_mm == (-150.0, 90.0)
+    for words in ("This is not a number.", "greater than zero", "beyond the leg's length"):
+        assert words in " ".join(terminal.seen.split())
+    assert terminal.seen.count("L, length of a leg") == 3
+    assert "workspace_mm" not in terminal.seen
+
+
+def test_an_interrupted_question_leaves_nothing(tmp_path: Path) -> None:
+    with Terminal(tmp_path, command=("machine", "new"), agreed=False) as terminal:
+        terminal.expect(r"\]: $")
+        terminal.child.sendintr()
+        assert terminal.finish() == 130
+    assert not (tmp_path / "machine.yaml").exists()

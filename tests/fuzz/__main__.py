@@ -1,0 +1,27 @@
+"""`python -m tests.fuzz`: 100,000 mutants; prints each failure and returns 1 if there are any."""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from .run import Fuzz
+
+
+def main() -> int:
+    """Run as many mutants as wanted."""
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    failures = 0
+    with tempfile.TemporaryDirectory() as folder:
+        for failure in Fuzz(Path(folder), given.seed).run(given.count):
+            failures += 1
+            print(f"{failure.number} {failure.kind}: {failure.what}\n{failure.text}\n", flush=True)
+    print(f"{given.count} mutants, {failures} failures", file=sys.stderr)
+    return int(failures > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

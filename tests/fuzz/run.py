@@ -1,0 +1,217 @@
+"""Damaged files and options through the whole program, in this process.
+
+What counts as a failure: an exception that is not one of the program's own, an exit code that is
+not documented, more than `PATIENCE_S`, no word about what is wrong, or an answer that no machine of
+this size can give.
+"""
+
+import contextlib
+import io
+import json
+import signal
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from orthoglide_cal.cli.app import app
+from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.session import Quit, Request, open_session
+from tests.files.test_machine_file import VALUES, accepted, text_with
+from tests.files.test_machine_history import HISTORY
+from tests.session.virtual import Screen, Script, answered
+
+from .mutate import HOSTILE, Rng, mutant
+
+# Made once: making the commands takes longer than running one.
+COMMAND = get_command(app)
+CODES = {0, 2, 3, 4, 130}
+# Nobody finds a carriage this far from where it seems to be [mm].
+PLAUSIBLE_MM = 100.0
+PATIENCE_S = 20
+
+DIFFERENCES = (
+    "difference,value_mm\ndx_y,-0.43\ndx_z,-0.37\ndy_x,0.42\ndy_z,-0.18\ndz_x,-1.14\ndz_y,-0.7\n"
+)
+OPTIONS = (
+    ("simulate", "--seed", "1", "--cycles", "{}"),
+    ("simulate", "--seed", "{}"),
+    ("simulate", "--seed", "1", "--cycles", "1", "--offsets", "{}", "{}", "{}"),
+    ("simulate", "--seed", "1", "--cycles", "1", "--noise", "{}", "--resolution", "{}"),
+    ("simulate", "--seed", "1", "--cycles", "1", "--gauge-at", "{}"),
+    ("simulate", "--seed", "1", "--cycles", "1", "--cause", "{}"),
+    ("simulate", "--seed", "1", "--cycles", "1", "--cause", "axis_gap={},{},{}"),
+    ("simulate", "--seed", "1", "--cycles", "1", "--cause", "misread@{}={}"),
+    ("verify", "six.csv", "six.csv", "--applied", "{}", "{}", "{}", "--json"),
+    ("verify", "six.csv", "six.csv", "--applied", "1", "0", "0", "--limit", "{}", "--json"),
+    ("solve", "six.csv", "--method", "{}"),
+    ("solve", "{}"),
+    ("validate", "{}"),
+    ("machine", "new", "--yes", "-o", "no/m.yaml", "--leg-length", "{}", "--range", "{}"),
+    ("machine", "new", "--yes", "-o", "no/m.yaml", "--limits", "{}", "{}", "--name", "{}"),
+    ("machine", "show", "{}"),
+    ("apply", "six.csv", "--yes", "--machine", "{}"),
+    ("{}",),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A mutant on which the program failed.
+
+    Attributes:
+        kind: what was damaged.
+        number: of the mutant; with the seed of the run it is the same again.
+        what: went wrong.
+        text: the mutant.
+    """
+
+    kind: str
+    number: int
+    what: str
+    text: str
+
+
+class Fuzz:
+    """Mutants of one of each kind of file, in a folder that is made for them.
+
+    Args:
+        folder: empty.
+        seed: of the run.
+    """
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self.folder, self.seed = folder, seed
+        run = CliRunner().invoke
+        with contextlib.chdir(folder):
+            Path("six.csv").write_text(DIFFERENCES, encoding="utf-8")
+            run(app, ["simulate", "--seed", "1", "--cycles", "1", "--output", "good.csv"])
+            run(app, ["simulate", "--seed", "1", "--cycles", "1", "--output", "good.yaml"])
+            answered(Path("good.journal"), ["-0.64", "0.41", "u", "0.42", "n a note", "s hidden"])
+        texts = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+        machine = text_with(*map(accepted, VALUES)).replace("\nhistory: []", HISTORY.rstrip())
+        self._kinds: tuple[tuple[str, Callable[[str], str | None], str], ...] = (
+            ("table", lambda text: self._file("m.csv", text, "solve"), texts["good.csv"]),
+            ("table", lambda text: self._file("m.csv", text, "validate"), texts["good.csv"]),
+            ("differences", lambda text: self._file("m.csv", text, "solve"), DIFFERENCES),
+            ("session", lambda text: self._file("m.yaml", text, "solve"), texts["good.yaml"]),
+            ("session", lambda text: self._file("m.yaml", text, "validate"), texts["good.yaml"]),
+            ("machine", self._machine, machine),
+            ("machine", self._machine, machine),
+            ("journal", self._journal, texts["good.journal"]),
+            # Damage that the checksums hide, as of a journal that another version wrote.
+            ("records", lambda text: self._journal(signed(text)), records(texts["good.journal"])),
+        )
+
+    def run(self, count: int) -> Iterator[Failure]:
+        """The failures among that many mutants."""
+        with contextlib.chdir(self.folder), _patience():
+            for number in range(count):
+                rng = np.random.default_rng([self.seed, number])
+                turn = number % (len(self._kinds) + 1)
+                if turn == len(self._kinds):
+                    kind, text = "options", _options(rng)
+                    wrong = self._judge(json.loads(text))
+                else:
+                    kind, judge, whole = self._kinds[turn]
+                    text = mutant(whole, rng)
+                    wrong = judge(text)
+                if wrong:
+                    yield Failure(kind, number, wrong, text)
+
+    def _file(self, name: str, text: str, verb: str) -> str | None:
+        Path(name).write_bytes(text.encode("utf-8", "surrogatepass"))
+        return self._judge([verb, name, "--json"])
+
+    def _machine(self, text: str) -> str | None:
+        Path("m.yaml").write_bytes(text.encode("utf-8", "surrogatepass"))
+        return self._judge(["solve", "six.csv", "--machine", "m.yaml", "--json"])
+
+    def _journal(self, text: str) -> str | None:
+        """An unfinished session that is gone on with; it asks until nobody answers any more."""
+        for path in Path().glob("m.*"):
+            path.unlink()
+        Path("m.journal").write_bytes(text.encode("utf-8", "surrogatepass"))
+        request, screen = Request(Path("m.yaml"), resume=True), Screen()
+        signal.alarm(PATIENCE_S)
+        try:
+            with contextlib.closing(
+                open_session(request, Path(), Script(["0.1", "k", "q"]), screen)
+            ) as dialogue:
+                dialogue.greet()
+                dialogue.run()
+                dialogue.publish()
+        except (OrthocalError, Quit, EOFError):
+            return None
+        except Exception as error:
+            return repr(error)
+        finally:
+            signal.alarm(0)
+        return None
+
+    def _judge(self, arguments: list[str]) -> str | None:
+        """What is wrong with how the program took it; None if nothing is."""
+        out, said, code = io.StringIO(), io.StringIO(), 0
+        sys.stdin = io.TextIOWrapper(io.BytesIO())
+        signal.alarm(PATIENCE_S)
+        try:
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
+                COMMAND(arguments, prog_name="orthocal")
+        except SystemExit as end:
+            code = int(end.code or 0)
+        except Exception as error:
+            return repr(error)
+        finally:
+            signal.alarm(0)
+            sys.stdin = sys.__stdin__
+        if code not in CODES:
+            return f"exit code {code}"
+        if code and not (out.getvalue() + said.getvalue()).strip():
+            return "not a word"
+        if code == 0 and arguments[0] == "solve" and "--json" in arguments:
+            found = json.loads(out.getvalue())["offsets_mm"]
+            if not max(map(abs, found.values())) <= PLAUSIBLE_MM:
+                return f"offsets {found}"
+        return None
+
+
+def records(journal: str) -> str:
+    """What the lines of a journal record, without their checksums."""
+    bodies = (line.partition(',"record":')[2][:-1] for line in journal.splitlines())
+    return "\n".join(bodies)
+
+
+def signed(bodies: str) -> str:
+    """A journal of such records, each with the checksum of all up to it."""
+    lines, checksum = [], 0
+    for body in bodies.split("\n"):
+        checksum = zlib.crc32(body.encode("utf-8", "surrogatepass"), checksum)
+        lines.append(f'{{"crc32":"{checksum:08x}","record":{body}}}\n')
+    return "".join(lines)
+
+
+def _options(rng: Rng) -> str:
+    """A command with hostile values, as JSON."""
+    chosen = OPTIONS[int(rng.integers(len(OPTIONS)))]
+    filled = [part.replace("{}", str(rng.choice(HOSTILE))) for part in chosen]
+    return json.dumps(filled)
+
+
+@contextlib.contextmanager
+def _patience() -> Iterator[None]:
+    """What takes too long ends with TimeoutError."""
+
+    def late(number: int, frame: FrameType | None) -> None:
+        raise TimeoutError(f"more than {PATIENCE_S} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGALRM, before)

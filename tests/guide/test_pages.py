@@ -1,0 +1,125 @@
+"""The pages of the guide: nothing is missing, every command exists, what they show is true."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.report.words import unit_words
+from tests.cli.program import DOUBLE, lines, run
+from tests.machines import PROTOTYPE, ROOT
+from tests.markdown import blocks, mentioned, run_block
+
+FOLDER = ROOT / "orthoglide_cal" / "guide"
+PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted(FOLDER.rglob("*.md"))}
+OF_CAUSES = {path.stem for path in (FOLDER / "causes").glob("*.md")}
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+every_page = pytest.mark.parametrize("name", PAGES)
+
+
+def test_every_cause_has_its_page() -> None:
+    assert set(CAUSES) == OF_CAUSES
+
+
+@pytest.mark.parametrize("id", CAUSES)
+def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
+    cause, page = CAUSES[id], PAGES[id]
+    assert page.startswith(f"# {id}: {cause.title}\n")
+    assert blocks(page, "text"), "no picture"
+    size = re.search(r"^- \*Usual size\*: (.*)", page, re.MULTILINE)
+    assert size
+    assert "**What to do.**" in page
+    if cause.names and not getattr(cause, "counts", None):
+        assert size[1].startswith(f"{cause.size(PROTOTYPE):g} {unit_words(cause.unit)}")
+
+
+def test_every_page_stands_in_a_list() -> None:
+    def listed(name: str) -> list[str]:
+        return re.findall(r"^- `([\w-]+)`:", PAGES[name], re.MULTILINE)
+
+    assert sorted(listed("causes")) == sorted(OF_CAUSES)
+    assert sorted(listed("index")) == sorted(set(PAGES) - OF_CAUSES - {"index"})
+    assert set(re.findall(r"`([\w-]+)`", PAGES["index"])) >= set(PAGES) - {"index"}
+
+
+def test_every_command_is_explained() -> None:
+    listed = run("--help").stdout.split("Commands:")[1]
+    told = {arguments[0] for page in PAGES.values() for arguments in mentioned(page)}
+    commands = {line.split()[0] for line in listed.splitlines() if re.match(r"  \w", line)}
+    assert commands
+    assert commands <= told | {"guide"}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    dict.fromkeys(tuple(each) for page in (*PAGES.values(), README) for each in mentioned(page)),
+    ids=" ".join,
+)
+def test_every_command_exists(arguments: tuple[str, ...]) -> None:
+    """With all its options. `--help` comes first where the first word would act at once."""
+    helped = ("--help", *arguments) if arguments[0].startswith("-") else (*arguments, "--help")
+    shown = run(*helped)
+    assert shown.exit_code == 0, shown.stderr
+    if arguments[0] == "guide":
+        assert run(*arguments).exit_code == 0
+
+
+@every_page
+def test_it_fits_the_narrowest_terminal_in_use(name: str) -> None:
+    code = [line for kind in ("text", "sh", "console", "python") for block in
+            blocks(PAGES[name], kind) for line in block.splitlines()]  # fmt: skip
+    assert max(map(len, code), default=0) <= 78
+    assert max(map(len, PAGES[name].splitlines())) <= 80
+    assert PAGES[name].count("\n```") == 2 * len(re.findall(r"^```\w+$", PAGES[name], re.M))
+
+
+@pytest.mark.parametrize("name", [name for name, page in PAGES.items() if blocks(page, "sh")])
+def test_its_examples_run(name: str, beside_the_samples: Path) -> None:
+    for block in blocks(PAGES[name], "sh"):
+        run_block(block)
+
+
+def test_the_shown_files_are_files(tmp_path: Path) -> None:
+    readings, differences = (tmp_path / name for name in ("readings.csv", "differences.csv"))
+    for path, block in zip((readings, differences), blocks(PAGES["files"], "text"), strict=True):
+        path.write_text(block, encoding="utf-8")
+    checked = run("validate", str(readings))
+    # Nothing is wrong with them but that they are the beginning of a session.
+    assert checked.exit_code == 4
+    assert "3 readings, which give no offsets" in checked.stdout
+    assert run("validate", str(differences)).exit_code == 0
+
+
+def test_the_budget_is_the_one_that_solve_prints(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "78")
+    shown = blocks(PAGES["uncertainty"], "text")[1]
+    assert shown.startswith("Uncertainty of the offsets")
+    assert shown.strip() in run("solve", DOUBLE).stdout
+
+
+def test_what_the_page_puts_into_the_machine_file_is_assumed_no_more(tmp_path: Path) -> None:
+    stated = yaml.safe_load(blocks(PAGES["uncertainty"], "text")[2])
+    path = tmp_path / "machine.yaml"
+    shipped = yaml.safe_load((ROOT / "configs" / "orthoglide_prototype.yaml").read_text("utf-8"))
+
+    def assumed() -> set[str]:
+        path.write_text(yaml.safe_dump(shipped), encoding="utf-8")
+        (found,) = lines(run("solve", DOUBLE, "--machine", str(path), "--json"))
+        return {each["source"] for each in found["budget"] if each["assumed"]}
+
+    del shipped["tolerances"]
+    before = assumed()
+    shipped.update(stated)
+    assert before - assumed() == {"gauge_scale", "gauge_placement", "leg_length"}
+
+
+def test_the_python_example_runs(beside_the_samples: Path) -> None:
+    (code,) = blocks(PAGES["developing"], "python")
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(compile(code, "developing.md", "exec"), {})
+    assert "what this gauge's noise would give" in printed.getvalue()

@@ -1,0 +1,234 @@
+"""Second presses and gauges that never stop, in a real terminal: only what was asked for is kept.
+
+Presses come 0.05 to 1 s apart, with equal and with other values, at prompts and at questions,
+within a posture and across two, from gauges that type and from serial ones.
+"""
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.session.dead_time import (
+    AFTER_A_DRIVE_S,
+    BETWEEN_GAUGES_S,
+    BY_HAND_S,
+    DeadTime,
+)
+from orthoglide_cal.session.journal import decode
+from orthoglide_cal.session.state import State, replay
+
+from .terminal import PROGRAM, PROMPT, QUESTION, SerialLine, Terminal
+
+APART_S = (0.12, 1.0, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.05, 0.3, 0.6)))
+FIRST = ("-0.64", "0.41", "-0.95", "0.43")  # of the first steps, as a healthy machine reads
+FAR = "5.55"  # questioned wherever something is known
+Press = Callable[[str], None]
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Iterator[SerialLine]:
+    gauge = SerialLine(tmp_path / "ttyUSB0")
+    yield gauge
+    gauge.close()
+
+
+@pytest.fixture(params=["wedge", "serial"])
+def at_the_machine(
+    request: pytest.FixtureRequest, tmp_path: Path, line: SerialLine
+) -> Iterator[tuple[Terminal, Press]]:
+    """The program as it is shipped, and a press of the gauge's button."""
+    serial = request.param == "serial"
+    options = ("--gauge", f"plain:{line.path}") if serial else ()
+    with Terminal(tmp_path, "s.yaml", *options, program=PROGRAM) as terminal:
+
+        def press(value: str) -> None:
+            if serial:
+                line.send(f"{value}\r".encode())
+            else:
+                terminal.type(value)
+
+        yield terminal, press
+
+
+def state_in(folder: Path) -> State:
+    path = folder / "s.journal"
+    return replay(decode(path.read_bytes(), str(path)).events)
+
+
+def kept(folder: Path) -> dict[int, float]:
+    return {number: item.take.value_mm for number, item in state_in(folder).accepted.items()}
+
+
+def measured(terminal: Terminal, press: Press, count: int) -> None:
+    """The first readings, unhurried."""
+    for number, value in enumerate(FIRST[:count], start=1):
+        assert terminal.step() == number
+        time.sleep(AFTER_A_DRIVE_S + 0.3 if number > 1 else 0.3)
+        press(value)
+    if count:
+        terminal.expect("saved")
+
+
+@pytest.mark.parametrize("apart", APART_S)
+@pytest.mark.parametrize("other", [False, True])
+@pytest.mark.parametrize("before", [0, 1])  # the second press meets the other gauge, or posture
+def test_a_second_press_is_no_reading(
+    tmp_path: Path, at_the_machine: tuple[Terminal, Press], apart: float, other: bool, before: int
+) -> None:
+    terminal, press = at_the_machine
+    measured(terminal, press, before)
+    assert terminal.step() == before + 1
+    time.sleep(AFTER_A_DRIVE_S)
+    value = FIRST[before]
+    press(value)
+    time.sleep(apart)
+    press(f"{float(value) + 0.01:.2f}" if other else value)
+    terminal.expect(r"ignored: \S+ arrived \d\.\d\d s after the last one")
+    terminal.expect("Drive to")
+    assert terminal.step() == before + 2
+    assert kept(tmp_path) == {n + 1: float(v) for n, v in enumerate(FIRST[: before + 1])}
+    time.sleep(AFTER_A_DRIVE_S + 0.2)
+    press(FIRST[before + 1])
+    terminal.expect("saved")
+    assert list(kept(tmp_path)) == list(range(1, before + 3))
+
+
+@pytest.mark.parametrize("apart", APART_S)
+@pytest.mark.parametrize("second", [FAR, "5.56", "k"])
+def test_a_second_press_answers_no_question(tmp_path: Path, apart: float, second: str) -> None:
+    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
+        assert terminal.step() == 1
+        terminal.type("55.5")  # beyond the gauge's travel
+        time.sleep(apart)
+        terminal.type("55.5" if second == FAR else second)
+        terminal.expect("ignored: ")
+        terminal.expect(QUESTION)
+        assert state_in(tmp_path).pending is not None
+        assert kept(tmp_path) == {}
+        time.sleep(BETWEEN_GAUGES_S + 0.2)
+        terminal.type("k")
+        terminal.expect("saved")
+
+
+def test_a_second_press_of_a_serial_gauge_answers_no_question(
+    tmp_path: Path, line: SerialLine
+) -> None:
+    options = ("s.yaml", "--gauge", f"plain:{line.path}")
+    with Terminal(tmp_path, *options, program=PROGRAM) as terminal:
+        assert terminal.step() == 1
+        for _ in range(2):
+            line.send(b"55.5\r")
+            time.sleep(0.7)
+        terminal.expect("ignored: 55.5 arrived")
+        terminal.expect(QUESTION)
+        assert state_in(tmp_path).pending is not None
+        assert kept(tmp_path) == {}
+
+
+@pytest.mark.parametrize(
+    "period", [0.03, 0.9, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.1, 0.4))]
+)
+def test_a_gauge_in_continuous_output_stores_nothing(
+    tmp_path: Path, at_the_machine: tuple[Terminal, Press], period: float
+) -> None:
+    terminal, press = at_the_machine
+    assert terminal.step() == 1
+    until = time.monotonic() + max(4.0, 8.0 * period)
+    while time.monotonic() < until:
+        press("0.412")
+        time.sleep(period)
+    terminal.expect(r"Switch off its\s+continuous output")
+    assert terminal.seen.count("ignored: ") <= 8
+    assert kept(tmp_path) == {}
+    terminal.expect("The gauge is quiet now")
+    terminal.expect(PROMPT)
+    assert kept(tmp_path) == {}
+    press("-0.64")
+    terminal.expect("saved -0.640")
+    assert list(kept(tmp_path)) == [1]
+
+
+def test_a_gauge_that_sends_by_itself_does_not_stop_the_keys(
+    tmp_path: Path, line: SerialLine
+) -> None:
+    options = ("s.yaml", "--gauge", f"plain:{line.path}")
+    with Terminal(tmp_path, *options, program=PROGRAM) as terminal:
+        assert terminal.step() == 1
+        for number in range(30):
+            line.send(b"0.41\r")
+            time.sleep(0.1)
+            if number == 25:
+                terminal.type("q")
+        assert terminal.finish() == 130
+    assert kept(tmp_path) == {}
+
+
+def test_what_is_typed_by_hand_counts_at_once(tmp_path: Path) -> None:
+    """A person who remembers both dials types the second number right after the first."""
+    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
+        for number, value in enumerate(FIRST[:2], start=1):
+            assert terminal.step() == number
+            time.sleep(0.4)
+            for key in (*value, "\r"):
+                terminal.type(key, end="")
+                time.sleep(1.5 * BY_HAND_S)
+            terminal.expect("saved")
+    assert kept(tmp_path) == {1: -0.64, 2: 0.41}
+    assert "ignored" not in terminal.seen
+
+
+def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Path) -> None:
+    """ "-0.4" before the prompt and "1" after it are not the reading 1."""
+    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.64\r0.4", end="")
+        assert terminal.step() == 2
+        time.sleep(BETWEEN_GAUGES_S + 0.2)
+        terminal.type("1")
+        terminal.expect("ignored: 0.41 arrived before it was asked for")
+        assert terminal.step() == 2
+    assert kept(tmp_path) == {1: -0.64}
+
+
+def test_what_is_ignored_is_said_on_standard_error(tmp_path: Path) -> None:
+    shell = (
+        f"{PROGRAM.replace('main()', 'import sys; sys.stderr = open(chr(101), chr(119)); main()')}"
+    )
+    with Terminal(tmp_path, "s.yaml", program=shell) as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.64\r-0.64")
+        assert terminal.step() == 2
+    assert "ignored" not in terminal.seen
+    said = (tmp_path / "e").read_text().splitlines()[0]
+    assert re.fullmatch(r"ignored: -0\.64 arrived \d\.\d\d s after the last one", said)
+
+
+# ---- the rule itself
+
+
+def test_each_message_too_soon_begins_the_dead_time_anew() -> None:
+    dead = DeadTime()
+    dead.begin(100.0, driving=False, mine=True)
+    for count in range(1, 5):
+        at = 100.0 + count * 0.9 * BETWEEN_GAUGES_S
+        assert dead.is_early(at, at, 0, shown=0.0)
+        assert dead.ignore(at) == pytest.approx(0.9 * BETWEEN_GAUGES_S)
+        assert (dead.unasked, dead.after_reading) == (count, True)
+    at += 1.01 * BETWEEN_GAUGES_S
+    assert dead.is_quiet(at)
+    assert not dead.is_early(at, at, 0, shown=0.0)
+    assert dead.ignore(at) is None  # it came before its prompt
+    assert (dead.unasked, dead.after_reading) == (1, False)
+
+
+def test_a_hand_is_told_from_a_gauge_by_its_pace() -> None:
+    dead = DeadTime()
+    dead.begin(100.0, driving=True, mine=True)
+    slow, fast = 5 * 1.1 * BY_HAND_S, 5 * 0.9 * BY_HAND_S
+    assert not dead.is_early(100.4, 100.4 + slow, 5, shown=100.1)
+    assert dead.is_early(100.4, 100.4 + fast, 5, shown=100.1)
+    assert dead.is_early(100.2, 100.2 + slow, 5, shown=100.1)  # no hand is back so soon
+    assert dead.is_early(100.4, 100.4 + slow, 5, shown=100.5)  # before its prompt

@@ -1,0 +1,149 @@
+"""Ending a session before its end, and reading after all what was left out."""
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.session import Dialogue, Style
+from orthoglide_cal.session.events import Retake, Skipped
+from orthoglide_cal.session.journal import decode
+from orthoglide_cal.session.steps import with_set_ups
+
+from .terminal import Terminal, run_program
+from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed
+
+RIGHT = typed(readings_of(steps_of()))
+
+
+def values(dialogue: Dialogue) -> dict[int, float]:
+    return {number: item.take.value_mm for number, item in dialogue.state.accepted.items()}
+
+
+@pytest.mark.parametrize("answer", ["n", "", "0.41", "no", "why"])
+def test_s_all_ends_nothing_unless_the_answer_is_yes(tmp_path: Path, answer: str) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", "s all", answer, "0.41"])
+    assert dialogue.state.ended is None
+    assert dialogue.state.skipped == {}
+    assert values(dialogue) == {1: -0.64, 2: 0.41}
+    assert "59 readings are missing." in screen.text
+    assert ("End the session here? y/n > ", Style.PROMPT) in screen.shown
+
+
+@pytest.mark.parametrize(
+    ("line", "why"), [("s all", "the session was ended"), ("s all power cut", "power cut")]
+)
+def test_s_all_ends_the_session_after_yes(tmp_path: Path, line: str, why: str) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.64")
+        assert terminal.step() == 2
+        terminal.type(line)
+        terminal.expect("y/n > ")
+        terminal.type("y")
+        assert terminal.finish() == 4
+    path = tmp_path / "s.journal"
+    skipped = [e for e in decode(path.read_bytes(), "").events if isinstance(e, Skipped)]
+    assert {event.reason for event in skipped} == {why}
+    assert len(skipped) == 59
+
+
+def test_a_reading_is_no_reason(tmp_path: Path) -> None:
+    dialogue, _ = answered(tmp_path / "s.journal", ["s", "0.41", "-0.64"])
+    assert dialogue.state.skipped == {}
+    assert values(dialogue) == {1: -0.64}
+
+
+def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
+    dialogue, _, journal = a_dialogue(path, lines)
+    with closing(journal):
+        dialogue.offer_missing(agreed)
+        dialogue.run()
+        dialogue.publish()
+    return dialogue
+
+
+def test_an_ended_session_goes_on_where_it_was_ended(tmp_path: Path) -> None:
+    path, file = tmp_path / "s.journal", tmp_path / "s.yaml"
+    reopened(path, [*RIGHT[:45], "s all power cut"])
+    early = file.read_bytes()
+    again = reopened(path, RIGHT[45:])
+    whole, _ = answered(tmp_path / "w.journal", RIGHT)
+    assert values(again) == values(whole)
+    assert again.state.ended is not None
+    assert again.state.skipped == {}
+    assert file.read_bytes() != early
+    assert reopened(path, []).state.ended is not None  # nothing is missing: nothing is asked
+
+
+def test_a_session_file_that_somebody_changed_is_not_replaced(tmp_path: Path) -> None:
+    path, file = tmp_path / "s.journal", tmp_path / "s.yaml"
+    reopened(path, [*RIGHT[:45], "s all power cut"])
+    file.write_bytes(file.read_bytes() + b"# mine\n")
+    before = file.read_bytes()
+    with pytest.raises(UsageError, match="not overwritten"):
+        reopened(path, RIGHT[45:])
+    assert file.read_bytes() == before
+
+
+def test_a_reopened_session_survives_an_interruption(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    reopened(path, [*RIGHT[:45], "s all power cut"])
+    with pytest.raises(EOFError):
+        reopened(path, RIGHT[45:50])
+    assert values(reopened(path, RIGHT[50:])) == values(answered(tmp_path / "w.journal", RIGHT)[0])
+
+
+def test_nobody_is_asked_without_a_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    reopened(path, [*RIGHT[:45], "s all power cut"])
+    assert len(values(reopened(path, [], agreed=False))) == 45
+
+
+@pytest.mark.parametrize("answer", ["y", "n"])
+def test_resume_offers_what_is_missing(tmp_path: Path, answer: str) -> None:
+    right = typed(readings_of(steps_of(SINGLE, 1)))
+    options = ("s.yaml", "--protocol", "single", "--cycles", "1")
+    stdin = "\n".join([*right[:-1], "s cable in the way", ""])
+    assert run_program(tmp_path, *options, stdin=stdin).returncode in (0, 4)
+    with Terminal(tmp_path, "s.yaml", "--resume", agreed=False) as terminal:
+        terminal.expect("1 reading is left out")
+        terminal.expect("y/n > ")
+        terminal.type(answer)
+        if answer == "y":
+            assert terminal.step() == len(right)
+            terminal.type(right[-1])
+        assert terminal.finish() in (0, 4)
+        assert f"{len(right) - (answer == 'n')} readings" in terminal.seen
+
+
+def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: Path) -> None:
+    """The stands were moved since: leg X again, and leg Y, to which they come back."""
+    path = tmp_path / "s.journal"
+    answered(path, [*RIGHT[:9], "s cable", *RIGHT[10:25]])
+    dialogue, screen, journal = a_dialogue(path, [])
+    with closing(journal):
+        dialogue.offer_missing(agreed=True)
+    (retake,) = [e for e in decode(path.read_bytes(), "").events if isinstance(e, Retake)]
+    assert retake.steps == tuple(range(1, 26))
+    assert "24 earlier readings are taken again" in " ".join(screen.text.split())
+    first, _ = answered(tmp_path / "t.journal", [*RIGHT[:9], "s cable", *RIGHT[10:25], "r 10", "y"])
+    assert values(first) == {}  # the key r does the same
+
+
+def test_steps_of_the_set_up_in_hand_come_alone() -> None:
+    steps = steps_of()
+    chosen = [steps[3]]
+    assert with_set_ups(chosen, 1, steps, range(1, 10)) == chosen
+    both = with_set_ups(chosen, 2, steps, [1, 2, 21, 41])
+    assert [step.number for step in both] == [1, 2, 4, 21]
+
+
+def test_an_undone_reopening_is_the_end_again(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    first = opened()
+    answered(path, [*RIGHT[:45], "s all power cut"], first=first)
+    dialogue = reopened(path, ["u"])
+    assert len(dialogue.state.skipped) == 15
+    assert dialogue.state.ended is not None

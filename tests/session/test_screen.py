@@ -1,0 +1,148 @@
+"""What the screen shows when it is narrow, resized or pushed away, and after Ctrl-Z."""
+
+import re
+import sys
+from pathlib import Path
+
+import pexpect
+import pytest
+
+from orthoglide_cal.session.gauges.formats import Unit
+from orthoglide_cal.session.wording import table_lines, value_text
+
+from .terminal import AT_ONCE, PATIENCE_S, PROMPT, Terminal, environment
+from .virtual import SINGLE, answered, opened, readings_of, steps_of, typed
+
+# The prototype's first posture and that of leg X at its upper limit (sec. 2.5): √(310.25² − 60²).
+ISO = (
+    "Drive to  joints   X 310.250   Y 310.250   Z 310.250  mm\n"
+    "          tool     X 0.000   Y 0.000   Z 0.000  mm\n"
+)
+MAX = (
+    "Drive to  joints   X 370.250   Y 304.393   Z 304.393  mm\n"
+    "          tool     X 60.000   Y 0.000   Z 0.000  mm\n"
+)
+
+
+def test_joints_and_tool_are_named_and_shown_at_each_posture(tmp_path: Path) -> None:
+    _, screen = answered(tmp_path / "s.journal", ["-0.64", "0.41", "-0.95"])
+    assert screen.text.count(ISO) == screen.text.count(MAX) == 1
+    assert screen.text.index(ISO) < screen.text.index(MAX)
+
+
+@pytest.mark.parametrize("line", ["t", "?", "n door slammed", "hello", "", "u", "s", "s all\nn"])
+def test_where_to_drive_is_shown_again_after_what_pushed_it_away(tmp_path: Path, line: str) -> None:
+    _, screen = answered(tmp_path / "s.journal", ["-0.64", *line.split("\n"), ""])
+    assert screen.text.count(ISO) >= 2
+    # Nothing but the prompt stands between it and the end.
+    assert re.fullmatch(r"\d\. Gauge [YZ] \[mm\] > ", screen.text.split(ISO)[-1])
+
+
+def test_a_reading_alone_pushes_nothing_away(tmp_path: Path) -> None:
+    _, screen = answered(tmp_path / "s.journal", ["-0.64"])
+    assert screen.text.count(ISO) == 1
+
+
+@pytest.mark.parametrize("protocol", [None, SINGLE])
+def test_a_screen_of_40_columns_breaks_no_word_number_or_picture(
+    tmp_path: Path, protocol: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tests.session.virtual.Script.columns", 40)
+    first = opened(protocol) if protocol else opened()
+    steps = steps_of(protocol) if protocol else steps_of()
+    lines = [*typed(readings_of(steps)), "t"]
+    lines[9:9] = ["55.5", "t", "n note"]
+    _, screen = answered(tmp_path / "s.journal", lines, first=first)
+    monkeypatch.undo()
+    _, wide = answered(tmp_path / "w.journal", lines, first=first)
+    shown = screen.text.splitlines()
+    assert max(map(len, shown)) <= 40
+    assert "joints X 370.250 Y 304.393 Z 304.393" in shown
+    assert "tool   X 60.000 Y 0.000 Z 0.000" in shown
+    assert any("tool o==" in line and "rail X" in line for line in shown)
+    # Every word is one of the wide text or of the few that only the narrow one has.
+    known = {*wide.text.split(), "in", "is", "to", "the", "right", "moved", "read", "end"}
+    assert {word for word in screen.text.split() if word.isalpha()} <= known
+
+
+def test_a_narrow_table_shows_the_cycle_in_hand(tmp_path: Path) -> None:
+    lines = typed(readings_of(steps_of()))[:8]
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    narrow = table_lines(dialogue.state, dialogue.setting.steps, Unit.MM, 40)
+    assert narrow[0].split()[-2:] == ["cycle", "2"]
+    assert f"{float(lines[6]):+.3f}" in narrow[1]
+    wide = table_lines(dialogue.state, dialogue.setting.steps, Unit.MM, 80)
+    assert [word for word in wide[0].split() if word.isdigit()] == ["1", "2", "3", "4"]
+    inches = table_lines(dialogue.state, dialogue.setting.steps, Unit.INCH, 80)
+    assert "[in]" in inches[0]
+    assert float(inches[1].split()[3]) == pytest.approx(float(lines[0]) / 25.4, abs=6e-6)
+
+
+def test_a_resized_terminal_gets_place_and_prompt_of_its_width(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.6", end="")
+        terminal.expect(r"-0\.6$")
+        terminal.child.setwinsize(24, 40)
+        terminal.expect("tool   X 0.000 Y 0.000 Z 0.000\r\n")
+        terminal.expect(r"1\. Gauge Y \[mm\] > -0\.6$")
+        terminal.type("4")
+        terminal.expect(r"saved -0\.640")
+
+
+@pytest.mark.parametrize("end", ["\t", "\r"])
+def test_after_ctrl_z_and_fg_everything_is_as_before(tmp_path: Path, end: str) -> None:
+    """In a shell with jobs: it has its own terminal modes, and gives the program's back or not."""
+    here = {**environment(), "PS1": "shell> ", "TERM": "dumb", "HISTFILE": ""}
+    shell = pexpect.spawn(
+        "bash", ["--norc", "--noediting", "-i"], cwd=str(tmp_path), env=here, encoding="utf-8",
+        timeout=PATIENCE_S, dimensions=(24, 80),
+    )  # fmt: skip
+    try:
+        shell.expect("shell> ")
+        shell.sendline(f'{sys.executable} -c "{AT_ONCE}" measure s.yaml --yes')
+        shell.expect(PROMPT)
+        shell.sendcontrol("z")
+        shell.expect("shell> ")
+        shell.sendline("stty sane; echo still $((40 + 2))")
+        shell.expect("still 42")
+        shell.expect("shell> ")
+        shell.sendline("fg")
+        shell.expect("Drive to  joints")
+        shell.expect(PROMPT)
+        shell.send(f"-0.64{end}")
+        shell.expect("saved -0.640")
+        shell.expect(PROMPT)
+        shell.send(f"0.41{end}")
+        shell.expect(r"saved \+0\.410")
+    finally:
+        shell.close(force=True)
+
+
+def test_what_is_typed_after_the_end_does_not_reach_the_shell(tmp_path: Path) -> None:
+    shell = pexpect.spawn(
+        "sh", ["-c", f'{sys.executable} -c "{AT_ONCE}" measure s.yaml --yes; read x; echo "[$x]"'],
+        cwd=str(tmp_path), env=environment(), encoding="utf-8", timeout=PATIENCE_S,
+    )  # fmt: skip
+    shell.expect(PROMPT)
+    shell.send("q\rrm -rf everything\r")
+    shell.expect("--resume")
+    shell.send("\r")
+    assert shell.expect([r"\[\]", r"\[rm"]) == 0
+    shell.close(force=True)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(0.127, "+0.0050 in (+0.127 mm)"), (-0.00127, "-0.00005 in (-0.001 mm)"),
+     (-25.4, "-1.0000 in (-25.400 mm)")],
+)  # fmt: skip
+def test_an_inch_session_speaks_inches(tmp_path: Path, value: float, shown: str) -> None:
+    assert value_text(value, Unit.INCH) == shown
+    assert value_text(value, Unit.MM) == f"{value:+.3f} mm"
+
+
+def test_an_inch_session_shows_what_was_typed(tmp_path: Path) -> None:
+    _, screen = answered(tmp_path / "s.journal", ["0.005", "2.0"], unit=Unit.INCH)
+    assert "saved +0.0050 in (+0.127 mm)" in screen.text
+    assert "Step 2, +2.0000 in (+50.800 mm)" in screen.text

@@ -1,0 +1,136 @@
+"""The Windows side, with a stand-in for its C library; not a real Windows machine."""
+
+import os
+from collections import deque
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.cli.keyboard import StandardInput
+from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.system import chosen
+from orthoglide_cal.system.interface import END_OF_INPUT
+from orthoglide_cal.system.windows import Windows
+from tests.session.virtual import answered, opened
+
+
+class Msvcrt:
+    """As the module of that name documents itself."""
+
+    LK_NBLCK = 2
+
+    def __init__(self, keys: str = "") -> None:
+        self.keys = deque(keys)
+        self.shown = ""
+        self.locked: set[tuple[int, int]] = set()  # (file, byte)
+
+    def kbhit(self) -> bool:
+        return bool(self.keys)
+
+    def getwch(self) -> str:
+        return self.keys.popleft()
+
+    def putwch(self, unicode_char: str, /) -> None:
+        self.shown += unicode_char
+
+    def locking(self, fd: int, mode: int, nbytes: int, /) -> None:
+        place = (os.fstat(fd).st_ino, os.lseek(fd, 0, os.SEEK_CUR))
+        if place in self.locked:
+            raise OSError(13, "Permission denied")
+        self.locked.add(place)
+
+
+def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> StandardInput:
+    monkeypatch.setattr("orthoglide_cal.cli.keyboard.SYSTEM", Windows(msvcrt))
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("sys.stdin.fileno", lambda: 0, raising=False)
+    return StandardInput()
+
+
+@pytest.mark.parametrize(
+    ("keys", "lines"),
+    [
+        ("-0.64\r", ["-0.64"]),
+        ("-0.64\t0.41\r\n", ["-0.64", "0.41"]),
+        ("0.13\b2\r", ["0.12"]),
+        ("\xe0H\x00;0.5\r", ["0.5"]),  # arrow up, F1
+        ("n grün\r", ["n grün"]),
+    ],
+)
+def test_lines_are_typed_and_corrected(
+    keys: str, lines: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    msvcrt = Msvcrt(keys)
+    with keyboard_of(monkeypatch, msvcrt) as keyboard:
+        assert keyboard.live
+        found = [keyboard.read(0.1) for _ in lines]
+        assert [line.text for line in found if line] == lines
+        assert keyboard.read(0.01) is None
+    assert msvcrt.shown.count("\r\n") == len(lines)
+
+
+def test_what_was_typed_before_a_prompt_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    msvcrt = Msvcrt("0.41\r")
+    with keyboard_of(monkeypatch, msvcrt) as keyboard:
+        keyboard.catch_up()
+        msvcrt.keys.extend("0.5")
+        line = keyboard.read(0.0)
+        assert line is not None
+        assert (line.text, msvcrt.shown) == ("0.41", "")
+        assert keyboard.read(0.01) is None
+        assert (keyboard.partial, msvcrt.shown) == ("0.5", "0.5")
+        msvcrt.keys.extend("for nobody")
+    assert not msvcrt.keys
+
+
+def test_ctrl_c_and_ctrl_z(monkeypatch: pytest.MonkeyPatch) -> None:
+    with keyboard_of(monkeypatch, Msvcrt("\x03")) as keyboard, pytest.raises(KeyboardInterrupt):
+        keyboard.read(0.1)
+    with keyboard_of(monkeypatch, Msvcrt("\x1a")) as keyboard, pytest.raises(EOFError):
+        keyboard.read(0.1)
+    assert Windows(Msvcrt("\x1a")).terminal(0).read(0.1) == END_OF_INPUT
+
+
+def test_a_change_of_size_is_noticed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = deque([80, 40, 40])
+    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((sizes[0], 24)))
+    terminal = Windows(Msvcrt()).terminal(0)
+    sizes.popleft()
+    assert [terminal.disturbed(), terminal.disturbed()] == [True, False]
+    assert terminal.columns() == 40
+
+
+def test_a_journal_is_locked_far_behind_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from orthoglide_cal.errors import UsageError
+
+    msvcrt = Msvcrt()
+    monkeypatch.setattr("orthoglide_cal.session.journal.SYSTEM", Windows(msvcrt))
+    path = tmp_path / "s.journal"
+    journal = Journal.create(path, opened())
+    ((_, byte),) = msvcrt.locked
+    assert byte > 1_000_000_000 > path.stat().st_size
+    with pytest.raises(UsageError, match="in use by another session"):
+        Journal.resume(path)
+    journal.close()
+    msvcrt.locked.clear()  # as closing does
+    dialogue, _ = answered(path, ["-0.64"])
+    assert list(dialogue.state.accepted) == [1]
+
+
+def test_a_file_gets_its_name_by_a_rename(tmp_path: Path) -> None:
+    system, old, new = Windows(Msvcrt()), tmp_path / "a.tmp", tmp_path / "a"
+    old.write_text("whole")
+    system.publish(old, new)
+    system.sync_folder(tmp_path)
+    assert (new.read_text(), old.exists()) == ("whole", False)
+
+
+def test_the_system_is_chosen_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not isinstance(chosen.this_system(), Windows)
+    monkeypatch.setattr(chosen, "import_module", lambda name: Msvcrt())
+    monkeypatch.setattr("os.name", "nt")
+    system = chosen.this_system()
+    monkeypatch.undo()
+    assert isinstance(system, Windows)
