@@ -15,7 +15,7 @@ from orthoglide_cal.estimation.accuracy import (
     scatter_of_repeats,
     sigma_rho,
 )
-from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.estimation.budget import Budget, Budgeted
 from orthoglide_cal.estimation.least_squares import OPTIMAL_MM
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose_differences
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise
@@ -37,7 +37,7 @@ SUSPICIOUS = 0.001
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Budgeted):
     """Joint offsets identified from one file.
 
     Attributes:
@@ -231,32 +231,6 @@ class Solution:
     def converged(self) -> bool:
         """True if that check holds."""
         return self.remaining_mm <= OPTIMAL_MM
-
-    @property
-    def covariance_mm2(self) -> Floats:
-        """Of the offsets, from all sources, shape (3, 3) (eqs. 26–32 for the noise)."""
-        return self.budget.covariance_mm2
-
-    @property
-    def std_mm(self) -> Floats:
-        """Standard uncertainties u of the offsets, shape (3,) [mm]."""
-        return self.budget.std_mm
-
-    @property
-    def expanded_mm(self) -> Floats:
-        """Expanded uncertainties U, shape (3,) [mm]."""
-        return self.budget.expanded_mm
-
-    @property
-    def interval_mm(self) -> Floats:
-        """95 % interval of each offset, shape (3, 2)."""
-        reach = self.expanded_mm
-        return np.stack((self.offsets_mm - reach, self.offsets_mm + reach), axis=1)
-
-    @property
-    def k(self) -> float:
-        """Coverage factor, U/u."""
-        return self.budget.k
 
     @property
     def correlation(self) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, entered_decimals
-from orthoglide_cal.estimation.budget import Budget, warmth
+from orthoglide_cal.estimation.budget import Budget, Budgeted, warmth
 from orthoglide_cal.model import AXES, Difference, Floats, Measured, Posture, freeze
 
 
@@ -52,7 +52,7 @@ class JointOffset(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Adjustment:
+class Adjustment(Budgeted):
     """Joint offsets with expanded uncertainty U, and what follows for the controller.
 
     Attributes:
@@ -78,32 +78,6 @@ class Adjustment:
 
     def __post_init__(self) -> None:
         freeze(self, "offsets_mm", "previous_mm")
-
-    @property
-    def covariance_mm2(self) -> Floats:
-        """Of the offsets, shape (3, 3)."""
-        return self.budget.covariance_mm2
-
-    @property
-    def std_mm(self) -> Floats:
-        """Standard uncertainties u of the offsets, shape (3,) [mm]."""
-        return self.budget.std_mm
-
-    @property
-    def expanded_mm(self) -> Floats:
-        """Expanded uncertainties U at the confidence above, shape (3,) [mm]."""
-        return self.budget.expanded_mm
-
-    @property
-    def k(self) -> float:
-        """Coverage factor, U/u."""
-        return self.budget.k
-
-    @property
-    def interval_mm(self) -> Floats:
-        """Offsets ± U, shape (3, 2) [mm]."""
-        reach = self.expanded_mm
-        return np.stack((self.offsets_mm - reach, self.offsets_mm + reach), axis=1)
 
     @property
     def applied_mm(self) -> tuple[float, ...]:
