@@ -171,6 +171,7 @@ def main() -> None:
         command("diagnose", "--help", imports="typer"),
         command("diagnose", SESSION),
         command("measure", "--gauge", "simulated", "--seed", "1"),
+        command("plan"),
     ]
     print(f"\n{'':58}{'time of day':^30}{'processor time':^30}")
     print(f"{'':58}{'command   imports  ratio':>30}{'command   imports  ratio':>30}")

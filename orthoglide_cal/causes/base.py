@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import Floats, Ints, Numbers, Plan, Series
+from orthoglide_cal.model.readings import AXES, Bools, Floats, Ints, Numbers, Plan, Series
 
 
 class PatternCause(Cause):
@@ -85,6 +86,7 @@ class RelabelCause(Cause):
     """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
+    counts: Mapping[int, float] = MappingProxyType({})
     size_reason = "it happens or it does not"
 
     def share(self, place: Place) -> float:
@@ -132,8 +134,13 @@ class ExchangeCause(RelabelCause):
     """Readings of one leg and direction were written under another, and the other way round.
 
     Each reading is exchanged with the one that was taken as the same step of the other leg and
-    direction. Where these do not pair up, the readings are looked at under another plan.
+    direction, in the same part. Where these do not pair up, the readings are looked at under
+    another plan.
     """
+
+    def concerned(self, plan: Plan, place: Place) -> Bools:
+        """In which readings labels were exchanged, shape (n,)."""
+        return np.full(len(plan), True)
 
     def really(self, series: Series, place: Place) -> Series:
         """What was read where this was written down; twice is not at all."""
@@ -150,15 +157,17 @@ class ExchangeCause(RelabelCause):
 
     def really_read(self, plan: Plan, place: Place) -> Plan:
         """Each reading under the leg and direction that was read, at the posture of that leg."""
-        leg, direction = np.array([self.really(series, place) for series in plan.series]).T
+        really = np.array([self.really(series, place) for series in plan.series])
+        asked = np.stack((plan.leg, plan.direction), axis=1)
+        leg, direction = np.where(self.concerned(plan, place)[:, None], really, asked).T
         return replace(plan, leg=leg, direction=direction)
 
     def _partners(self, plan: Plan, place: Place) -> np.ndarray | None:
         """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
-        index = np.arange(len(plan))
+        index, concerned = np.arange(len(plan)), self.concerned(plan, place)
         for series in set(plan.series):
             own, other = (
-                plan.in_time[plan.of(each)[plan.in_time]]
+                plan.in_time[(plan.of(each) & concerned)[plan.in_time]]
                 for each in (series, self.really(series, place))
             )
             if own.size != other.size or np.any(_step(plan, own) != _step(plan, other)):
@@ -171,8 +180,8 @@ class ExchangeCause(RelabelCause):
 
 
 def _step(plan: Plan, readings: np.ndarray) -> np.ndarray:
-    """Posture and contact of some readings, shape (2, k)."""
-    return np.stack((plan.displacement[readings], plan.contact[readings]))
+    """What some readings must agree in to be the same step but for the labels, shape (q, k)."""
+    return np.stack([key[readings] for key in (plan.displacement, plan.contact, *plan.state)])
 
 
 def reading_label(plan: Plan, machine: Machine, index: int) -> str:
@@ -182,17 +191,54 @@ def reading_label(plan: Plan, machine: Machine, index: int) -> str:
     same = (plan.setup == plan.setup[index]) & (plan.displacement == moved)
     cycle = int(np.sum(same & (plan.order <= plan.order[index])))
     number = int(np.sum(plan.order <= plan.order[index]))
-    return f"{plan.series[index].words}, {posture}, cycle {cycle} (reading {number})"
+    part = _part_words(plan, int(plan.part[index]))
+    return f"{plan.series[index].words}, {posture}, cycle {cycle}{part} (reading {number})"
+
+
+class InPart(NamedTuple):
+    """Where a fault of the measurement is: (leg, direction) or (leg,), in one part.
+
+    The first part is not written in the index of a `Place`: (0, 1) is (0, 1) in part 0, (0, 1, 2)
+    the same in part 2.
+    """
+
+    where: tuple[int, ...]
+    part: int
+
+    @classmethod
+    def of(cls, place: Place, width: int) -> InPart:
+        """What a place means whose first `width` indices are the leg, and the direction."""
+        return cls(place.index[:width], *place.index[width:] or (0,))
+
+    @property
+    def place(self) -> Place:
+        """The place that means this."""
+        return Place((*self.where, self.part) if self.part else self.where)
+
+    def words(self, plan: Plan) -> str:
+        """For people: "leg x, direction y"; with the part where the plan has several."""
+        where = Series(*self.where).words if len(self.where) == 2 else f"leg {AXES[self.where[0]]}"
+        return where + _part_words(plan, self.part)
+
+    def readings(self, plan: Plan) -> Bools:
+        """Which readings are there, shape (n,)."""
+        there = np.stack((plan.leg, plan.direction), axis=1)[:, : len(self.where)] == self.where
+        return np.asarray(there.all(axis=1) & (plan.part == self.part))
+
+
+def _part_words(plan: Plan, part: int) -> str:
+    return f", part {part + 1}" if plan.parts > 1 else ""
 
 
 def series_places(plan: Plan) -> tuple[Place, ...]:
-    """One place for each (leg, direction) that was read."""
-    return tuple(Place(series) for series in sorted(set(plan.series)))
+    """One place for each (leg, direction) that was read, in each part."""
+    found = sorted(set(zip(plan.part.tolist(), plan.series, strict=True)))
+    return tuple(InPart(tuple(series), part).place for part, series in found)
 
 
-def series_of(place: Place) -> Series:
-    """The leg and direction that a place names."""
-    return Series(*place.index[:2])
+def series_at(place: Place) -> InPart:
+    """The leg and direction that a place names, and the part."""
+    return InPart.of(place, 2)
 
 
 def onwards(plan: Plan) -> Floats:

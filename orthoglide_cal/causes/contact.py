@@ -11,7 +11,7 @@ from orthoglide_cal.causes.base import (
     later_readings,
     onwards,
     reading_label,
-    series_of,
+    series_at,
     series_places,
 )
 from orthoglide_cal.model.cause import Cause, Place, Stage
@@ -35,6 +35,7 @@ class BarSkew(Cause):
     scale = 1e-3
     names = tuple(series.name for series in _SERIES)
     lasting = True
+    instrument = "the same readings once more with the bar turned half round"
     advice = (
         "Measure on a ground surface parallel to the joint centres, or repeat with the gauge on"
         " the opposite bar; this is not an error of the machine's motion."
@@ -51,7 +52,8 @@ class BarSkew(Cause):
     ) -> Numbers:
         """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
         own = np.array([plan.of(series) for series in _SERIES])
-        slope = theta @ own.astype(np.float64)
+        # Turned half round, a bar rises where it fell.
+        slope: Numbers = theta @ (own * np.where(plan.turned, -1.0, 1.0))
         return heights + slope * fraction * machine.leg_length_mm
 
 
@@ -66,6 +68,7 @@ class GaugeDrift(PatternCause):
     size_reason = "a magnetic stand settling, a plunger arm creeping"
     names = ("rate",)
     timed = True
+    instrument = "the gauge left on its bar for an hour, machine standing"
     advice = "Clamp the stand of {where} afresh on a clean surface, and repeat this leg."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
@@ -74,11 +77,11 @@ class GaugeDrift(PatternCause):
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The leg and direction."""
-        return series_of(place).words
+        return series_at(place).words(plan)
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """Hours since the session began, in the series."""
-        return np.stack([plan.of(series_of(place)) * plan.hours for place in places], axis=1)
+        return np.stack([series_at(at).readings(plan) * plan.hours for at in places], axis=1)
 
 
 class StandShift(PatternCause):
@@ -92,6 +95,7 @@ class StandShift(PatternCause):
     size_reason = "a light knock against the stand"
     names = ("step",)
     timed = True
+    instrument = "a last reading at the first posture, before a stand is moved"
     advice = (
         "The stand was knocked: {where}. Clamp it afresh and repeat this leg from its first"
         " isotropic reading."

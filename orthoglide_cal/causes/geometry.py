@@ -34,6 +34,7 @@ class AxisGap(Cause):
     names = ("xy", "yz", "zx")
     lasting = True
     compensable = True
+    instrument = "a dial indicator carried along one rail, run against the next"
     advice = (
         "Shim the linear drives until their axes meet in one point, or accept the gap as part of"
         " the model and compensate it in the controller."
@@ -66,6 +67,7 @@ class AxisSquareness(Cause):
     names = ("xy", "yz", "zx")
     lasting = True
     compensable = True
+    instrument = "a master square with a dial indicator"
     advice = (
         "Check the squareness of the linear drives with a master square and re-align them, or"
         " accept the angles as part of the model and compensate them in the controller."
@@ -93,6 +95,7 @@ class LegLength(Cause):
     names = ("x", "y", "z")
     lasting = True
     compensable = True
+    instrument = "a calliper on each leg, from joint centre to joint centre"
     advice = "Measure the legs between their joint centres and enter the mean in the machine file."
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:

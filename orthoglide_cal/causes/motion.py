@@ -24,6 +24,7 @@ class EncoderScale(Cause):
     names = ("x", "y", "z")
     lasting = True
     compensable = True
+    instrument = "gauge blocks against the carriage over its whole travel"
     advice = "Check the travel of the carriage against gauge blocks and correct the axis scale."
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
@@ -50,6 +51,7 @@ class Backlash(Cause):
     positive = True
     lasting = True
     timed = True
+    instrument = "a dial indicator on the carriage, approached from both sides"
     advice = "Adjust the nut or belt of the carriage, or approach every posture from the same side."
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
@@ -72,6 +74,7 @@ class ThermalDrift(Cause):
     names = ("x", "y", "z")
     lasting = True
     timed = True
+    instrument = "the same reading again after an hour"
     advice = "Let the machine warm up before measuring, and repeat the session."
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:

@@ -8,22 +8,28 @@ import numpy as np
 
 from orthoglide_cal.causes.base import (
     ExchangeCause,
+    InPart,
     PatternCause,
     RelabelCause,
     later_readings,
     onwards,
     reading_label,
-    series_of,
+    series_at,
     series_places,
 )
 from orthoglide_cal.model.cause import EVERYWHERE, Place, Stage
 from orthoglide_cal.model.gauge_doubts import UNITS
 from orthoglide_cal.model.kinds import Orthoglide
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import AXES, Floats, Plan, Series
+from orthoglide_cal.model.readings import Bools, Floats, Plan, Series
 
 # A fault of a whole table is this likely beside that of one gauge: it shows at once, mostly.
 CLERICAL = 0.1
+
+
+def whole_table(plan: Plan) -> tuple[Place, ...]:
+    """The whole table, as the place of a slip in writing it; none where parts were joined."""
+    return () if plan.parts > 1 else (EVERYWHERE,)
 
 
 class Misread(PatternCause):
@@ -36,6 +42,7 @@ class Misread(PatternCause):
     sizes = MappingProxyType({Orthoglide.id: 0.1})
     size_reason = "a slip of one numbered division"
     hides_reading = True
+    instrument = "every reading taken twice"
     advice = "Take this reading again: {where}."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
@@ -65,6 +72,7 @@ class GaugeSlip(PatternCause):
     size_reason = "the small pointer was misjudged by one"
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
+    instrument = "a digital gauge, which counts its turns itself"
     advice = "Count the turns again: {where}. Add or take off whole revolutions there."
 
     def possible(self, machine: Machine) -> bool:
@@ -94,7 +102,7 @@ class GaugeSlip(PatternCause):
 
 
 class SignFlip(RelabelCause):
-    """Readings have the opposite sign: all of one leg and direction, or, rarely, the whole table.
+    """Readings of one leg and direction have the opposite sign, or, rarely, the whole table.
 
     The latter is to first order what the opposite offsets give: only large ones tell them apart.
     """
@@ -103,11 +111,12 @@ class SignFlip(RelabelCause):
     title = "a gauge was read with the opposite sign"
     stage = Stage.RECORD
     sizes = MappingProxyType({Orthoglide.id: 1.0})
+    instrument = "a feeler gauge under each plunger: its reading must grow"
     advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every (leg, direction), then all readings."""
-        return (*series_places(plan), EVERYWHERE)
+        """Every (leg, direction), then all readings of a table of one part."""
+        return (*series_places(plan), *whole_table(plan))
 
     def share(self, place: Place) -> float:
         """All gauges are the wrong way round, or a spreadsheet turned them: rare."""
@@ -115,11 +124,11 @@ class SignFlip(RelabelCause):
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The leg and direction."""
-        return "all readings" if place == EVERYWHERE else series_of(place).words
+        return "all readings" if place == EVERYWHERE else series_at(place).words(plan)
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """Same readings, sign −1 in the series."""
-        turned = True if place == EVERYWHERE else plan.of(series_of(place))
+        turned = True if place == EVERYWHERE else series_at(place).readings(plan)
         return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
 
 
@@ -134,22 +143,26 @@ class SwappedGauges(ExchangeCause):
     title = "the two gauges of one leg were exchanged"
     stage = Stage.RECORD
     sizes = MappingProxyType({Orthoglide.id: 1.0})
+    instrument = "one plunger pushed at a time: its own column must change"
     advice = (
         "Check the cables or columns of the two gauges of {where}, and exchange them back. If they"
         " were right, the two other legs were written for each other."
     )
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every leg that was read in two directions."""
+        """Every leg that was read in two directions in a part."""
+        legs = (InPart((leg,), part) for part in range(plan.parts) for leg in range(3))
         return tuple(
-            Place((leg,))
-            for leg in range(3)
-            if np.unique(plan.direction[plan.leg == leg]).size == 2
+            leg.place for leg in legs if np.unique(plan.direction[leg.readings(plan)]).size == 2
         )
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The leg."""
-        return f"leg {AXES[place.index[0]]}"
+        return InPart.of(place, 1).words(plan)
+
+    def concerned(self, plan: Plan, place: Place) -> Bools:
+        """Those of the leg in the part."""
+        return InPart.of(place, 1).readings(plan)
 
     def really(self, series: Series, place: Place) -> Series:
         """The same leg in its other direction."""
@@ -165,7 +178,12 @@ class ExchangedColumns(ExchangeCause):
     stage = Stage.RECORD
     sizes = MappingProxyType({Orthoglide.id: 1.0})
     weight = CLERICAL
+    instrument = "one plunger pushed at a time: its own row must change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
+
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+        """A table of one part."""
+        return whole_table(plan)
 
     def really(self, series: Series, place: Place) -> Series:
         """Leg and direction exchanged; the posture is that of the leg that was moved."""
@@ -180,11 +198,12 @@ class WrongUnit(RelabelCause):
     stage = Stage.RECORD
     sizes = MappingProxyType({Orthoglide.id: 1.0})
     weight = CLERICAL
+    instrument = "a gauge block under the plunger"
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every unit that is taken for mm."""
-        return tuple(Place((k,)) for k in range(len(UNITS)))
+        """Every unit that is taken for mm, in a table of one part."""
+        return tuple(Place((k,)) for _ in whole_table(plan) for k in range(len(UNITS)))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The unit."""

@@ -21,6 +21,7 @@ from orthoglide_cal.cli.guide import guide
 from orthoglide_cal.cli.machine import machine
 from orthoglide_cal.cli.measure import measure
 from orthoglide_cal.cli.paper import paper
+from orthoglide_cal.cli.plan import plan
 from orthoglide_cal.cli.report import report
 from orthoglide_cal.cli.simulate import simulate
 from orthoglide_cal.cli.solve import solve
@@ -81,8 +82,8 @@ def _orthocal(
 
 
 for command in (
-    measure, solve, diagnose, apply, verify, report, export, simulate, validate, paper, template,
-    guide,
+    measure, solve, diagnose, plan, apply, verify, report, export, simulate, validate, paper,
+    template, guide,
 ):  # fmt: skip
     app.command(cls=Command)(command)
 app.add_typer(machine, name="machine")

@@ -216,12 +216,18 @@ def folder_machine() -> Model:
     return model or default_machine()
 
 
-def entered(machine_file: Path | None) -> tuple[Entered, ...]:
-    """What was entered in the controller, as --machine or the machine file of this folder says."""
+def keeper(machine_file: Path | None) -> Model | None:
+    """The machine of --machine or of this folder, which says what its controller holds."""
     from orthoglide_cal.files import machine_in_folder
 
     path = machine_file or machine_in_folder(Path())
-    return read_machine_file(path).model.machine.history if path else ()
+    return read_machine_file(path).model if path else None
+
+
+def entered(machine_file: Path | None) -> tuple[Entered, ...]:
+    """What was entered in the controller, as --machine or the machine file of this folder says."""
+    known = keeper(machine_file)
+    return known.machine.history if known else ()
 
 
 def forget() -> None:
@@ -244,6 +250,8 @@ def deliver(
     Raises:
         UsageError: a file exists and may not be replaced: only one that this wrote may ever be.
     """
+    if as_json and (html is not None or markdown is not None):
+        raise UsageError("--json is a result of its own.", "Leave out --html and --markdown.")
     if as_json:
         print_json(document.data())
         return

@@ -18,7 +18,9 @@ from orthoglide_cal.cli.common import (
     NoColour,
     Offsets,
     deliver,
+    folder_machine,
     given_machine,
+    keeper,
     leave_closed,
     messages,
     option,
@@ -62,8 +64,29 @@ def measure(
     protocol: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="double (posture, the default) or single.", show_default=False
+            metavar="NAME", help="double (posture, the default), single, best.", show_default=False
         ),
+    ] = None,
+    design: Annotated[
+        str | None,
+        typer.Option(
+            metavar="best",
+            help="best: the fewest readings for the offsets; faults show less.",
+            show_default=False,
+        ),
+    ] = None,
+    then: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Go on from these readings: measure what is recommended next (orthocal plan FILE),"
+            " and write a session that holds both.",
+            show_default=False,
+        ),
+    ] = None,
+    choice: Annotated[
+        int | None,
+        typer.Option(min=1, help="With --then: which recommendation (1).", show_default=False),
     ] = None,
     cycles: Annotated[
         int | None,
@@ -151,13 +174,21 @@ def measure(
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
+    if design is not None and protocol is not None:
+        raise UsageError("--design is a protocol of its own.", "Leave out --protocol.")
+    if design not in (None, "best"):
+        raise UsageError(f"There is no design {design!r}.", "Write --design best.")
     request = guided.Request(
         path=session,
         resume=resume,
         agreed=yes,
         offsets_mm=offsets_active,
-        model=given_machine(machine) or (None if resume else remembered_machine()),
-        protocol=guided.named(guided.MeasuringProtocol, "protocol", protocol),
+        model=given_machine(machine) or (None if resume or then else remembered_machine()),
+        otherwise=folder_machine,
+        keeper=keeper(machine) if then else None,
+        following=then,
+        choice=choice,
+        protocol=guided.named(guided.MeasuringProtocol, "protocol", design or protocol),
         cycles=cycles,
         order=guided.named(guided.Order, "order", order),
         stands=gauges,

@@ -14,6 +14,14 @@ class Example(StrEnum):
     READINGS = "readings"
     DIFFERENCES = "differences"
     MACHINE = "machine"
+    GCODE = "gcode"
+
+
+_SHIPPED = {
+    Example.READINGS: "readings.csv",
+    Example.DIFFERENCES: "differences.csv",
+    Example.GCODE: "gcode.nc",
+}
 
 
 def template(
@@ -27,5 +35,5 @@ def template(
     if kind is Example.MACHINE:
         print(new_machine({"name": "my machine"}, "-"), end="")
     else:
-        shipped = files("orthoglide_cal.files") / "templates" / f"{kind}.csv"
+        shipped = files("orthoglide_cal.files") / "templates" / _SHIPPED[kind]
         print(shipped.read_text(encoding="utf-8"), end="")

@@ -10,7 +10,14 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.evidence import log_sum
-from orthoglide_cal.diagnosis.explanations import UNLISTED, Candidates, Ids, Linearised, Whitened
+from orthoglide_cal.diagnosis.explanations import (
+    UNLISTED,
+    Candidates,
+    Ids,
+    Linearised,
+    Whitened,
+    ids_of,
+)
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanation
 from orthoglide_cal.diagnosis.result import Verdict
 from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
@@ -37,8 +44,22 @@ MISFIT = 2e-4
 # Explanations within this much log evidence of the best are fitted nonlinearly, the best few.
 WORTH_A_FIT = 8.0
 FITS = 3
+# A place this unlikely for a fault that is left open is not looked at, and no more than so many.
+PLACE_COUNTS, PLACES = 0.002, 6
 # A cause this probable beside "nothing is wrong" widens the offsets' uncertainty.
 WEIGHS = 0.01
+
+
+def bound(ids: Ids, best: Ids) -> float:
+    """From which probability beside the best answer on a set of causes is left open.
+
+    A set that adds to the best one does not contradict it while little speaks for it: what it adds
+    may be too small to be seen. Only a fault without size cannot.
+    """
+    if not set(best) < set(ids):
+        return DISMISSED
+    more = set(ids) - set(best)
+    return 1.0 / ODDS_TO_NAME if any(CAUSES[id].unknowns for id in more) else WITHOUT_SIZE
 
 
 @dataclass(frozen=True)
@@ -114,7 +135,7 @@ class Posterior:
         found = [
             ids
             for ids, value in self.listed.items()
-            if ids not in ((), self.best, *same) and value >= self._floor(ids) * share
+            if ids not in ((), self.best, *same) and value >= bound(ids, self.best) * share
         ]
         kept = [
             ids
@@ -128,17 +149,6 @@ class Posterior:
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Whether a set is not so much likelier than a part of it that it were to be accepted."""
         return self._share(ids) < ODDS_TO_NAME * self._share(part)
-
-    def _floor(self, ids: Ids) -> float:
-        """From which probability beside the best answer on a set is left open.
-
-        A set that adds to the best one does not contradict it while little speaks for it: what it
-        adds may be too small to be seen. Only a fault without size cannot.
-        """
-        more = set(ids) - set(self.best)
-        if not set(self.best) < set(ids):
-            return DISMISSED
-        return 1.0 / ODDS_TO_NAME if any(CAUSES[id].unknowns for id in more) else WITHOUT_SIZE
 
     def unseen(self) -> Ids:
         """Single causes that may be there although nothing shows, most probable first.
@@ -240,6 +250,19 @@ class Assessment:
         weights = np.array([listed[ids] for ids in open_])
         weights /= weights.sum()
         return tuple(zip(weights.tolist(), map(self.fit, open_), strict=True))
+
+    @property
+    def by_place(self) -> tuple[tuple[float, Fitted], ...]:
+        """Where several are left open: the same, each fault at every place where it may be."""
+        if self.judgement.verdict is not Verdict.AMBIGUOUS:
+            return self.left_open
+        found = []
+        for share, fit in self.left_open:
+            ids = ids_of(*(effect.cause for effect in fit.effects))
+            best, *others = self.scores[ids].at_places(PLACE_COUNTS / share, PLACES)
+            found.append((share * best[0], fit))
+            found += [(share * own, fit_explanation(score)) for own, score in others]
+        return tuple(found)
 
     @property
     def offsets(self) -> tuple[Floats, Floats]:

@@ -14,13 +14,11 @@ from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import DISMISSED, Assessment, assess
 from orthoglide_cal.diagnosis.explanations import Ids, Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import Fitted, HeldOut, leave_out_cells, predict_later
-from orthoglide_cal.diagnosis.next_reading import best_next
 from orthoglide_cal.diagnosis.result import (
     Diagnosis,
     Explanation,
     LackOfFit,
     NamedCause,
-    NextMeasurement,
     Verdict,
 )
 from orthoglide_cal.errors import UnusableResultError, UsageError
@@ -81,8 +79,8 @@ def diagnose(
             lack_of_fit=_lack_of_fit(white, measured, nothing),
             causes=causes,
             ambiguous_with=found.judgement.ambiguous_with,
-            next_measurement=_next(found),
             left_open=found.left_open,
+            by_place=found.by_place,
             offsets_mm=offsets,
             covariance_mm2=covariance,
             nominal_mm=_predicted(white, measured, found.at.residuals[0]),
@@ -250,14 +248,6 @@ def _predicted(
         if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
             residual = white.relabelled(residual, cause, place) / cause.unit_mm(place)
     return measured.value - white.plain(residual)[white.in_file]
-
-
-def _next(found: Assessment) -> NextMeasurement | None:
-    if found.judgement.verdict is not Verdict.AMBIGUOUS:
-        return None
-    rivals = found.posterior.rivals()
-    rival = next(ids for ids in rivals if set(ids) - set(found.judgement.accepted))
-    return best_next(found.at.white, found.accepted, found.fit(rival))
 
 
 def _ranking(found: Assessment) -> Mapping[Explanation, float]:

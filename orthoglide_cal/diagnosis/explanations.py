@@ -189,8 +189,7 @@ def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
     """The model with the plausible sizes of these causes multiplied."""
     machine = model.machine
     sizes = {cause.id: factor * cause.size(machine) for cause in causes}
-    tolerances = {**machine.tolerances, **sizes}
-    return replace(model, machine=replace(machine, tolerances=tolerances))
+    return replace(model, machine=replace(machine, tolerances={**machine.tolerances, **sizes}))
 
 
 def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
@@ -240,13 +239,12 @@ class Candidates:
             model: tolerances, gauge, and the causes that are known already.
             ordered: whether the time order of the readings is known.
         """
-        known = {effect.cause.id for effect in model.accepted}
+        known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
         usable = [
             cause
-            for cause in CAUSES.values()
-            if cause.possible(model.machine)
-            and (ordered or not cause.timed)
-            and cause.id not in known
+            for cause in tried
+            if cause.possible(model.machine) and (ordered or not cause.timed)
+            if cause.id not in known
         ]
         extras: tuple[PatternCause | RelabelCause, ...] = (
             *(cause for cause in usable if isinstance(cause, PatternCause)),
@@ -300,6 +298,12 @@ class Placed(NamedTuple):
     tried: tuple[Place, ...]
     own: slice
     log_weight: Mapping[Place, float]
+
+    def numbered(self, number: int) -> Extra:
+        """One size and place, all places in turn for each size."""
+        size, at = divmod(number, len(self.tried))
+        count = [*self.cause.counts][size] if self.cause.counts else None
+        return Extra(self.cause, self.tried[at], self.own.start + at, count)
 
     @property
     def weights(self) -> Floats:

@@ -8,7 +8,7 @@ is needed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -319,30 +319,54 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats) -> HeldOut:
 
 
 def foretell(
-    later: Whitened, fit: Fitted, offsets: Floats, effects: Sequence[Effect], anew: bool = True
+    later: Whitened, fit: Fitted, offsets: Floats, effects: Sequence[Effect]
 ) -> tuple[Floats, Floats]:
     """What a fit to some data says of others, shape (k,), and its covariance but for noise, (k, k).
 
     Args:
-        later: the other data; their values play no part.
+        later: the other data, with stands put there anew; their values play no part.
         fit: to the first data.
         offsets: those at the time of the other data, shape (3,) [mm].
         effects: of the fit, those that are expected again and not known exactly.
-        anew: True if the stands were put there anew; the machine and the gauges are the same.
     """
-    predicted, columns = later.linearised(offsets, effects)
-    slots = [slice(0, offsets.size), *(fit.slots[fit.effects.index(each)] for each in effects)]
-    fresh = np.zeros((len(columns), 0))
+    predicted, slopes = later.linearised(offsets, effects)
+    columns, joint = known_then(fit, effects, slopes, later.uncertain(offsets), stands=0)
+    return predicted, columns @ joint @ columns.T
+
+
+def known_then(
+    fit: Fitted,
+    effects: Sequence[Effect],
+    slopes: Floats,
+    uncertain: Iterable[Influence],
+    stands: int,
+) -> tuple[Floats, Floats]:
+    """How other data depend on what is uncertain of them, and how well a fit knows that.
+
+    Args:
+        fit: to the first data.
+        effects: those of it that are expected again.
+        slopes: derivatives of the other data by the offsets and their parameters, shape (k, q).
+        uncertain: what else is uncertain of the other data; the gauges are the same.
+        stands: of the first set-ups, how many are still there, before those that are new.
+
+    Returns:
+        Derivatives, shape (k, u), and the covariance of the unknowns, (u, u); the offsets first.
+    """
+    slots = [slice(0, len(fit.offsets)), *(fit.slots[fit.effects.index(each)] for each in effects)]
+    columns, fresh = [slopes], []
     start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
     # What the other model knows exactly beside comes last, and is not uncertain.
-    for before, after in zip(fit.uncertain, later.uncertain(offsets), strict=False):
-        end = start + before.columns.shape[1]
-        if anew and before.source == Origin.GAUGE_PLACEMENT:
-            fresh = np.hstack((fresh, after.columns))
-        else:
-            slots.append(slice(start, end))
-            columns = np.hstack((columns, after.columns))
-        start = end
+    for before, after in zip(fit.uncertain, uncertain, strict=False):
+        width = before.columns.shape[1]
+        stay = stands if before.source == Origin.GAUGE_PLACEMENT else width
+        slots.append(slice(start, start + stay))
+        columns.append(after.columns[:, :stay])
+        fresh.append(after.columns[:, stay:])
+        start += width
     chosen = np.r_[tuple(slots)]
-    joint: Floats = fit.covariance[np.ix_(chosen, chosen)]
-    return predicted, columns @ joint @ columns.T + fresh @ fresh.T
+    known: Floats = fit.covariance[np.ix_(chosen, chosen)]
+    new = np.hstack(fresh)
+    joint = np.eye(len(known) + new.shape[1])
+    joint[: len(known), : len(known)] = known
+    return np.hstack((*columns, new)), joint

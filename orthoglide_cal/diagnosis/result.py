@@ -129,21 +129,6 @@ class NamedCause:
         return self.effect.cause.in_machine
 
 
-@dataclass(frozen=True)
-class NextMeasurement:
-    """The reading that would separate two explanations best.
-
-    Attributes:
-        what: instruction to the technician.
-        separates: of each explanation the causes that the other lacks, or all if one has no more.
-        separation_sigma: expected distance between their predictions, in standard deviations.
-    """
-
-    what: str
-    separates: tuple[Ids, Ids]
-    separation_sigma: float
-
-
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What the simulation gets wrong for one file.
@@ -155,9 +140,9 @@ class Diagnosis:
         lack_of_fit: of the offsets-only model.
         causes: accepted ones, best first; empty if none is.
         ambiguous_with: ids that these data cannot separate from the answer.
-        next_measurement: what would separate them; None if nothing is open.
         left_open: fits of the explanations that the data leave open, each after its share; the
             accepted one comes first.
+        by_place: the same, each fault at every place where it may be if the verdict is ambiguous.
         offsets_mm: their mean, shape (3,).
         covariance_mm2: of the offsets, shape (3, 3); carries the choice within an alias class.
         nominal_mm: prediction of the offsets-only model with fitted zeros, shape (n,).
@@ -174,8 +159,8 @@ class Diagnosis:
     lack_of_fit: LackOfFit
     causes: tuple[NamedCause, ...]
     ambiguous_with: Ids
-    next_measurement: NextMeasurement | None
     left_open: tuple[tuple[float, Fitted], ...]
+    by_place: tuple[tuple[float, Fitted], ...]
     offsets_mm: Floats
     covariance_mm2: Floats
     nominal_mm: Floats

@@ -49,6 +49,8 @@ class Score:
         extra: its cause at one place, if any.
         replanned: where the extra is an exchange that the data cannot undo, the score of the base
             under the plan of what was really read.
+        by_place: shares of the extra's sizes and places, in the order of `Placed.numbered`;
+            None without others.
     """
 
     at: Linearised
@@ -57,6 +59,25 @@ class Score:
     scale: float
     extra: Extra | None = None
     replanned: Score | None = None
+    by_place: Floats | None = None
+
+    def at_places(self, least: float, most: int) -> list[tuple[float, Score]]:
+        """The same with its extra at each of the likeliest places, with their shares.
+
+        Args:
+            least: share below which a place is left out, all but the likeliest.
+            most: number of places.
+        """
+        if self.extra is None or self.by_place is None:
+            return [(1.0, self)]
+        placed = self.at.extras[self.extra.cause.id]
+        likeliest = np.argsort(-self.by_place, kind="stable")[:most]
+        kept = likeliest[self.by_place[likeliest] >= min(least, self.by_place.max())]
+        shares = self.by_place[kept] / self.by_place[kept].sum()
+        return [
+            (share, replace(self, extra=placed.numbered(number), by_place=None))
+            for share, number in zip(shares.tolist(), kept.tolist(), strict=True)
+        ]
 
     @property
     def remedy(self) -> tuple[Ids, tuple[int, ...]]:
@@ -205,20 +226,22 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     (bases, scales, g, sizes·places).
     """
     cause = placed.cause
-    counts = list(cause.counts) if isinstance(cause, PatternCause) else []
     by_scale = log_sum(log, 2)
     by_scale += np.tile(placed.weights, by_scale.shape[-1] // len(placed.tried))
     by_place = log_sum(by_scale, 1)
-    best, total = by_place.argmax(axis=1).tolist(), log_sum(by_place, 1).tolist()
+    best, total = by_place.argmax(axis=1), log_sum(by_place, 1)
+    shares = np.exp(by_place - total[:, None])
+    # Sizes of any value are not told apart: they are averaged over at each place.
+    if not cause.counts:
+        shares = shares.reshape(len(shares), -1, len(placed.tried)).sum(axis=1)
     scores = {}
-    each = zip(at.candidates.bases, by_scale, best, total, strict=True)
-    for base, own, number, value in each:
-        size, at_place = divmod(number, len(placed.tried))
-        count = counts[size] if counts else None
-        extra = Extra(cause, placed.tried[at_place], placed.own.start + at_place, count)
+    each = zip(at.candidates.bases, by_scale, best.tolist(), total.tolist(), shares, strict=True)
+    for base, own, number, value, share in each:
         scale = list(SCALES)[own[:, number].argmax()]
         log_all = LOG_ALL if base else 0.0
-        scores[ids_of(*base, cause)] = Score(at, value + log_all, base, scale, extra)
+        scores[ids_of(*base, cause)] = Score(
+            at, value + log_all, base, scale, placed.numbered(number), by_place=share
+        )
     return scores
 
 

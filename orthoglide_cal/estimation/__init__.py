@@ -1,7 +1,14 @@
 """Estimation of the joint offsets: one problem, one least squares, covariance, the promise."""
 
 from orthoglide_cal.estimation.least_squares import Fit, Problem, fit_offsets
-from orthoglide_cal.estimation.methods import Method, Posed, pose, pose_differences, usable_methods
+from orthoglide_cal.estimation.methods import (
+    Method,
+    Posed,
+    pose,
+    pose_differences,
+    pose_plan,
+    usable_methods,
+)
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise, stays
 from orthoglide_cal.estimation.solution import Solution
 from orthoglide_cal.estimation.solve import solve
@@ -17,6 +24,7 @@ __all__ = [
     "fit_offsets",
     "pose",
     "pose_differences",
+    "pose_plan",
     "promise",
     "solve",
     "stays",

@@ -98,7 +98,7 @@ def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
         plan: n readings.
         values: shape (n,) [mm].
     """
-    keys = np.stack((plan.setup, plan.displacement, plan.contact), axis=1)
+    keys = np.stack((plan.setup, plan.displacement, plan.contact, *plan.state), axis=1)
     _, cell = np.unique(keys, axis=0, return_inverse=True)
     cell = cell.reshape(-1)
     count = np.bincount(cell)

@@ -36,7 +36,7 @@ UNKNOWN_MM = 5.0
 # Sizes of the misfit that are carried along, in units of `misfit_mm`.
 _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
 # The parts of a plan that say what is read, not when and with which zero.
-PLACE = ("leg", "direction", "displacement", "contact", "gauge_at")
+PLACE = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "turned", "entered")
 _ERFC = np.vectorize(math.erfc, otypes=[np.float64])
 
 
@@ -168,7 +168,7 @@ class Outlook:
             self._base = simulate(model, self._zero, plan)
         self._offsets = OFFSET_MM**2 * slope @ slope.T
         self._series = _alike(plan.leg, plan.direction)
-        self._cells = _alike(plan.leg, plan.direction, plan.displacement, plan.contact)
+        self._cells = _same(plan.cells)
         size = _plausible(machine)
         self._drift = math.hypot(size["thermal_drift"], size["gauge_drift"])
         self._settling = size["backlash"]

@@ -26,6 +26,7 @@ from orthoglide_cal.model import (
     Floats,
     Measured,
     Model,
+    Plan,
     Posture,
     Readings,
     cell_contrasts,
@@ -140,22 +141,35 @@ def pose(measured: Measured, model: Model, method: Method, *, folded: bool = Fal
         folded: of raw readings that repeat each other keep the mean only, where no accepted cause
             can tell them apart; their scatter is not in the data then.
     """
-    if isinstance(measured, Differences) or method.uses is not DataKind.READINGS:
+    if isinstance(measured, Differences):
         return pose_differences(measured, model, method.uses)
-    contrasts = cell_contrasts if folded and model.repeats else zero_free
-    matrix = contrasts(measured.plan)
-    return Posed(Problem(model, measured.plan, matrix), matrix @ measured.value, ())
+    problem, which = pose_plan(measured.plan, model, method.uses, folded=folded)
+    return Posed(problem, problem.matrix @ measured.value, which)
+
+
+def pose_plan(
+    plan: Plan, model: Model, kind: DataKind, *, folded: bool = False
+) -> tuple[Problem, tuple[Difference, ...]]:
+    """What a method makes of readings, whatever they will be: the problem, and its differences.
+
+    Differences that the plan lacks are left out; `folded` as in `pose`.
+    """
+    if kind is DataKind.READINGS:
+        contrasts = cell_contrasts if folded and model.repeats else zero_free
+        return Problem(model, plan, contrasts(plan)), ()
+    wanted = DIFFERENCES[kind]
+    matrix = reduction(kind, wanted, model.machine, plan)
+    present = np.abs(matrix).sum(axis=1) > 0.0
+    kept = tuple(each for each, ok in zip(wanted, present, strict=True) if ok)
+    return Problem(model, plan, matrix[present]), kept
 
 
 def pose_differences(measured: Measured, model: Model, kind: DataKind) -> Posed:
     """Differences of this kind from the data; those that the data lack are left out."""
-    wanted = DIFFERENCES[kind]
     if isinstance(measured, Readings):
-        matrix = reduction(kind, wanted, model.machine, measured.plan)
-        present = np.abs(matrix).sum(axis=1) > 0.0
-        kept = tuple(each for each, ok in zip(wanted, present, strict=True) if ok)
-        problem = Problem(model, measured.plan, matrix[present])
+        problem, kept = pose_plan(measured.plan, model, kind)
         return Posed(problem, problem.matrix @ measured.value, kept)
+    wanted = DIFFERENCES[kind]
     values = dict(zip(measured.which, measured.value.tolist(), strict=True))
     if measured.kind is DataKind.TWELVE and kind is DataKind.SIX:
         ends = [(Difference(s, Posture.MAX), Difference(s, Posture.MIN)) for s, _ in wanted]

@@ -5,6 +5,7 @@ from orthoglide_cal.files.input import (
     FoundSession,
     Input,
     check_file,
+    input_from_document,
     latest_session,
     machine_in_folder,
     read_input,
@@ -23,19 +24,21 @@ from orthoglide_cal.files.machine_file import (
     read_machine_file,
     shipped_folder,
 )
-from orthoglide_cal.files.readings import Conditions, GaugeIdentity, readings_csv
+from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.files.session_file import (
     session_json,
     session_of_readings,
     session_text,
     write_session,
 )
-from orthoglide_cal.files.text import parse_number, write_text
+from orthoglide_cal.files.text import Document, number_text, parse_number, read_document, write_text
+from orthoglide_cal.files.written_readings import file_columns, readings_csv, sitting_cells
 
 __all__ = [
     "LARGEST_OFFSET_MM",
     "Check",
     "Conditions",
+    "Document",
     "FoundSession",
     "GaugeIdentity",
     "Input",
@@ -43,13 +46,17 @@ __all__ = [
     "check_file",
     "default_machine",
     "differing",
+    "file_columns",
+    "input_from_document",
     "latest_session",
     "machine_from_text",
     "machine_in_folder",
     "machine_text",
     "machine_values",
     "new_machine",
+    "number_text",
     "parse_number",
+    "read_document",
     "read_input",
     "read_machine",
     "read_machine_file",
@@ -59,6 +66,7 @@ __all__ = [
     "session_text",
     "sessions_in",
     "shipped_folder",
+    "sitting_cells",
     "with_history",
     "write_session",
     "write_text",

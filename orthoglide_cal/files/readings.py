@@ -1,4 +1,4 @@
-"""Rows of readings to columns of arrays, and back.
+"""Rows of readings to columns of arrays.
 
 A row holds the cells of one reading as text, from a CSV or a session. Every cell is checked by
 itself, then what only shows across rows; everything that is wrong is found at once.
@@ -6,15 +6,11 @@ itself, then what only shows across rows; everything that is wrong is found at o
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +19,7 @@ from orthoglide_cal.files.table import Cells, Row, Table
 from orthoglide_cal.files.text import Faults, listed, number_text, parse_count, parse_number, unused
 from orthoglide_cal.model import (
     AXES,
+    Bools,
     Contact,
     Floats,
     Ints,
@@ -40,14 +37,15 @@ VALUE_COLUMNS = ("reading_mm", "reading_in")
 TEXT_COLUMNS = ("gauge", "note")
 READING_COLUMNS = (
     *NEEDED_COLUMNS, *VALUE_COLUMNS, "seq", "cycle", "minutes", "temperature_c", "gauge_at", "end",
-    *TEXT_COLUMNS,
+    "part", "bar", "entered", *TEXT_COLUMNS,
 )  # fmt: skip
 CODED_COLUMNS = tuple(name for name in READING_COLUMNS if name not in TEXT_COLUMNS)
 
 MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
 LATEST_MINUTES = 1e6  # two years
 
-_ENDS = {"joint": Contact.JOINT, "tool": Contact.TOOL}
+TURNED = "turned"
+ENDS = {"joint": Contact.JOINT, "tool": Contact.TOOL}
 _ALL_OR_NONE = ("seq", "cycle", "minutes", "end")
 _COLDEST, _HOTTEST = -100.0, 200.0  # °C
 _AXIS = "Write x, y or z."
@@ -107,9 +105,28 @@ def axis(text: str) -> int:
 
 def end(text: str) -> Contact:
     """What the gauge touches. Raises InputError without a place."""
-    if text.lower() not in _ENDS:
+    if text.lower() not in ENDS:
         raise InputError("This is not an end of the leg.", "Write joint or tool.")
-    return _ENDS[text.lower()]
+    return ENDS[text.lower()]
+
+
+def bar(text: str) -> bool:
+    """Whether the touched bar was turned half round. Raises InputError without a place."""
+    if text.lower() != TURNED:
+        remedy = f"Write {TURNED} where it was turned half round, else leave the cell empty."
+        raise InputError("This does not say how the bar was.", remedy)
+    return True
+
+
+def entered(text: str, number: Callable[[str], float]) -> tuple[float, ...]:
+    """What was entered of x, y, z [mm], as `number` reads each. Raises InputError without place."""
+    values = tuple(number(each) for each in text.split())
+    if len(values) != len(AXES):
+        raise InputError(
+            f"Three numbers are wanted, of x, y and z; here are {len(values)}.",
+            "Write mm with blanks between them, such as 0.5 0 0.",
+        )
+    return values
 
 
 def readings_from_table(table: Table, machine: Machine) -> Readings:
@@ -159,8 +176,13 @@ def readings_from_rows(
     temperature = cells.numbers("temperature_c", _COLDEST, _HOTTEST)
     seq = cells.read("seq", lambda text: parse_count(text, 0), -1)
     cycle = cells.read("cycle", lambda text: parse_count(text, 1), 0)
+    part = np.array(cells.read("part", lambda text: parse_count(text, 1), 1)) - 1
+    turned = np.array(cells.read("bar", bar, False))
+    offsets = _entered(cells, machine)
     cells.check_complete(_ALL_OR_NONE)
     _check_order(cells, seq, minutes, "minutes" if clock is None else "timestamp")
+    _check_parts(cells, seq, part)
+    _check_bars(cells, part, leg, direction, turned)
     faults.check()
 
     filled = rows[0].cells  # what is numbered or timed in one row is so in all
@@ -170,7 +192,7 @@ def readings_from_rows(
     touched = np.where(np.isnan(gauge_at), 0.5, gauge_at)
     gauge_at = np.where(contact == Contact.FIXED, touched, contact == Contact.TOOL)
     gauge = tuple(row.cells.get("gauge", "") for row in rows)
-    places = places_of(leg, direction, contact, gauge_at)
+    places = places_of(leg, direction, contact, gauge_at, part, turned)
     plan = Plan(
         leg=leg,
         direction=direction,
@@ -180,6 +202,9 @@ def readings_from_rows(
         setup=number_setups(places, gauge, in_time.tolist(), ordered=timed or "seq" in filled),
         order=order,
         hours=np.where(timed, minutes, order * MINUTES_PER_READING) / 60.0,
+        part=part,
+        turned=turned,
+        entered=offsets,
     )
     readings = Readings(
         plan=plan,
@@ -206,50 +231,6 @@ def conditions_in(readings: Readings) -> Conditions:
         gauges=tuple(GaugeIdentity(label) for label in labels),
         notes=tuple((line, note) for line, note in notes if note),
     )
-
-
-def readings_csv(readings: Readings) -> str:
-    """The text of a readings file, without columns that would be empty.
-
-    Reading it back gives exactly the same values, postures, order and set-ups, and the times to
-    1e-6 minutes. Set-ups that the reader could not tell apart by leg, direction, position and
-    gauge get labels of their own in the column `gauge`.
-    """
-    columns = {
-        name: [number_text(cell) if isinstance(cell, float) else cell for cell in cells]
-        for name, cells in file_columns(readings).items()
-        if any(cell is not None for cell in cells)
-    }
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return text.getvalue()
-
-
-def file_columns(readings: Readings) -> dict[str, list[Any]]:
-    """Column → cell of each reading, as a file holds them; None where it would be empty."""
-    plan, n = readings.plan, len(readings)
-    fixed = plan.contact == Contact.FIXED
-    ends = {contact: name for name, contact in _ENDS.items()}
-    minutes = [round(hours * 60.0, 6) for hours in plan.hours.tolist()]
-    return {
-        "seq": [order + 1 for order in np.argsort(plan.in_time).tolist()],
-        "leg": [AXES[leg] for leg in plan.leg],
-        "posture": list(readings.posture),
-        "direction": [AXES[direction] for direction in plan.direction],
-        "end": [ends.get(Contact(contact)) for contact in plan.contact],
-        "reading_mm": readings.value.tolist(),
-        "cycle": readings.cycle.tolist(),
-        "minutes": minutes if readings.timed else [None] * n,
-        "temperature_c": [None if math.isnan(t) else t for t in readings.temperature.tolist()],
-        "gauge": [label or None for label in _labels(readings)],
-        "gauge_at": [
-            at if stands and at != 0.5 else None
-            for at, stands in zip(plan.gauge_at.tolist(), fixed, strict=True)
-        ],
-        "note": [note or None for note in readings.note],
-    }
 
 
 def _check_header(table: Table) -> None:
@@ -327,6 +308,19 @@ def _values(cells: Cells, machine: Machine) -> Floats:
     return np.where(np.isnan(mm), inches, mm)
 
 
+def _entered(cells: Cells, machine: Machine) -> Floats:
+    """What was entered in the controller, shape (n, 3) [mm]."""
+
+    def offsets(text: str) -> tuple[float, ...]:
+        values = entered(text, cells.number)
+        if max(map(abs, values)) > machine.leg_length_mm:
+            raise InputError("An offset is larger than the leg is long.", "Offsets are in mm.")
+        return values
+
+    blank = (0.0,) * len(AXES)
+    return np.reshape(cells.read("entered", offsets, blank), (-1, len(AXES)))
+
+
 def _check_order(cells: Cells, seq: Sequence[int], minutes: Floats, clock: str) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
     lines, sound = [row.line for row in cells.rows], np.flatnonzero(cells.sound).tolist()
@@ -346,9 +340,40 @@ def _check_order(cells: Cells, seq: Sequence[int], minutes: Floats, clock: str) 
             )  # fmt: skip
 
 
+def _check_parts(cells: Cells, seq: Sequence[int], part: Ints) -> None:
+    """Parts are numbered in order of time, without a gap."""
+    sound = sorted(np.flatnonzero(cells.sound).tolist(), key=lambda index: seq[index])
+    last = 0
+    for index in sound:
+        if not last <= part[index] <= last + 1:
+            what = f"Part {part[index] + 1} does not follow part {last + 1}."
+            remedy = "Number the parts 1, 2 and so on, in the order in which they were measured."
+            cells.note(index, "part", what, remedy)
+        last = max(last, int(part[index]))
+
+
+def _check_bars(cells: Cells, part: Ints, leg: Ints, direction: Ints, turned: Bools) -> None:
+    """A bar is turned for both gauges that touch it."""
+    kinds, which = np.unique(np.stack((part, leg)), axis=1, return_inverse=True)
+    for kind in range(kinds.shape[1]):
+        mine = np.array(cells.sound) & (which.reshape(-1) == kind)
+        with_it = set(direction[mine & turned].tolist())
+        others = mine & ~np.isin(direction, list(with_it))
+        if with_it and others.any():
+            names = " and ".join(AXES[axis] for axis in sorted(with_it))
+            first = int(np.flatnonzero(others)[0])
+            cells.note(
+                first, "bar",
+                f"The bar of leg {AXES[leg[first]]} is turned for direction {names} alone; it is"
+                " one bar.",
+                "Write turned in all rows of that leg that were read so, or give these a part of"
+                " their own.",
+            )  # fmt: skip
+
+
 def _cycles(plan: Plan) -> Ints:
-    """Repeats counted in time within each leg, direction, posture and end, shape (n,)."""
-    alike = list(zip(plan.leg, plan.direction, plan.displacement, plan.contact, strict=True))
+    """Repeats counted in time within each part, leg, direction, posture and end, shape (n,)."""
+    alike = list(zip(plan.part, plan.cells, strict=True))
     seen: Counter[object] = Counter()
     cycles = np.empty(len(alike), dtype=np.intp)
     for index in plan.in_time:
@@ -379,7 +404,9 @@ def _remarks(readings: Readings, cells: Cells, machine: Machine) -> list[str]:
         remarks.append("gauge_at was not used: `end` says where the gauge stood.")
     if readings.timed or "cycle" in cells.rows[0].cells:
         remarks += _repeated_rows(cells.rows)
-    places = places_of(plan.leg, plan.direction, plan.contact, plan.gauge_at)
+    places = places_of(
+        plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
+    )
     anew = plan.setups - len(set(zip(places, readings.gauge, strict=True)))
     if anew:
         remarks.append(
@@ -401,14 +428,3 @@ def _repeated_rows(rows: Sequence[Row]) -> list[str]:
             )
         first.setdefault(content, row.line)
     return remarks
-
-
-def _labels(readings: Readings) -> Sequence[str]:
-    """Labels from which the reader recovers the set-ups: the gauges' own if they suffice."""
-    plan = readings.plan
-    places = places_of(plan.leg, plan.direction, plan.contact, plan.gauge_at)
-    understood = number_setups(places, readings.gauge, plan.in_time.tolist(), ordered=True)
-    pairs = set(zip(understood.tolist(), plan.setup.tolist(), strict=True))
-    if len(pairs) == len(set(understood.tolist())) == plan.setups:
-        return readings.gauge
-    return [f"set-up {number + 1}" for number in plan.setup.tolist()]

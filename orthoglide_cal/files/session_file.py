@@ -16,13 +16,15 @@ from orthoglide_cal.files.readings import (
     Conditions,
     GaugeIdentity,
     axis,
+    bar,
     conditions_in,
     end,
-    file_columns,
+    entered,
     readings_from_rows,
 )
 from orthoglide_cal.files.table import Row
 from orthoglide_cal.files.text import Faults, parse_yaml_number, unused, write_text
+from orthoglide_cal.files.written_readings import SITTING_COLUMNS, file_columns
 from orthoglide_cal.files.yaml_tree import (
     Group,
     Tree,
@@ -47,7 +49,7 @@ _BLANK: dict[str, Any] = {
 _COLUMNS = (*READING_COLUMNS, "timestamp")
 _ENTRY = (
     "leg", "posture", "direction", "end", "cycle", "reading_mm", "seq", "minutes",
-    "temperature_c", "gauge", "gauge_at", "note", "timestamp", "reason",
+    "temperature_c", "gauge", *SITTING_COLUMNS, "note", "timestamp", "reason",
 )  # fmt: skip
 
 
@@ -198,6 +200,10 @@ def _check_place(entry: Group) -> None:
     entry.take("posture", word)
     entry.take("end", lambda value: end(text(value)), None)
     entry.take("cycle", count, None)
+    entry.take("part", count, None)
+    entry.take("bar", lambda value: bar(text(value)), None)
+    entry.take("entered", lambda value: entered(text(value), number), None)
+    entry.take("gauge_at", number, None)
     entry.take("reason", text, "")
 
 
@@ -207,7 +213,7 @@ def _check_reading(entry: Group) -> None:
     entry.take("reading_in" if in_inches else "reading_mm", number)
     entry.take("minutes", not_negative, None)
     entry.take("timestamp", _moment, None)
-    for key in ("seq", "temperature_c", "gauge_at"):
+    for key in ("seq", "temperature_c"):
         entry.take(key, number, None)
     for key in ("gauge", "note"):
         entry.take(key, text, None)

@@ -9,8 +9,17 @@ from orthoglide_cal.model.gauge_doubts import (
     other_unit,
     too_steady,
 )
-from orthoglide_cal.model.kinds import double_posture, single_posture
+from orthoglide_cal.model.kinds import double_posture, single_posture, visiting
 from orthoglide_cal.model.machine import Details, Entered, Gauge, Machine
+from orthoglide_cal.model.measured import (
+    DIFFERENCES,
+    DataKind,
+    Difference,
+    Differences,
+    Measured,
+    Readings,
+    Source,
+)
 from orthoglide_cal.model.model import (
     Model,
     carried_uncertainty,
@@ -20,21 +29,15 @@ from orthoglide_cal.model.model import (
 )
 from orthoglide_cal.model.readings import (
     AXES,
-    DIFFERENCES,
     MM_PER_INCH,
+    Bools,
     Contact,
-    DataKind,
-    Difference,
-    Differences,
     Floats,
     Ints,
-    Measured,
     Numbers,
     Plan,
     Posture,
-    Readings,
     Series,
-    Source,
     cell_contrasts,
     freeze,
     number_setups,
@@ -48,6 +51,7 @@ __all__ = [
     "AXES",
     "DIFFERENCES",
     "MM_PER_INCH",
+    "Bools",
     "Cause",
     "Contact",
     "DataKind",
@@ -89,6 +93,7 @@ __all__ = [
     "simulate_with_jacobian",
     "single_posture",
     "too_steady",
+    "visiting",
     "without_zeros",
     "zero_free",
 ]

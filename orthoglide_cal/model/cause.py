@@ -57,17 +57,25 @@ class Command:
         home: joint position from which travel counts [mm].
         hours: since the session began, shape (n,) [h].
         in_time: indices from first to last, shape (n,); None for carriages without a past.
+        entered: offsets entered in the controller since the first of them, shape (n, 3) [mm].
     """
 
     joints: Floats
     home: float
     hours: Floats
     in_time: Ints | None
+    entered: Floats
 
     @classmethod
     def standing(cls, joints: Floats, home: float) -> Command:
         """Carriages that stand at `joints` (n, 3) [mm], without a past and at time zero."""
-        return cls(read_only(joints), home, read_only(np.zeros(len(joints))), None)
+        nothing = read_only(np.zeros(joints.shape))
+        return cls(read_only(joints), home, nothing[:, 0], None, nothing)
+
+    @cached_property
+    def sent(self) -> Floats:
+        """Where the joints would indicate to be had nothing been entered, shape (n, 3) [mm]."""
+        return read_only(self.joints - self.entered)
 
     @cached_property
     def approach(self) -> Floats:
@@ -75,7 +83,7 @@ class Command:
         if self.in_time is None:
             return read_only(np.zeros_like(self.joints))
         approach, moves = np.zeros_like(self.joints), np.zeros_like(self.joints)
-        moves[1:] = np.sign(np.diff(self.joints[self.in_time], axis=0))
+        moves[1:] = np.sign(np.diff(self.sent[self.in_time], axis=0))
         moments = np.arange(len(moves))[:, None]
         last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
         approach[self.in_time] = np.take_along_axis(moves, last, axis=0)
@@ -102,6 +110,7 @@ class Cause:
         compensable: True if a controller can compensate it.
         timed: True if it can only be seen in readings whose time order is known.
         weight: how likely it is before anything is read, beside 1 for most causes.
+        instrument: what shows it where these readings leave no trace of it.
         advice: what a technician can do about it; "{where}" stands for its place in words.
     """
 
@@ -119,6 +128,7 @@ class Cause:
     compensable: bool = False
     timed: bool = False
     weight: float = 1.0
+    instrument: str
     advice: str
 
     def size(self, machine: Machine) -> float:

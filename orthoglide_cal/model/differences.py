@@ -13,19 +13,12 @@ import numpy as np
 
 from orthoglide_cal.model.kinds import double_posture, single_posture
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import (
-    Contact,
-    DataKind,
-    Difference,
-    Floats,
-    Plan,
-    Posture,
-    Series,
-)
+from orthoglide_cal.model.measured import DataKind, Difference
+from orthoglide_cal.model.readings import Contact, Floats, Plan, Posture, Series
 
 
 class _Cell(NamedTuple):
-    """Readings that repeat each other: same leg, direction, displacement and contact."""
+    """Readings of one leg, direction, displacement and contact, of the machine as it was found."""
 
     series: Series
     displacement: float
@@ -37,6 +30,7 @@ class _Cell(NamedTuple):
             plan.of(self.series)
             & (plan.contact == self.contact)
             & (np.abs(plan.displacement - self.displacement) < 1e-9)
+            & plan.as_found
         )
 
 

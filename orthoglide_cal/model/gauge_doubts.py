@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.model.machine import Gauge
-from orthoglide_cal.model.readings import MM_PER_INCH, Floats, Ints, Measured, Readings
+from orthoglide_cal.model.measured import Measured, Readings
+from orthoglide_cal.model.readings import MM_PER_INCH, Floats, Ints
 
 # Chance at which healthy readings are doubted.
 CHANCE = 1e-6

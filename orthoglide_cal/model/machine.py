@@ -142,7 +142,7 @@ class Machine:
     workspace_mm: float
     gauge: Gauge
     offsets_mm: tuple[float, ...] = (0.0, 0.0, 0.0)
-    tolerances: Mapping[str, float] = field(default_factory=dict)
+    tolerances: Mapping[str, float] = field(default_factory=dict, hash=False)
     kind: str = "orthoglide"
     homing_mm: float | None = None
     history: tuple[Entered, ...] = ()

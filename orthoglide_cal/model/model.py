@@ -23,7 +23,7 @@ import numpy as np
 
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model.cause import Command, Effect, Stage
-from orthoglide_cal.model.kinds import Orthoglide
+from orthoglide_cal.model.kinds import Moments, Orthoglide
 from orthoglide_cal.model.machine import (
     Geometry,
     Machine,
@@ -96,9 +96,9 @@ class Model:
 
         Args:
             command: where the controller sends them.
-            offsets: Δρ, shape (..., 3) [mm]; true joint position = indicated + Δρ.
+            offsets: Δρ, shape (..., 3) [mm]; true joint position = indicated + Δρ − entered.
         """
-        joints: Numbers = command.joints + offsets[..., None, :]
+        joints: Numbers = command.sent + offsets[..., None, :]
         for effect in self.accepted:
             joints = effect.cause.motion(joints, effect.theta, command)
         return joints
@@ -207,17 +207,17 @@ def _simulate(
     """Readings, and their derivative by the offsets if it is wanted (else the readings again)."""
     machine, kind, real = model.machine, model.kind, model.geometry
     command = kind.command(machine, plan)
-    joints, moment = _joints(model, command, plan, offsets)
+    joints, moments = _joints(model, command, plan, offsets)
     batch = max(
         joints.ndim - 2, real.points.ndim - 2, real.directions.ndim - 2, real.lengths.ndim - 1
     )
     try:
         points = Points.of(real, joints, batch, strict)
     except PostureError as error:
-        named = _which(Points.of(real, joints, batch, strict=False), plan, moment)
+        named = _which(Points.of(real, joints, batch, strict=False), plan, moments.reading)
         raise type(error)(f"{named}: {error.what}", error.remedy) from error
 
-    heights, fraction = kind.touched(points, plan, moment)
+    heights, fraction = kind.touched(points, plan, moments)
     readings = behind_batch(heights, 1)
     along = behind_batch(fraction, 1)
     for effect in model.accepted:
@@ -226,28 +226,34 @@ def _simulate(
         readings = effect.cause.record(readings, effect.theta, effect.place, plan, machine)
     if not derivative:
         return readings, readings
-    jacobian = kind.touched_derivative(points, plan, moment, fraction)
+    jacobian = kind.touched_derivative(points, plan, moments, fraction)
     return readings, behind_batch(jacobian, 2)
 
 
-def _joints(model: Model, command: Command, plan: Plan, offsets: Numbers) -> tuple[Numbers, Ints]:
-    """Where the carriages stand at each moment and, last, where the gauges were set up.
+def _joints(
+    model: Model, command: Command, plan: Plan, offsets: Numbers
+) -> tuple[Numbers, Moments]:
+    """Where the carriages stand at each moment and, last, where they did for each set-up.
 
     A cause of the motion may depend on time: then every reading is its own moment; otherwise
-    readings at one posture share theirs.
+    readings at one posture share theirs. Gauges are set up at the isotropic posture, with what
+    was entered then.
 
     Returns:
-        Components first, shape (3, m + 1, ...) [mm]; the moment of each reading, (n,).
+        Components first, shape (3, m + s, ...) [mm]; the moments of each reading.
     """
-    set_up = np.full((1, 3), command.home)
+    stood, which = plan.set_up_moments
+    set_up = command.home - stood
     if model.still:
         first, moment = plan.moments
-        both = np.concatenate((command.joints[first], set_up)).T
-        return column(both, offsets.ndim - 1) + components(offsets, 1)[:, None], moment
+        both = np.concatenate((command.sent[first], set_up)).T
+        joints = column(both, offsets.ndim - 1) + components(offsets, 1)[:, None]
+        return joints, Moments(moment, len(first) + which)
     joints = model.true_joints(command, offsets)
-    gauged = np.broadcast_to(set_up + offsets[..., None, :], (*joints.shape[:-2], 1, 3))
+    shape = (*joints.shape[:-2], *set_up.shape)
+    gauged = np.broadcast_to(set_up + offsets[..., None, :], shape)
     both = np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2)
-    return components(both, 2), np.arange(len(plan))
+    return components(both, 2), Moments(np.arange(len(plan)), len(plan) + which)
 
 
 def _which(points: Points, plan: Plan, moment: Ints) -> str:

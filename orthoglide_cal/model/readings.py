@@ -1,7 +1,6 @@
-"""What is read: axes, postures, plans, and what was measured, as arrays.
+"""What is read: axes, postures and plans, as arrays.
 
-A plan says which gauge readings are (to be) taken and holds no measured value; readings are a plan
-with values; differences are combinations of readings as the paper prints them.
+A plan says which gauge readings are (to be) taken and holds no measured value.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ MM_PER_INCH = 25.4
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
 
@@ -84,9 +84,17 @@ class Contact(IntEnum):
         return None if self is Contact.FIXED else self.name.lower()
 
 
+# Of the arrays of a plan; all others hold whole numbers.
+_DTYPES: Mapping[str, Any] = MappingProxyType(
+    dict.fromkeys(("displacement", "gauge_at", "hours", "entered"), np.float64)
+    | {"turned": np.bool_}
+)
+_ONCE_FOR_ALL = ("part", "turned", "entered")
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Readings to be taken; every array has shape (n,) and is read-only.
+    """Readings to be taken; every array is read-only and, if not said otherwise, of shape (n,).
 
     Attributes:
         leg: 0, 1, 2 for the x-, y-, z-leg, whose carriage is displaced.
@@ -98,6 +106,13 @@ class Plan:
         setup: 0 … k−1; readings of one set-up share one unknown gauge zero.
         order: rank in time; equal only for readings that are never compared in time.
         hours: since the session began [h].
+        part: 0 …; readings of one sitting: between parts the stands are set up, and the gauges
+            told apart, anew. A fault of the measurement is one of a part.
+        turned: the touched bar was turned half round its own axis.
+        entered: what was entered in the controller since the first reading: the offsets then are
+            Δρ − entered; shape (n, 3) [mm].
+
+    The last three may be given once for all readings.
     """
 
     leg: Ints
@@ -108,15 +123,20 @@ class Plan:
     setup: Ints
     order: Ints
     hours: Floats
+    part: Ints = field(default_factory=lambda: read_only(0, np.intp))
+    turned: Bools = field(default_factory=lambda: read_only(False, np.bool_))
+    entered: Floats = field(default_factory=lambda: read_only(np.zeros(3)))
 
     def __post_init__(self) -> None:
         n = np.shape(self.leg)
         for item in fields(self):
-            floating = item.name in ("displacement", "gauge_at", "hours")
-            array = read_only(getattr(self, item.name), np.float64 if floating else np.intp)
-            if array.shape != n or array.ndim != 1:
+            array = np.asarray(getattr(self, item.name), _DTYPES.get(item.name, np.intp))
+            shape = (*n, 3) if item.name == "entered" else n
+            if item.name in _ONCE_FOR_ALL and array.ndim < len(shape):
+                array = np.broadcast_to(array, shape)
+            if array.shape != shape or len(n) != 1:
                 raise ValueError(f"{item.name} has shape {array.shape}, leg has {n}")
-            object.__setattr__(self, item.name, array)
+            object.__setattr__(self, item.name, read_only(array, array.dtype))
 
     def __len__(self) -> int:
         return int(self.leg.size)
@@ -125,6 +145,27 @@ class Plan:
     def setups(self) -> int:
         """Number of gauge set-ups, each with its own unknown zero."""
         return int(self.setup.max()) + 1 if len(self) else 0
+
+    @cached_property
+    def parts(self) -> int:
+        """Number of parts, empty ones before the last included."""
+        return int(self.part.max()) + 1 if len(self) else 0
+
+    @cached_property
+    def stood(self) -> Floats:
+        """What was entered when each reading's gauge was set up, shape (n, 3) [mm].
+
+        That is when the first reading of its set-up was taken: a stand does not follow a leg that
+        is moved by what is entered later.
+        """
+        if not self.entered.any():
+            return self.entered
+        _, first, setup = np.unique(
+            self.setup[self.in_time], return_index=True, return_inverse=True
+        )
+        stood = np.empty_like(self.entered)
+        stood[self.in_time] = self.entered[self.in_time][first][setup.reshape(-1)]
+        return read_only(stood)
 
     @cached_property
     def in_time(self) -> Ints:
@@ -138,21 +179,49 @@ class Plan:
 
     @cached_property
     def cells(self) -> Ints:
-        """Number of each reading's (leg, direction, posture, contact) cell, shape (n,)."""
-        return _alike(self.leg, self.direction, self.displacement, self.contact)[1]
+        """Number of each reading's cell, shape (n,): leg, direction, posture, contact, state."""
+        return _alike(self.leg, self.direction, self.displacement, self.contact, *self.state)[1]
 
     @cached_property
     def distinct(self) -> tuple[Ints, Ints]:
         """Readings equal but for set-up and time: one of each kind, (m,), each one's kind, (n,)."""
-        return _alike(self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
+        if np.any(self.entered != self.stood):
+            # Where something was entered within a set-up, what a gauge shows depends on when that
+            # began: each reading is its own kind.
+            alone = read_only(np.arange(len(self)), np.intp)
+            return alone, alone
+        where = (self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
+        return _alike(*where, *self.state)
 
     @cached_property
     def moments(self) -> tuple[Ints, Ints]:
-        """Distinct commanded postures: a reading of each, (m,), and each reading's one, (n,)."""
-        return _alike(np.where(self.displacement == 0.0, 0, self.leg), self.displacement)
+        """Distinct true postures: a reading of each, (m,), and each reading's one, (n,)."""
+        leg = np.where(self.displacement == 0.0, 0, self.leg)
+        return _alike(leg, self.displacement, *_columns(self.entered))
+
+    @property
+    def as_found(self) -> Bools:
+        """Readings with nothing entered, then and when their gauge was set up, shape (n,)."""
+        return np.asarray(~np.any(self.entered != 0.0, axis=1) & ~np.any(self.stood != 0.0, axis=1))
+
+    @cached_property
+    def set_up_moments(self) -> tuple[Floats, Ints]:
+        """Distinct `stood`, (s, 3) [mm], and each reading's one, (n,)."""
+        if not self.stood.any():
+            return self.stood[:1], np.zeros(len(self), dtype=np.intp)
+        stood, which = np.unique(self.stood, axis=0, return_inverse=True)
+        return read_only(stood), read_only(which.reshape(-1), np.intp)
+
+    @cached_property
+    def state(self) -> tuple[Floats, ...]:
+        """What else readings must agree in to repeat each other, each (n,); () where all do."""
+        return (*_columns(self.turned[:, None]), *_columns(self.entered))
 
     def subset(self, chosen: Ints) -> Plan:
-        """The plan of some of its readings (indices or mask); set-ups are renumbered."""
+        """The plan of some of its readings (indices or mask); set-ups are renumbered.
+
+        The first chosen reading of a set-up is then the one at which it began.
+        """
         parts = {item.name: getattr(self, item.name)[chosen] for item in fields(self)}
         parts["setup"] = np.unique(parts["setup"], return_inverse=True)[1]
         return Plan(**parts)
@@ -183,7 +252,7 @@ def number_setups(
     where the file states the order in time.
 
     Args:
-        places: where each reading's gauge stood (leg, direction, position along the leg).
+        places: where each reading's gauge stood, as in `places_of`.
         gauges: labels; "" where unknown.
         in_time: indices of the readings from first to last.
         ordered: the order in time is stated, not assumed from the order of the rows.
@@ -204,13 +273,22 @@ def number_setups(
     return setup
 
 
-def places_of(leg: Ints, direction: Ints, contact: Ints, gauge_at: Floats) -> list[Hashable]:
-    """Where each gauge stood: (leg, direction, position along the leg).
+def places_of(
+    leg: Ints, direction: Ints, contact: Ints, gauge_at: Floats, part: Ints, turned: Bools
+) -> list[tuple[float, ...]]:
+    """Where each gauge stood: (part, leg, direction, position along the leg, bar turned).
 
-    Both ends of a leg share a zero, so the end is no part of it.
+    Both ends of a leg share a zero, so the end is no part of it. No plunger stays where it was
+    while its bar is turned.
     """
     at = np.where(contact == Contact.FIXED, gauge_at, -1.0)
-    return list(zip(leg.tolist(), direction.tolist(), at.tolist(), strict=True))
+    columns = (part.tolist(), leg.tolist(), direction.tolist(), at.tolist(), turned.tolist())
+    return list(zip(*columns, strict=True))
+
+
+def _columns(state: Floats | Bools) -> tuple[Floats, ...]:
+    """The columns of (n, k), none of them if they are all zero."""
+    return tuple(state.T.astype(np.float64)) if state.any() else ()
 
 
 def _alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
@@ -218,149 +296,6 @@ def _alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
     rows = np.stack(keys, axis=1)
     _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     return read_only(first, np.intp), read_only(kind.reshape(-1), np.intp)
-
-
-class DataKind(StrEnum):
-    """What was measured: raw readings, or one of the paper's sets of differences."""
-
-    READINGS = "readings"
-    SIX = "six"  # max − min
-    TWELVE = "twelve"  # max − iso and min − iso
-    SINGLE = "single"  # tool end − joint end
-
-
-_SIGNS = {Posture.MAX: "+", Posture.MIN: "-", Posture.ISO: "0"}
-
-
-class Difference(NamedTuple):
-    """One of the paper's differences.
-
-    Attributes:
-        series: leg and direction.
-        posture: of the minuend, or of both ends; None for max − min.
-    """
-
-    series: Series
-    posture: Posture | None = None
-
-    @property
-    def name(self) -> str:
-        """As the paper writes it, direction first, leg second: "dy_x", "dy_x+", "dz_x0"."""
-        return "d" + self.series.name + (_SIGNS[self.posture] if self.posture else "")
-
-
-# The order of Table 4: direction first, leg second.
-_SIX = tuple(Series(leg, k) for k in range(3) for leg in range(3) if leg != k)
-DIFFERENCES: Mapping[DataKind, tuple[Difference, ...]] = MappingProxyType(
-    {
-        DataKind.SIX: tuple(Difference(series) for series in _SIX),
-        DataKind.TWELVE: tuple(
-            Difference(series, posture) for series in _SIX for posture in (Posture.MAX, Posture.MIN)
-        ),
-        DataKind.SINGLE: tuple(
-            Difference(Series(leg, 2), posture)
-            for leg, posture in (
-                (0, Posture.ISO),
-                (1, Posture.ISO),
-                (0, Posture.MAX),
-                (0, Posture.MIN),
-                (1, Posture.MAX),
-                (1, Posture.MIN),
-            )
-        ),
-    }
-)
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where data came from.
-
-    Attributes:
-        path: as the user gave it; "-" for standard input.
-        sha256: hex digest of the bytes that were read.
-    """
-
-    path: str
-    sha256: str
-
-
-@dataclass(frozen=True, eq=False)
-class Readings:
-    """Raw gauge readings, in the order of the file; arrays have shape (n,).
-
-    Attributes:
-        plan: what each reading is of.
-        value: as recorded [mm].
-        cycle: repeat of the same (leg, direction, posture), from 1.
-        posture: "iso", "max", "min" or the displacement as text.
-        temperature: [°C]; NaN where not given.
-        gauge: label of the gauge; "" where not given.
-        note: remark; "" where not given.
-        line: line in the file, from 1.
-        timed: True if the times in the plan were recorded, False if they were assumed.
-        source: where the readings came from.
-        remarks: what the reader wants the user to know (unknown columns, assumed times).
-    """
-
-    plan: Plan
-    value: Floats
-    cycle: Ints
-    posture: tuple[str, ...]
-    temperature: Floats
-    gauge: tuple[str, ...]
-    note: tuple[str, ...]
-    line: Ints
-    timed: bool
-    source: Source
-    remarks: tuple[str, ...] = field(default=())
-
-    def __post_init__(self) -> None:
-        freeze(self, "value", "temperature", "cycle", "line")
-
-    kind = DataKind.READINGS
-
-    @property
-    def kinds(self) -> tuple[DataKind, ...]:
-        """What can be made of them: themselves, and the differences of their protocol."""
-        differences = (DataKind.SIX, DataKind.TWELVE) if self.plan.fixed else (DataKind.SINGLE,)
-        return (self.kind, *differences)
-
-    def __len__(self) -> int:
-        return len(self.plan)
-
-
-@dataclass(frozen=True, eq=False)
-class Differences:
-    """Differences of readings, as the paper prints them.
-
-    Attributes:
-        kind: which set they belong to.
-        which: the differences, in the order of the file.
-        value: shape (k,) [mm].
-        source: where they came from.
-        remarks: what the reader wants the user to know.
-    """
-
-    kind: DataKind
-    which: tuple[Difference, ...]
-    value: Floats
-    source: Source
-    remarks: tuple[str, ...] = field(default=())
-
-    def __post_init__(self) -> None:
-        freeze(self, "value")
-
-    @property
-    def kinds(self) -> tuple[DataKind, ...]:
-        """What can be made of them: themselves, and of twelve also six."""
-        return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
-
-    def __len__(self) -> int:
-        return len(self.which)
-
-
-Measured = Readings | Differences
 
 
 def zero_free(plan: Plan) -> Floats:
@@ -383,7 +318,8 @@ def cell_contrasts(plan: Plan) -> Floats:
     Returns:
         Shape (m − setups, n).
     """
-    keys = np.stack((plan.setup, plan.displacement, plan.contact, plan.gauge_at), axis=1)
+    where = (plan.setup, plan.displacement, plan.contact, plan.gauge_at)
+    keys = np.stack((*where, *plan.state), axis=1)
     cells, cell, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     weight = np.sqrt(count)
     zeros = weight[:, None] * (cells[:, :1] == np.arange(plan.setups))

@@ -7,8 +7,9 @@ from collections import Counter
 import numpy as np
 
 from orthoglide_cal.model.machine import Gauge
+from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
-from orthoglide_cal.model.readings import Floats, Plan, Readings, Source
+from orthoglide_cal.model.readings import Floats, Plan
 
 # Gauge zeros lie anywhere within this distance of the frame's origin [mm].
 ZERO_RANGE_MM = 1.0
@@ -74,7 +75,7 @@ def _cycles(plan: Plan) -> list[int]:
     seen: Counter[tuple[float, ...]] = Counter()
     cycles = [0] * len(plan)
     for i in plan.in_time.tolist():
-        key = (plan.setup[i], plan.displacement[i], plan.contact[i])
+        key = (plan.setup[i], plan.displacement[i], plan.contact[i], *(s[i] for s in plan.state))
         seen[key] += 1
         cycles[i] = seen[key]
     return cycles

@@ -18,6 +18,7 @@ from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files import Input, machine_values
 from orthoglide_cal.model import Model, Source
 from orthoglide_cal.model.workspace import Travel, WorkspaceError, travel, workspace_error
+from orthoglide_cal.planning import Next, best_next
 from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
 from orthoglide_cal.results.release import Release, Remedy, release
 from orthoglide_cal.results.residuals import Explained, Residuals, explained, residuals
@@ -74,6 +75,8 @@ class Calibration:
             check itself again. None if there is no result.
         diagnosis: None also where these data cannot be diagnosed.
         verification: of the session measured after the adjustment (as left); None without one.
+        following: what to measure next where the diagnosis leaves several explanations open; None
+            if nothing is open, or no measurement could tell.
     """
 
     identity: Identity
@@ -82,6 +85,7 @@ class Calibration:
     solution: Solution | None = None
     diagnosis: Diagnosis | None = None
     verification: Verification | None = None
+    following: Next | None = None
 
     @cached_property
     def model(self) -> Model:
@@ -265,9 +269,10 @@ def calibrate(
     except UnusableResultError:
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosed = None
-    decision = release(solution, diagnosed)
+    following = None if diagnosed is None else best_next(diagnosed)
+    decision = release(solution, diagnosed, following)
     identity = _identify(given, solution.method, verification, issued)
-    return Calibration(identity, given, decision, solution, diagnosed, verification)
+    return Calibration(identity, given, decision, solution, diagnosed, verification, following)
 
 
 def _identify(

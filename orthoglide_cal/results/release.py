@@ -11,6 +11,7 @@ from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.model import AXES, gauge_doubts
+from orthoglide_cal.planning import Next
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ class Release:
         return not self.reasons
 
 
-def release(solution: Solution, diagnosis: Diagnosis | None) -> Release:
+def release(
+    solution: Solution, diagnosis: Diagnosis | None, following: Next | None = None
+) -> Release:
     """Whether the solution's offsets may be entered, from its own check and the diagnosis.
 
     Readings that this gauge can hardly have shown bar them, whatever fits them. A cause that was
@@ -60,9 +63,10 @@ def release(solution: Solution, diagnosis: Diagnosis | None) -> Release:
     Args:
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data; None if it was not or could not be made.
+        following: what would tell apart the explanations that it leaves open; None without.
     """
     failures = tuple(_failures(solution, diagnosis))
-    judged = Release() if diagnosis is None else _judged(solution, diagnosis)
+    judged = Release() if diagnosis is None else _judged(solution, diagnosis, following)
     if not failures:
         # Without spare readings nothing can speak against the offsets, nor for them.
         told = judged.usable and (not solution.dof or solution.suspicious)
@@ -104,7 +108,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         yield solution.judgement, Remedy("Measure again with more postures.")
 
 
-def _judged(solution: Solution, diagnosis: Diagnosis) -> Release:
+def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
     """What the diagnosis has against the offsets."""
     if diagnosis.verdict is Verdict.CONSISTENT:
         return Release()
@@ -118,7 +122,7 @@ def _judged(solution: Solution, diagnosis: Diagnosis) -> Release:
                 f"Something is wrong beside the offsets, and these data cannot tell {first}"
                 f" from {rivals}.",
             ),
-            _next(diagnosis)
+            ((Remedy(following.option.what),) if following else ())
             or tuple(dict.fromkeys(Remedy(cause.advice) for cause in diagnosis.causes))
             or (Remedy("Measure again with more postures."),),
         )
@@ -128,10 +132,7 @@ def _judged(solution: Solution, diagnosis: Diagnosis) -> Release:
             f" it by {diagnosis.lack_of_fit.residual_mm:.3f} mm where the gauge's noise is"
             f" {diagnosis.lack_of_fit.noise_mm:.3f} mm (standard deviations).",
         ),
-        (
-            *_next(diagnosis),
-            Remedy("Check the set-up, measure again, and compare the two sessions."),
-        ),
+        (Remedy("Check the set-up, measure again, and compare the two sessions."),),
     )
 
 
@@ -160,7 +161,3 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
         (f"{names} was found: the offsets without it would be wrong by up to {largest}.",),
         tuple(dict.fromkeys(remedies)),
     )
-
-
-def _next(diagnosis: Diagnosis) -> tuple[Remedy, ...]:
-    return (Remedy(diagnosis.next_measurement.what),) if diagnosis.next_measurement else ()

@@ -1,12 +1,12 @@
 """The guided measurement: steps, live checks, journal, gauges; no numerics of its own."""
 
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 from orthoglide_cal.session.asking import Show, Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import GaugeLabel
 from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.opening import Request, named, open_session
 from orthoglide_cal.session.record import unfinished
-from orthoglide_cal.session.steps import MeasuringProtocol, Order
 
 __all__ = [
     "Dialogue",

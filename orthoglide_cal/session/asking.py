@@ -11,9 +11,9 @@ from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 from orthoglide_cal.errors import OrthocalError, visible
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.dead_time import STREAM, DeadTime
 from orthoglide_cal.session.gauges.formats import Token
-from orthoglide_cal.session.steps import SessionStep
 from orthoglide_cal.session.wording import wrapped
 
 # How long the keyboard is awaited before the gauge is looked at again [s].

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from orthoglide_cal.estimation.forecast import Prediction
 from orthoglide_cal.model import AXES, MM_PER_INCH, Floats, Gauge, Ints, off_scale, too_steady
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned, Taken
 from orthoglide_cal.session.gauges.formats import Token, Unit
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
-from orthoglide_cal.session.steps import SessionStep
 from orthoglide_cal.session.wording import in_unit, value_text, with_uncertainty
 
 # Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.

@@ -10,6 +10,7 @@ from pathlib import Path
 from orthoglide_cal.errors import visible
 from orthoglide_cal.files import session_text, write_session
 from orthoglide_cal.model import AXES, Floats
+from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Heard, Prompt, Style, Typed, Unasked
 from orthoglide_cal.session.checks import Question, judge
@@ -20,7 +21,6 @@ from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values, written_before
 from orthoglide_cal.session.state import State, advance, replay
-from orthoglide_cal.session.steps import SessionStep, minutes_left, step_name, with_set_ups
 
 _KEY = re.compile(r"(?P<key>[urnstpqURNSTPQ?])(?:\s+(?P<words>.+))?")
 
@@ -70,7 +70,7 @@ class Dialogue:
                 " reading that was shown as saved is missing."
             )
             said.append((lost, Style.BAD))
-        if len(recovered.events) > 1:
+        if self.state.count > (2 if self.state.planned else 1):
             count = len(self.state.accepted)
             resumed = f"Resumed: {count} reading{'' if count == 1 else 's'} so far."
             said += [(resumed, Style.GOOD), *self._offsets()]
@@ -132,7 +132,7 @@ class Dialogue:
             # What this session wrote when it was ended before may be replaced, nothing else.
             mine = there in written_before(self.so_far)
             write_session(values, self.path, overwrite=mine)
-        lines = wording.closing_lines(self.state, str(self.path))
+        lines = wording.closing_lines(self.state, self.setting, str(self.path))
         self.asker.show("\n".join(lines), Style.GOOD)
 
     def reveal(self, offsets_mm: Floats, interval_mm: Floats) -> None:
@@ -175,8 +175,9 @@ class Dialogue:
         if step.visit != visit:
             left = [s for s in self.setting.steps if self.state.is_open(s.number)]
             minutes = minutes_left(left, self.so_far.pace_min)
-            line = wording.step_line(step, self.state, self.setting, minutes)
-            said += _headed([line, place])
+            line = wording.step_line(step, self.setting, minutes)
+            block = wording.block_lines(step, self.setting)
+            said += _headed([line, *block, place])
         elif self.asker.pushed:
             said = [(place, Style.PLAIN)]
         self._shown = (step.setup, step.visit)
@@ -326,8 +327,8 @@ class Dialogue:
             case "s":
                 self._skip(words, step)
             case "t":
-                steps, columns = self.setting.steps, self.asker.columns
-                table = wording.table_lines(self.state, steps, self.unit, columns)
+                columns = self.asker.columns
+                table = wording.table_lines(self.state, self.setting, self.unit, columns)
                 self._say("\n".join(table))
             case "p":
                 self.write(events.Paused(self.now()))

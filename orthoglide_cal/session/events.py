@@ -11,14 +11,18 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import datetime
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 from functools import cache
 from types import MappingProxyType, NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from orthoglide_cal.session.steps import MeasuringProtocol, Order
+from orthoglide_cal.files import Document
+from orthoglide_cal.model import Model
+from orthoglide_cal.model.kinds import PlannedReading
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 
 VERSION = 1
+PLANNED_VERSION = 2  # of a journal whose second record says what is read
 # How a record writes None where it is not null.
 _AS_TEXT = MappingProxyType({"none": ""})
 
@@ -80,6 +84,31 @@ class Opened(Event):
     def gauge_id(self, stand: int) -> str | None:
         """What the gauge on this stand is called; None if nobody said."""
         return self.gauges[stand].id if stand < len(self.gauges) else None
+
+
+@dataclass(frozen=True)
+class Following:
+    """What a session goes on from."""
+
+    data: Document  # the file of the first readings, whole
+    what: str  # the instruction that is carried out
+    minutes: float  # that it takes
+    continues: bool  # the stands stand where the last of the first readings was taken
+    entered: tuple[float, float, float]  # in the controller since the first of them, mm
+
+    def held(self, model: Model) -> Model:
+        """The machine of the first reading, with what its controller holds now."""
+        now = (round(a + b, 9) for a, b in zip(model.machine.offsets_mm, self.entered, strict=True))
+        x, y, z = now
+        return model.holding((x, y, z))
+
+
+@dataclass(frozen=True)
+class Planned(Event):
+    """What is read, in this order, where no protocol says it; it stands behind `Opened`."""
+
+    readings: tuple[PlannedReading, ...]
+    following: Following | None  # None for a session that stands for itself
 
 
 @dataclass(frozen=True)
@@ -179,7 +208,7 @@ class Ended(Event):
 
 
 _ALL = (
-    Opened, Reopened, Taken, Questioned, Answered, Undone, Retake, Skipped, Noted, Paused,
+    Opened, Planned, Reopened, Taken, Questioned, Answered, Undone, Retake, Skipped, Noted, Paused,
     Continued, Shortened, Ended,
 )  # fmt: skip
 _KINDS: Mapping[str, type[Event]] = {event.__name__.lower(): event for event in _ALL}
@@ -208,15 +237,24 @@ def from_dict(record: Any) -> Event:
 def _plain(value: Any, none: Any = None) -> Any:
     if value is None:
         return none
-    if is_dataclass(value):
-        return {
-            item.name: _plain(getattr(value, item.name), item.metadata.get("none"))
-            for item in fields(value)
-        }
+    if _is_record(type(value)):
+        return {name: _plain(getattr(value, name), blank) for name, blank in _parts(type(value))}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
 _types = cache(get_type_hints)
+
+
+def _is_record(kind: Any) -> bool:
+    """Whether a type has named parts."""
+    return is_dataclass(kind) or hasattr(kind, "_fields")
+
+
+def _parts(kind: Any) -> list[tuple[str, Any]]:
+    """Names of the parts of a type, in their order, with how each writes None."""
+    if is_dataclass(kind):
+        return [(item.name, item.metadata.get("none")) for item in fields(kind)]
+    return [(name, None) for name in kind._fields]
 
 
 def _made(kind: Any, values: Any) -> Any:
@@ -224,25 +262,20 @@ def _made(kind: Any, values: Any) -> Any:
     types = _types(kind)
     if not isinstance(values, dict) or set(values) != set(types):
         raise ValueError(f"{kind.__name__} has the fields {sorted(types)}")
-    return kind(
-        **{
-            item.name: _value(values[item.name], types[item.name], item.metadata.get("none"))
-            for item in fields(kind)
-        }
-    )
+    return kind(**{name: _value(values[name], types[name], blank) for name, blank in _parts(kind)})
 
 
 def _value(value: Any, wanted: Any, none: Any = None) -> Any:
     """A value from JSON as the type of an event's field. Raises ValueError."""
     choice, *others = get_args(wanted) or (wanted,)
     if get_origin(wanted) is tuple:
-        if isinstance(value, list):
+        if isinstance(value, list) and (... in others or len(value) == len(others) + 1):
             return tuple(_value(item, choice) for item in value)
     elif NoneType in others and value == none and type(value) is type(none):
         return None
-    elif is_dataclass(choice):
+    elif _is_record(choice):
         return _made(choice, value)
-    elif issubclass(choice, StrEnum) and isinstance(value, str):
+    elif issubclass(choice, StrEnum | IntEnum) and type(value) in (str, int):
         return choice(value)
     elif choice is float and type(value) in (int, float) and abs(value) <= sys.float_info.max:
         return float(value)

@@ -104,10 +104,13 @@ class Journal:
         self._repaired = not (recovered.lost or recovered.open_line)
 
     @classmethod
-    def create(cls, path: Path, opened: Opened) -> Journal:
-        """A new journal whose first record is `opened`. Raises UsageError if the file exists."""
-        line, _ = encode(opened, START)
-        write_text(path, line.decode())
+    def create(cls, path: Path, opened: Opened, *more: Event) -> Journal:
+        """A new journal of these records, all or none. Raises UsageError if the file exists."""
+        text, checksum = b"", START
+        for event in (opened, *more):
+            line, checksum = encode(event, checksum)
+            text += line
+        write_text(path, text.decode())
         return cls.resume(path)
 
     @classmethod

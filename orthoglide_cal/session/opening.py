@@ -19,21 +19,39 @@ from orthoglide_cal.files import (
     machine_values,
     parse_number,
 )
-from orthoglide_cal.model import Model
+from orthoglide_cal.model import Model, Plan
+from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.planning.bar import require_on_bar
+from orthoglide_cal.planning.steps import (
+    CYCLES,
+    MeasuringProtocol,
+    Order,
+    SessionStep,
+    sequence,
+    steps_of,
+)
 from orthoglide_cal.session import wording
 from orthoglide_cal.session.asking import Asker, Keyboard, LiveGauge, Show, Style, Typed
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import VERSION, GaugeLabel, Opened, Reopened
+from orthoglide_cal.session.events import (
+    PLANNED_VERSION,
+    VERSION,
+    GaugeLabel,
+    Opened,
+    Planned,
+    Reopened,
+)
+from orthoglide_cal.session.following import Recommendation, first_of, recommended
 from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.gauges.serial_line import GaugePair, SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.session.record import journal_path, new_session, resumed_session
+from orthoglide_cal.session.record import journal_path, new_session, resumed_session, session_path
 from orthoglide_cal.session.state import State, replay
-from orthoglide_cal.session.steps import MeasuringProtocol, Order, sequence
 
 Choice = TypeVar("Choice", bound=StrEnum)
+_HOLDS = "Return, n, or the three offsets > "
 TYPED, SIMULATED = "typed", "simulated"
 MOST_CYCLES = 50  # that `measure --cycles` takes
 
@@ -50,6 +68,10 @@ class Request:
     agreed: bool = False  # to what is asked before the first reading
     offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
+    otherwise: Callable[[], Model] = default_machine  # the machine of a table, if none is named
+    keeper: Model | None = None  # whose file keeps what is entered, for what goes on from data
+    following: str | None = None  # path of the data that the session goes on from
+    choice: int | None = None  # which recommendation is carried out, from 1
     protocol: MeasuringProtocol | None = None
     cycles: int | None = None
     order: Order | None = None
@@ -73,7 +95,7 @@ def named(kind: type[Choice], what: str, text: str | None) -> Choice | None:
     if text is None:
         return None
     for choice in kind:
-        if text in (choice.value, choice.removesuffix("-posture")):
+        if text in (choice.value, choice.removesuffix("-posture").removesuffix("-design")):
             return choice
     raise UsageError(f"There is no {what} {text!r}.", f"Choose one of {', '.join(kind)}.")
 
@@ -91,6 +113,7 @@ def open_session(
         GaugeLost: the gauge cannot be reached.
     """
     lines = _serial_lines(request.source)
+    _check_options(request)
     if request.resume:
         path = resumed_session(request.path, folder)
         journal = Journal.resume(journal_path(path))
@@ -99,16 +122,16 @@ def open_session(
         # A gauge that is not there leaves no file behind, nor does a machine that is another one.
         for line in lines:
             line.open()
-        model = _confirmed(request, Asker(keyboard, show))
-        opened = _opened(request, model, now())
-        journal = Journal.create(journal_path(path), opened)
+        found = _recommended(request)
+        model, found = _confirmed(request, Asker(keyboard, show), found)
+        journal = Journal.create(journal_path(path), *_begun(request, model, now(), found))
     try:
         state = replay(journal.recovered.events)
-        setting = _setting(request, journal, state.opened)
+        setting = _setting(request, journal, state)
         gauge = _gauge(request, setting, state, lines)
         asker = Asker(keyboard, show, gauge)
         if request.resume:
-            _show_machine(setting.model, asker)
+            _show_machine(setting.held, asker)
         dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
         if request.source and request.source != state.source and state.ended is None:
             dialogue.write(Reopened(now(), request.source))
@@ -118,28 +141,80 @@ def open_session(
         raise
 
 
-def _confirmed(request: Request, asker: Asker) -> Model:
+def _check_options(request: Request) -> None:
+    """Raises UsageError if what is asked for does not go together."""
+    if request.following is None:
+        if request.choice is not None:
+            raise UsageError("--choice is of a recommendation.", "Name its data: --then FILE")
+        return
+    told = {
+        "--resume": request.resume or None,
+        "--protocol or --design": request.protocol,
+        "--cycles": request.cycles,
+        "--order": request.order,
+        "--until": request.until_mm,
+    }
+    given = [name for name, value in told.items() if value is not None]
+    if request.path and session_path(request.path).resolve() == Path(request.following).resolve():
+        raise UsageError(
+            f"{request.following} is never changed: it cannot be the new session, too.",
+            "Name another file for the session that will hold both.",
+        )
+    if given:
+        remedy = "Leave it out: what is read follows from the data and the recommendation."
+        if request.resume:
+            remedy = "Leave out --then: what was begun is known."
+        raise UsageError(f"--then and {given[0]} do not go together.", remedy)
+
+
+def _recommended(request: Request) -> Recommendation | None:
+    """What --then asks for; None without it."""
+    if request.following is None:
+        return None
+    choice, stands = request.choice, request.stands or 2
+    return recommended(
+        request.following, request.model, request.otherwise, request.keeper, choice, stands
+    )
+
+
+def _confirmed(
+    request: Request, asker: Asker, found: Recommendation | None
+) -> tuple[Model, Recommendation | None]:
     """The machine, with the offsets that its controller holds, once the operator has agreed to it.
+
+    With it, to the measurement that is recommended, if it is to be carried out: then it is the
+    machine as it was for the first readings, and the recommendation says what is held now.
 
     Nobody is asked who has agreed already, or has no terminal.
 
     Raises:
         UsageError: it is another machine, or the offsets are impossible.
+        PostureError: a plunger would leave its bar.
         EOFError, KeyboardInterrupt: there is no answer.
     """
-    model = _holding(request.model or default_machine(), request.offsets_mm)
+    given = found.held if found else request.model or default_machine()
+    careful = require_on_bar(_asked(request, given, found), given.machine)
+    model = _holding(given, request.offsets_mm)
     while True:
         _show_machine(model, asker)
+        if careful:
+            asker.show(wording.wrapped(" ".join(careful), asker.columns), Style.BAD)
+        if found:
+            found = found.holding(model.machine.offsets_mm)
+            if found.change:
+                asker.show(wording.wrapped(found.change, asker.columns), Style.BAD)
+            asker.show(wording.wrapped(found.words, asker.columns), Style.TITLE)
         if request.agreed or not asker.keyboard.live:
-            return model
-        if request.model is None:
+            return (found.model if found else model), found
+        if request.model is None and not found:
             said = wording.wrapped(wording.PROTOTYPE, asker.columns)
             asker.show(said, Style.BAD)
-        asker.show(wording.wrapped(wording.CONFIRM, asker.columns), Style.QUESTION)
-        answer = asker.ask(lambda columns: "Return, n, or the three offsets > ")
+        confirm = wording.CONFIRM_NEXT if found else wording.CONFIRM
+        asker.show(wording.wrapped(confirm, asker.columns), Style.QUESTION)
+        answer = asker.ask(lambda columns: _HOLDS)
         text = answer.text.lower() if isinstance(answer, Typed) else ""
         if text in ("", "y", "yes"):
-            return model
+            return (found.model if found else model), found
         if text in ("n", "no", "q"):
             raise UsageError(
                 "Nothing was begun.",
@@ -149,6 +224,15 @@ def _confirmed(request: Request, asker: Asker) -> Model:
             model = _holding(model, tuple(map(_offset, text.replace(";", " ").split())))
         except OrthocalError as error:
             asker.show(wording.wrapped(str(error), asker.columns), Style.BAD)
+
+
+def _asked(request: Request, model: Model, found: Recommendation | None) -> Plan:
+    """The readings of one cycle of what would be measured."""
+    if found:
+        return found.option.plan
+    protocol = request.protocol or MeasuringProtocol.DOUBLE
+    steps = sequence(model.machine, protocol, 1, Order.PAPER, 1)
+    return plan_of([step.planned for step in steps])
 
 
 def _show_machine(model: Model, asker: Asker) -> None:
@@ -173,28 +257,46 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     return model.holding((x, y, z))
 
 
-def _opened(request: Request, model: Model, at: str) -> Opened:
-    """The first record of a new session; what the command line leaves open is standard."""
-    source = request.source or (TYPED,)
+def _begun(
+    request: Request, model: Model, at: str, found: Recommendation | None
+) -> tuple[Opened, *tuple[Planned, ...]]:
+    """The first records of a new session; what the command line leaves open is standard."""
+    hidden = found.seed if found else None  # of the gauge that gave the first readings
+    source = request.source or ((TYPED,) if hidden is None else (SIMULATED,))
     simulated = source == (SIMULATED,)
+    if found and simulated and (hidden is None or request.seed not in (None, hidden)):
+        raise UsageError(
+            f"{found.first.path} was not measured on this simulated machine.",
+            "Leave out --gauge and --seed: a simulated session is gone on with as it was.",
+        )
     if request.seed is not None and not simulated:
         raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
-    protocol = request.protocol or MeasuringProtocol.DOUBLE
+    protocol, cycles = request.protocol or MeasuringProtocol.DOUBLE, request.cycles or CYCLES
+    stands = 1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2
+    order, following = request.order or Order.PAPER, found.first.following if found else None
+    steps: tuple[SessionStep, ...] = ()
+    if found:
+        steps = steps_of(found.option.plan, model.machine, order, stands)
+        cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
+    elif protocol is MeasuringProtocol.BEST:
+        steps = sequence(model.machine, protocol, cycles, order, stands)
     seed = secrets.randbelow(1_000_000) if request.seed is None else request.seed
-    return Opened(
-        at=at, version=VERSION, protocol=protocol,
-        machine=machine_text(model),
-        cycles=request.cycles or 3, order=request.order or Order.PAPER,
-        stands=1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2,
+    seed = seed if hidden is None else hidden
+    opened = Opened(
+        at=at, version=PLANNED_VERSION if steps else VERSION, protocol=protocol,
+        machine=machine_text(model), cycles=cycles, order=order, stands=stands,
         source=source, seed=seed if simulated else None, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
+    if not steps:
+        return (opened,)
+    return opened, Planned(at, tuple(step.planned for step in steps), following)
 
 
-def _setting(request: Request, journal: Journal, opened: Opened) -> Setting:
+def _setting(request: Request, journal: Journal, state: State) -> Setting:
     """What the session is measured with. Raises InputError, UsageError."""
-    path = str(journal.path)
-    if opened.version != VERSION:
+    path, opened, planned = str(journal.path), state.opened, state.planned
+    if opened.version not in (VERSION, PLANNED_VERSION):
         raise InputError(
             "This version of the journal is not known.",
             "Use the orthocal that wrote it.",
@@ -208,17 +310,28 @@ def _setting(request: Request, journal: Journal, opened: Opened) -> Setting:
             file=path,
             value=f"{opened.cycles} cycles with {opened.stands} gauges",
         )
-    model = machine_from_text(opened.machine, path)
-    if request.resume:
-        _refuse_changes(opened, model, request)
-    steps = sequence(model.machine, opened.protocol, opened.cycles, opened.order, opened.stands)
+    model, first = machine_from_text(opened.machine, path), None
+    if opened.version == VERSION:
+        steps = sequence(model.machine, opened.protocol, opened.cycles, opened.order, opened.stands)
+    elif planned is None:
+        raise InputError(
+            "The journal does not say what is to be read.",
+            "Restore the file from a copy; or move it away and begin anew.",
+            file=path,
+        )
+    else:
+        steps = steps_of(plan_of(planned.readings), model.machine, opened.order, opened.stands)
+        first = first_of(planned.following, model) if planned.following else None
     if any(not 1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events):
         raise InputError(
             "The journal speaks of a step that this session does not have.",
             "Restore the file from a copy.",
             file=path,
         )
-    return Setting(model, steps)
+    setting = Setting(model, steps, first)
+    if request.resume:
+        _refuse_changes(opened, setting.held, request)
+    return setting
 
 
 def _gauge(

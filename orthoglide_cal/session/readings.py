@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -23,15 +24,16 @@ from orthoglide_cal.model import (
     Plan,
     Posture,
     Readings,
-    Series,
     Source,
     number_setups,
+    places_of,
 )
-from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned
+from orthoglide_cal.session.following import First
 from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.state import Accepted, State
-from orthoglide_cal.session.steps import SessionStep
 
 # Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
 _ENOUGH = 9
@@ -43,11 +45,45 @@ class Setting:
 
     model: Model
     steps: tuple[SessionStep, ...]  # all of them, number k at index k − 1
+    first: First | None = None  # the readings that it goes on from
 
     @property
     def machine(self) -> Machine:
         """The nominal machine."""
         return self.model.machine
+
+    @property
+    def held(self) -> Model:
+        """The machine with the offsets that its controller holds while this is measured."""
+        return self.first.following.held(self.model) if self.first else self.model
+
+    def short_mm(self, step: SessionStep) -> Floats:
+        """How much short of its posture each carriage is commanded, shape (3,) [mm].
+
+        For the machine that is the same as if it had been entered in the controller.
+        """
+        active = self.first.following.entered if self.first else NOTHING_ENTERED
+        short = np.subtract(step.planned.entered, active, dtype=np.float64)
+        return np.asarray(short.round(9))
+
+    @cached_property
+    def _repeats(self) -> Counter[tuple[object, PlannedReading]]:
+        return Counter((step.setup, step.cell) for step in self.steps)
+
+    def cycles_of(self, step: SessionStep) -> tuple[bool, int]:
+        """Whether a step closes its set-up at the isotropic posture, and how many cycles it has."""
+        here = self._repeats[step.setup, step.cell]
+        moved = max(
+            (
+                count
+                for (setup, cell), count in self._repeats.items()
+                if setup == step.setup and cell.displacement != 0.0
+            ),
+            default=here,
+        )
+        if step.displacement_mm != 0.0 or here != moved + 1:
+            return False, here
+        return step.cycle > moved, moved
 
     @cached_property
     def plan(self) -> Plan:
@@ -55,9 +91,17 @@ class Setting:
         return plan_of([step.planned for step in self.steps])
 
     @cached_property
+    def places(self) -> list[tuple[float, ...]]:
+        """Where the gauge of each step stands, as in `places_of`."""
+        plan = self.plan
+        return places_of(
+            plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
+        )
+
+    @cached_property
     def outlook(self) -> Outlook:
         """Of 2·N readings: the steps', and the same with the gauges of each leg exchanged."""
-        both = {item.name: np.tile(getattr(self.plan, item.name), 2) for item in fields(Plan)}
+        both = {f.name: np.concatenate([getattr(self.plan, f.name)] * 2) for f in fields(Plan)}
         fixed = both["contact"] == Contact.FIXED
         fixed[: len(self.plan)] = False
         both["direction"][fixed] = (3 - both["leg"] - both["direction"])[fixed]
@@ -97,7 +141,7 @@ class ReadingsSoFar:
         at = [
             number
             for number, moment in self.state.moved
-            if moment <= rank and self.setting.steps[number - 1].series == step.series
+            if moment <= rank and self.setting.steps[number - 1].zero == step.zero
         ]
         return at[-1] if at else None
 
@@ -125,7 +169,13 @@ class ReadingsSoFar:
     @cached_property
     def labels(self) -> tuple[str | None, ...]:
         """What each reading's gauge is called; a gauge that was moved has another label."""
-        given = [self.state.opened.gauge_id(step.stand) for step in self.steps]
+        first, opened = self.setting.first, self.state.opened
+        given = [
+            first.label(step.series)
+            if first and first.following.continues
+            else opened.gauge_id(step.stand)
+            for step in self.steps
+        ]
         return tuple(
             label if moved is None else f"{label or ''} (moved at step {moved})".strip()
             for label, moved in zip(given, self.moved, strict=True)
@@ -138,9 +188,10 @@ class ReadingsSoFar:
         index = np.array([step.number - 1 for step in steps], dtype=np.intp)
         plan, temperature = self.setting.plan, self.state.opened.temperature_c
         place = {name: getattr(plan, name)[index] for name in PLACE}
-        series, gauge = [step.series for step in steps], [label or "" for label in self.labels]
+        stood = [self.setting.places[i] for i in index]
+        gauge = [label or "" for label in self.labels]
         cycle, posture = [step.cycle for step in steps], [step.posture for step in steps]
-        setup = number_setups(series, gauge, range(n), ordered=True)
+        setup = number_setups(stood, gauge, range(n), ordered=True)
         return Readings(
             plan=Plan(**place, setup=setup, order=np.arange(n), hours=hours), value=value,
             cycle=np.array(cycle),
@@ -154,8 +205,13 @@ class ReadingsSoFar:
     def solution(self) -> Solution | None:
         """The offsets; None while the readings do not determine them."""
         model = self.setting.model
-        # Readings longer than a leg will be refused when the session file is read.
-        if not self.steps or np.abs(self.value).max() > model.machine.leg_length_mm:
+        # Those of a session that goes on from others show at its end, with the others. Readings
+        # longer than a leg will be refused when the session file is read.
+        if (
+            self.setting.first
+            or not self.steps
+            or np.abs(self.value).max() > model.machine.leg_length_mm
+        ):
             return None
         try:
             return solve(self.measured, model)
@@ -227,14 +283,14 @@ class NextReading:
     @cached_property
     def fresh(self) -> Ints:
         """Not 0 where a reading that was kept in doubt began the zero anew, shape (n + 1,)."""
-        begun: dict[Series, int] = {}
+        begun: dict[object, int] = {}
         fresh = []
         for index, (step, doubted) in enumerate(
             zip(self.steps, (*self.so_far.doubted, False), strict=True), start=1
         ):
-            fresh.append(begun.get(step.series, 0))
+            fresh.append(begun.get(step.zero, 0))
             if doubted:
-                begun[step.series] = index
+                begun[step.zero] = index
         return np.array(fresh)
 
     @cached_property
@@ -242,7 +298,8 @@ class NextReading:
         """Readings of one set-up share a zero, shape (n + 1,)."""
         so_far, known = self.so_far, dict[object, int]()
         moved = (*so_far.moved, so_far.moved_before(self.step, so_far.state.count))
-        keys = zip((step.series for step in self.steps), moved, self.fresh.tolist(), strict=True)
+        zeros = (step.zero for step in self.steps)
+        keys = zip(zeros, moved, self.fresh.tolist(), strict=True)
         return np.array([known.setdefault(key, len(known)) for key in keys])
 
     @cached_property

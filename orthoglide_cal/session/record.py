@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from orthoglide_cal.errors import UsageError, command
-from orthoglide_cal.files import machine_values, session_text
+from orthoglide_cal.files import machine_values, session_text, sitting_cells
 from orthoglide_cal.model import AXES
 from orthoglide_cal.session.events import Questioned, Taken
-from orthoglide_cal.session.readings import ReadingsSoFar
+from orthoglide_cal.session.following import First
+from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.state import State
-from orthoglide_cal.session.steps import SessionStep
 
 JOURNAL = ".journal"
 _LONGEST = 200  # bytes; file systems take 255, also of the temporary file's name
@@ -105,29 +105,32 @@ def _names(paths: list[Path]) -> str:
 
 def session_values(so_far: ReadingsSoFar) -> dict[str, Any]:
     """The session file's content as plain values; the same records always give the same."""
-    state, setting = so_far.state, so_far.setting
+    state, setting, first = so_far.state, so_far.setting, so_far.setting.first
     opened, resolution = state.opened, setting.machine.gauge.resolution_mm
+    rows = first.rows if first else []
     return {
         "schema_version": 1,
         "machine": machine_values(setting.model),
         "protocol": opened.protocol.value,
-        "operator": opened.operator,
+        "operator": opened.operator or (first.conditions.operator if first else None),
         "gauges": [
             {"id": gauge.id, "certificate": gauge.certificate, "resolution": resolution}
             for gauge in opened.gauges
-        ],
-        "started": opened.at,
+        ]
+        + (first.gauges({gauge.id for gauge in opened.gauges}) if first else []),
+        "started": (first.conditions.started if first else None) or opened.at,
         "finished": state.ended.at if state.ended else None,
-        "environment": _environment(state),
-        "readings": [
+        "environment": _environment(state, first),
+        "readings": rows
+        + [
             {**_row(so_far, item.take), "seq": seq, "gauge": label, "note": _note(state, item.take)}
             for seq, (item, label) in enumerate(
-                zip(state.accepted.values(), so_far.labels, strict=True), start=1
+                zip(state.accepted.values(), so_far.labels, strict=True), start=len(rows) + 1
             )
         ],
         "retaken": [{**_row(so_far, old.take), "reason": old.reason} for old in state.replaced],
         "skipped": [
-            {**_place(setting.steps[number - 1]), "reason": reason}
+            {**_place(setting, number), "reason": reason}
             for number, reason in sorted(state.skipped.items())
         ],
     }
@@ -142,24 +145,28 @@ def written_before(so_far: ReadingsSoFar) -> set[bytes]:
     return written
 
 
-def _place(step: SessionStep) -> dict[str, Any]:
+def _place(setting: Setting, number: int) -> dict[str, Any]:
+    """What a step reads; the blank ones of its values are not written."""
+    step = setting.steps[number - 1]
     return {
         "leg": AXES[step.leg],
-        "posture": step.posture.value,
+        "posture": str(step.posture),
         "direction": AXES[step.direction],
         "end": step.end,
-        "cycle": step.cycle,
+        "cycle": setting.first.cycle(step) if setting.first else step.cycle,
+        **sitting_cells(setting.plan, number - 1),
     }
 
 
 def _row(so_far: ReadingsSoFar, take: Taken) -> dict[str, Any]:
     """One reading; the blank ones of its values are not written."""
-    step, opened = so_far.setting.steps[take.step - 1], so_far.state.opened
+    setting, opened, minutes = so_far.setting, so_far.state.opened, take.file_minutes
+    step, first = setting.steps[take.step - 1], setting.first
     return {
-        **_place(step),
+        **_place(setting, take.step),
         "reading_mm": take.value_mm,
         "seq": None,
-        "minutes": take.file_minutes,
+        "minutes": first.minutes(opened.at, minutes) if first else minutes,
         "temperature_c": opened.temperature_c,
         "gauge": opened.gauge_id(step.stand),
         "note": None,
@@ -175,9 +182,10 @@ def _note(state: State, take: Taken) -> str | None:
     return "; ".join(remarks) or None
 
 
-def _environment(state: State) -> dict[str, str]:
+def _environment(state: State, first: First | None) -> dict[str, str]:
     opened = state.opened
-    said = {"readings_from": ", ".join(state.source)}
+    said = first.environment if first else {}
+    said["readings_from"] = ", ".join(state.source)
     if opened.seed is not None:
         said["seed"] = str(opened.seed)
     if opened.temperature_c is not None:

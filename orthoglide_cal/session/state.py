@@ -34,6 +34,7 @@ class State:
     """Where a session stands."""
 
     opened: Opened
+    planned: events.Planned | None = None  # what is read, where no protocol says it
     accepted: Mapping[int, Accepted] = field(default_factory=dict)  # by step, from first to last
     skipped: Mapping[int, str] = field(default_factory=dict)  # step number → reason
     dropped: frozenset[int] = frozenset()  # steps that are no longer needed
@@ -79,6 +80,8 @@ def advance(state: State, event: Event) -> State:
     """The state after one more record."""
     state = replace(state, count=state.count + 1)
     match event:
+        case events.Planned():
+            return replace(state, planned=event)
         case Questioned():
             return replace(_give_up(state), pending=event)
         case Taken():

@@ -7,13 +7,23 @@ from collections.abc import Callable, Iterable, Sequence
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.estimation.accuracy import decimals_for
-from orthoglide_cal.model import AXES, MM_PER_INCH, Contact, Floats, Model, Posture
+from orthoglide_cal.model import AXES, MM_PER_INCH, Contact, Floats, Model, Posture, other_axes
+from orthoglide_cal.model.kinds import PlannedReading
+from orthoglide_cal.planning.program import Point
+from orthoglide_cal.planning.steps import (
+    MeasuringProtocol,
+    SessionStep,
+    gauge_moves,
+    minutes_left,
+    posture_name,
+    sequence_options,
+)
 from orthoglide_cal.session.events import Questioned
+from orthoglide_cal.session.following import First
 from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.pictures import picture
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.state import State
-from orthoglide_cal.session.steps import SessionStep, gauge_moves, minutes_left
 
 # A narrower screen gets pictures and prompts of its own.
 NARROW = 76
@@ -39,6 +49,13 @@ No machine file is named, and there is none in this folder: these are the
 numbers of the paper's prototype. Make yours: orthocal machine new"""
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
+BEST = """\
+Fewest readings for the offsets. What that gives up: without the isotropic
+posture, drift and a knocked stand show less. To name what is wrong with a
+machine, leave out --design."""
+CONFIRM_NEXT = """\
+Is it this machine, with these offsets in its controller, and shall this be
+measured now? Return: yes.  n: no.  Other offsets: type the three, in mm."""
 CONFIRM = """\
 Is it this machine, and does its controller hold these offsets?
 Return: yes.  n: another machine.  Other offsets: type the three, in mm."""
@@ -66,16 +83,37 @@ def machine_lines(model: Model) -> list[str]:
 
 def opening_lines(state: State, setting: Setting, name: str) -> list[str]:
     """What lies ahead; `name` is the session file's."""
-    opened, steps = state.opened, setting.steps
+    opened, steps, first = state.opened, setting.steps, setting.first
     setups = len({step.setup for step in steps})
     gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
     repeats = "cycle" if opened.cycles == 1 else "cycles"
+    head = [f"{opened.protocol} session, {opened.cycles} {repeats}, order: {opened.order}"]
+    if opened.protocol is MeasuringProtocol.BEST:
+        head.append(BEST)
+    if first:
+        head = [
+            f"Goes on from {visible(first.path)},"
+            f" {len(first.readings)} readings: both are solved together at the end.",
+            first.following.what,
+        ]
+    told = sequence_options(opened.protocol, opened.cycles, opened.order, opened.stands)
+    made = f"orthocal plan --program FILE.nc {told}".strip()
+    # What goes on from other readings has no program, and blocks of another one drive elsewhere.
+    program = [] if first else [f"Blocks   are those of this machine's {made}"]
+    minutes = first.following.minutes if first else minutes_left(steps)
     return [
-        f"{opened.protocol} session, {opened.cycles} {repeats}, order: {opened.order}",
+        *head,
         f"File     {visible(name)}",
-        f"{len(steps)} readings with {gauges}: {setups} set-ups, {gauge_moves(steps)} gauge moves,"
-        f" about {minutes_left(steps):.0f} min. ? is help.",
+        f"{len(steps)} readings with {gauges}: {_counted(setups, 'set-up')},"
+        f" {_counted(gauge_moves(steps), 'gauge move')}, {_duration(minutes).lower()}."
+        " ? is help.",
+        *program,
     ]
+
+
+def _counted(number: int, what: str) -> str:
+    """ "1 set-up", "3 set-ups"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def setup_lines(setting: Setting, setup: int, begun: bool, columns: int) -> list[str]:
@@ -98,55 +136,88 @@ def setup_lines(setting: Setting, setup: int, begun: bool, columns: int) -> list
             " gauge's zero.",
             "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
         ]
+    elif setting.first and setting.first.following.continues and not begun and setup == 1:
+        words = [
+            "Do not touch the stands: they must stand as they stood for the last reading",
+            f"of {visible(setting.first.path)}. If one was touched since: q, and another"
+            " measurement.",
+        ]
     elif begun:
         words = [
             "The stands are in place: do not touch them. Should one have been moved all the",
             "same, just go on: the next reading will be questioned; then answer m.",
         ]
     else:
-        words = _fixed_words(leg, directions, setting)
+        words = _fixed_words(here, directions, setting)
     rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
     return [rule, "", *picture(leg, directions, contact, columns >= NARROW), "", *words]
 
 
-def _fixed_words(leg: int, directions: Sequence[int], setting: Setting) -> list[str]:
-    name = AXES[leg].upper()
-    half = setting.machine.leg_length_mm / 2.0
-    low, high = setting.machine.joint_limits_mm
+def _fixed_words(
+    here: Sequence[SessionStep], directions: Sequence[int], setting: Setting
+) -> list[str]:
+    planned = here[0].planned
+    name, at = AXES[planned.leg].upper(), planned.gauge_at
+    place = f"{at * setting.machine.leg_length_mm:.0f} mm from the carriage"
+    moved = [step.displacement_mm for step in here]
     # A gauge on the + side reads more when the leg is pushed towards +.
     places = ", ".join(f"{AXES[d].upper()} on the +{AXES[d].upper()} side" for d in directions)
     s = "s" if len(directions) > 1 else ""
     return [
+        *_turning_words(planned, setting.first),
         f"1. Drive to the isotropic posture. Stand{s} on the base, not on a moving part.",
-        f"2. Plunger{s} on leg {name}, half-way: {half:.0f} mm from the carriage,"
+        f"2. Plunger{s} on leg {name}, {'half-way: ' if at == 0.5 else ''}{place},"
         " square to the leg.",
         f"3. Gauge {places}: leg pushed to + must read more.",
-        f"4. The leg stays under the plunger{s} from {low:+g} to {high:+g} mm."
+        f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
         " Then touch no stand.",
     ]
 
 
-def step_line(step: SessionStep, state: State, setting: Setting, minutes: float) -> str:
+def _turning_words(planned: PlannedReading, first: First | None) -> list[str]:
+    """How the bar of a leg is turned, or turned back."""
+    leg = planned.leg
+    sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(leg))
+    if not planned.turned:
+        back = f"0. Turn the bar of leg {AXES[leg].upper()} back, as it was at first."
+        return [back] if first and first.is_turned(leg) else []
+    return [
+        f"0. Turn the bar of leg {AXES[leg].upper()}, unless it is turned already: loosen both"
+        " ends,",
+        f"   turn it half round its own axis (what faced {sides} then faces away), tighten.",
+    ]
+
+
+def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     """Where step n of N is; `minutes` are those left."""
-    cycles = state.opened.cycles
-    closing = step.posture is Posture.ISO and step.cycle > cycles
+    closing, cycles = setting.cycles_of(step)
     when = "closing" if closing else f"cycle {step.cycle} of {cycles}"
+    short = "".join(
+        f", carriage {axis.upper()} {abs(mm):g} mm {'short' if mm > 0.0 else 'too far'}"
+        for axis, mm in zip(AXES, setting.short_mm(step).tolist(), strict=True)
+        if mm
+    )
     return (
         f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
-        f" {step.posture.upper()}, {when}. {_duration(minutes)} left."
+        f" {posture_name(step)}{short}, {when}. {_duration(minutes)} left."
     )
+
+
+def block_lines(step: SessionStep, setting: Setting) -> list[str]:
+    """Which block of the posture program drives there; none where no program is made."""
+    return [] if setting.first else [f"Block N{step.block} of plan --program"]
 
 
 def place_lines(step: SessionStep, setting: Setting, columns: int) -> list[str]:
     """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
-    joints = setting.model.kind.joints_at(setting.machine, step.leg, step.displacement_mm)
-    tool = [step.displacement_mm if axis == step.leg else 0.0 for axis in range(3)]
+    posture = setting.model.kind.joints_at(setting.machine, step.leg, step.displacement_mm)
+    point = Point.of(setting.model, posture - setting.short_mm(step))
     narrow = columns < NARROW
     head, indent = ("Drive to, in mm:\n", "") if narrow else ("Drive to  ", " " * 10)
     gap, unit = (" ", "") if narrow else ("   ", "  mm")
     return [
-        f"{head}joints{gap}{_axes(joints, '.3f', gap)}{unit}",
-        f"{indent}tool  {gap}{_axes(tool, '.3f', gap)}{unit}",
+        f"{head}joints{gap}{_axes(point.joints, '.3f', gap)}{unit}",
+        f"{indent}tool  {gap}{_axes(point.tool.round(6) + 0.0, '.3f', gap)}{unit}",
     ]
 
 
@@ -157,7 +228,7 @@ def _axes(values: Iterable[float], form: str, gap: str = "  ") -> str:
 
 
 def _duration(minutes: float) -> str:
-    return f"About {minutes:.0f} min" if minutes >= 0.95 else "Less than a minute"
+    return f"About {minutes:.0f} min" if minutes >= 0.95 else "Under a minute"
 
 
 def prompt(step: SessionStep, hint: str | None, unit: Unit, columns: int) -> str:
@@ -223,14 +294,21 @@ def saved_line(dropped: Sequence[SessionStep], minutes: float, until_mm: float) 
     )
 
 
-def closing_lines(state: State, session: str) -> list[str]:
-    """What was measured and where it is."""
+def closing_lines(state: State, setting: Setting, session: str) -> list[str]:
+    """What was measured and where it is, and what to put back."""
     reason = state.ended.reason if state.ended else "unfinished"
     counts = f"{len(state.accepted)} readings"
     for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
         if number:
             counts += f", {number} {word}"
-    return ["", f"Session {reason}: {counts}.", f"Written to {visible(session)}", ""]
+    lines = ["", f"Session {reason}: {counts}.", f"Written to {visible(session)}"]
+    if setting.first:
+        lines.append(f"With the {len(setting.first.readings)} readings from before, in one file.")
+    turned = sorted({step.leg for step in setting.steps if step.planned.turned})
+    lines += [
+        f"Before the next session, turn the bar of leg {AXES[leg].upper()} back." for leg in turned
+    ]
+    return [*lines, ""]
 
 
 def truth_lines(offsets_mm: Floats, interval_mm: Floats, hidden_mm: Floats) -> list[str]:
@@ -249,12 +327,12 @@ def truth_lines(offsets_mm: Floats, interval_mm: Floats, hidden_mm: Floats) -> l
     return [*lines, verdict]
 
 
-def table_lines(state: State, steps: Sequence[SessionStep], unit: Unit, columns: int) -> list[str]:
+def table_lines(state: State, setting: Setting, unit: Unit, columns: int) -> list[str]:
     """The readings so far: one line per leg, gauge and posture, one column per cycle.
 
     Where not all have room, the last ones up to the cycle in hand.
     """
-    room = max((columns - 25) // 10, 1)
+    steps, room = setting.steps, max((columns - 25) // 10, 1)
     begun = max((steps[number - 1].cycle for number in state.accepted), default=1)
     end = max(begun, min(room, max(step.cycle for step in steps)))
     shown = range(max(end - room, 0) + 1, end + 1)
@@ -266,7 +344,8 @@ def table_lines(state: State, steps: Sequence[SessionStep], unit: Unit, columns:
     for row in rows.values():
         cells = {step.cycle: _cell(state, step.number, unit) for step in row}
         leg, direction = (AXES[axis].upper() for axis in row[0].series)
-        name = f" {leg}    {direction}    {row[0].posture} {row[0].end or ''}"
+        state_of = "stepped" if setting.short_mm(row[0]).any() else ""
+        name = f" {leg}    {direction}    {row[0].posture} {row[0].end or state_of}"
         values = "".join(f"{cells.get(number, ''):>10}" for number in shown)
         lines.append(f"{name:<24}{values}".rstrip())
     marks = "? kept although questioned   - skipped   . to come"

@@ -110,11 +110,15 @@ def _compare_differences(before: Measured, after: Measured, model: Model) -> Com
 
 
 def _compare_readings(before: Readings, after: Readings, model: Model) -> Comparison:
-    keys = np.concatenate([_keys(before.plan), _keys(after.plan)])
-    cells, cell = np.unique(keys, axis=0, return_inverse=True)
-    cell = cell.reshape(-1)
-    sessions = (before, cell[: len(before)]), (after, cell[len(before) :])
-    information = [_information(session, of, len(cells)) for session, of in sessions]
+    # Each session's machine as it was found: not what was read with something entered meanwhile.
+    as_found = [each.plan.as_found for each in (before, after)]
+    keys = [_keys(each.plan)[found] for each, found in zip((before, after), as_found, strict=True)]
+    cells, cell = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+    of = np.split(cell.reshape(-1), [len(keys[0])])
+    information = [
+        _information(each.value[found], each.plan.zeros[found], own, len(cells))
+        for each, found, own in zip((before, after), as_found, of, strict=True)
+    ]
     unknown = np.concatenate([_null_space(matrix) for matrix, _ in information])
     contrasts = _null_space(unknown.T @ unknown)
     inverses = [np.linalg.pinv(matrix, rcond=NO_INFORMATION) for matrix, _ in information]
@@ -132,8 +136,8 @@ def _compare_readings(before: Readings, after: Readings, model: Model) -> Compar
 
 
 def _keys(plan: Plan) -> Floats:
-    columns = (plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at)
-    keys: Floats = np.stack(columns, axis=1).astype(np.float64)
+    where = (plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at)
+    keys: Floats = np.stack((*where, plan.turned), axis=1).astype(np.float64)
     return keys.round(9)
 
 
@@ -148,15 +152,15 @@ def _cells_plan(cells: Floats) -> Plan:
         setup=np.zeros(count, dtype=np.intp),
         order=np.arange(count),
         hours=np.zeros(count),
+        turned=cells[:, 5] != 0.0,
     )
 
 
-def _information(session: Readings, cell: Ints, count: int) -> tuple[Floats, Floats]:
+def _information(value: Floats, zeros: Floats, cell: Ints, count: int) -> tuple[Floats, Floats]:
     """I (m, m) and its right-hand side (m,) [mm]."""
     design = (cell[:, None] == np.arange(count)).astype(np.float64)
-    zeros = session.plan.zeros
-    free: Floats = np.eye(len(session)) - zeros @ np.linalg.pinv(zeros)
-    return design.T @ free @ design, design.T @ free @ session.value
+    free: Floats = np.eye(len(value)) - zeros @ np.linalg.pinv(zeros)
+    return design.T @ free @ design, design.T @ free @ value
 
 
 def _null_space(matrix: Floats) -> Floats:

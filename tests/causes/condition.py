@@ -37,20 +37,15 @@ def with_stands_at_rest(plan: truth.Plan) -> truth.Plan:
     """
     first = np.array([int(np.flatnonzero(plan.setup == s)[0]) for s in range(6)])
 
-    def ahead(values: np.ndarray, new: np.ndarray | None = None) -> np.ndarray:
-        return np.concatenate((values[first] if new is None else new, values))
-
+    count = plan.count
+    both = plan.rows(np.concatenate((first, np.arange(count))))
+    early = np.arange(6 + count) < 6
     return replace(
-        plan,
-        leg=ahead(plan.leg),
-        direction=ahead(plan.direction),
+        both,
         posture=(("iso",) * 6 + plan.posture),
-        displacement=ahead(plan.displacement, np.zeros(6)),
-        cycle=ahead(plan.cycle),
-        minutes=ahead(plan.minutes, np.zeros(6)),
-        indicated=ahead(plan.indicated),
-        approach=ahead(plan.approach, np.zeros((6, 3))),
-        setup=ahead(plan.setup),
+        displacement=np.where(early, 0.0, both.displacement),
+        minutes=np.where(early, 0.0, both.minutes),
+        approach=np.where(early[:, None], 0.0, both.approach),
         stand=np.concatenate((np.arange(6), plan.setup)),
     )
 
@@ -63,10 +58,13 @@ def as_plan(plan: truth.Plan) -> Plan:
         direction=plan.direction,
         displacement=plan.displacement,
         contact=np.full(n, Contact.FIXED),
-        gauge_at=np.full(n, 0.5),
-        setup=plan.setup,
+        gauge_at=plan.gauge_at,
+        setup=plan.zero,
         order=np.arange(n),
         hours=plan.hours,
+        part=plan.part,
+        turned=plan.turned,
+        entered=plan.entered,
     )
 
 

@@ -1,5 +1,7 @@
 """The forward model with each cause against the independent simulator, and its derivatives."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from tests.causes.condition import (
     state_of,
     with_stands_at_rest,
 )
+from tests.truth import again
 
 both_machines = pytest.mark.parametrize(("model", "hidden"), MACHINES.values(), ids=list(MACHINES))
 OFFSETS = np.random.default_rng(7).uniform(-3.0, 3.0, (4, 3))
@@ -100,6 +103,37 @@ def test_all_causes_at_once_are_those_of_the_truth(model: Model, hidden: truth.M
         worse = model.extended(effect_of(cause) for cause in order)
         error = zero_free(simulate(worse, OFFSETS[0], as_plan(plan)) - true, plan.setup)
         assert np.abs(error).max() < 1e-9
+
+
+STEP = (0.5, -0.3, 1.2)
+
+
+@both_machines
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"turned": 1},
+        {"entered": STEP},
+        {"gauge_at": 0.2},
+        {"part": 0, "entered": STEP},
+        {"part": 0, "turned": 1, "entered": STEP, "gauge_at": 0.8},
+    ],
+    ids=str,
+)
+def test_so_are_readings_of_another_part(
+    model: Model, hidden: truth.Machine, changed: dict[str, Any]
+) -> None:
+    """Rails, legs, motion and bars, after a bar was turned, offsets entered, or stands moved."""
+    plan = again(truth.make_session(1, hidden, truth.MICRON), **changed).plan
+    assert plan.count == 120
+    worse = model.extended(effect_of(cause) for cause in AT_REST)
+    for offsets in OFFSETS:
+        state = state_of(None, offsets)
+        for cause in AT_REST:
+            state += state_of(cause, np.zeros(3))
+        true = truth.signals(plan, hidden, state)[0]
+        mine = simulate(worse, offsets, as_plan(plan))
+        assert np.abs(zero_free(mine - true, plan.zero)).max() < 1e-9
 
 
 @both_machines

@@ -33,6 +33,7 @@ class LegSag(Cause):
     sizes = {"orthoglide": 0.1}
     names = ("x", "y", "z")
     lasting = True
+    instrument = "a second gauge on the leg"
     advice = "Stiffen the leg, or measure nearer to the isotropic posture."
 
     def contact(self, heights, theta, place, fraction, plan, machine):

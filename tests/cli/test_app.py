@@ -29,8 +29,8 @@ from tests.cli.program import (
 )
 
 COMMANDS = (
-    "measure", "solve", "diagnose", "apply", "verify", "report", "export", "simulate", "validate",
-    "paper", "template", "guide", "machine",
+    "measure", "solve", "diagnose", "plan", "apply", "verify", "report", "export", "simulate",
+    "validate", "paper", "template", "guide", "machine",
 )  # fmt: skip
 HEAVY = {"numpy", "scipy", "matplotlib", "jinja2", "rich", "yaml", "serial"}
 
@@ -94,6 +94,13 @@ def test_short_help_and_completion() -> None:
         (("solve", "--method", "best", SIX), 2),
         (("simulate", "--cycles", "0"), 2),
         (("paper", "--table", "2"), 2),
+        (("plan", "--target", "0"), 2),
+        (("plan", "--target", "-0.01"), 2),
+        (("plan", "--target", "0.02", "--cycles", "3"), 2),
+        (("plan", "--cycles", "0"), 2),
+        (("plan", "--protocol", "triple"), 2),
+        (("plan", "--gauges", "3"), 2),
+        (("plan", "--machine", SIX), 3),
         (("solve", "no such file.csv"), 3),
         (("solve", "--machine", "no such machine.yaml", SIX), 3),
         (("solve", "--machine", SIX, SIX), 3),
@@ -120,6 +127,7 @@ def test_exit_codes(arguments: tuple[str, ...], code: int) -> None:
         ("diagnose", SIX, "--holdout", SIX, "--applied", "0", "0", "1e300"),
         ("measure", "--until", "nan"),
         ("machine", "new", "--leg-length", "nan", "--yes"),
+        ("plan", "--target", "nan"),
     ],
 )
 def test_options_are_plain_numbers(arguments: tuple[str, ...]) -> None:

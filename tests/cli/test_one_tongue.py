@@ -144,7 +144,8 @@ def test_a_session_ends_with_what_solve_says_of_it(tmp_path: Path) -> None:
     done = process("measure", path, "--gauge", "simulated", "--seed", "1")
     assert done.returncode == 0
     assert said(run("solve", path)).strip() in done.stdout
-    assert printed(done.stdout) - printed(said(run("solve", path))) == {f"diagnose '{path}'"}
+    own = {f"diagnose '{path}'", "plan --program FILE.nc"}
+    assert printed(done.stdout) - printed(said(run("solve", path))) == own
 
 
 def test_another_method_stays_the_method() -> None:

@@ -126,7 +126,7 @@ def test_readings_in_memory_become_a_session(tmp_path):
     other = read_input(save(tmp_path, session_text(again), "again.yaml")).measured
     for field in dataclasses.fields(read.plan):
         mine, theirs = getattr(other.plan, field.name), getattr(read.plan, field.name)
-        assert mine.tolist() == pytest.approx(theirs.tolist(), abs=1e-8)
+        assert mine == pytest.approx(theirs, abs=1e-8)
     for name in ("value", "cycle", "temperature"):
         assert getattr(other, name).tolist() == getattr(read, name).tolist()
     for name in ("posture", "gauge", "note", "timed"):

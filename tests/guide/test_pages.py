@@ -102,6 +102,13 @@ def test_the_budget_is_the_one_that_solve_prints(monkeypatch: pytest.MonkeyPatch
     assert shown.strip() in run("solve", DOUBLE).stdout
 
 
+def test_the_plan_is_the_one_that_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "78")
+    printed = run("plan").stdout
+    for block in blocks(PAGES["plan"], "text"):
+        assert block.strip() in printed
+
+
 def test_what_the_page_puts_into_the_machine_file_is_assumed_no_more(tmp_path: Path) -> None:
     stated = yaml.safe_load(blocks(PAGES["uncertainty"], "text")[2])
     path = tmp_path / "machine.yaml"

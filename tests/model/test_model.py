@@ -72,7 +72,7 @@ def test_true_joints_are_the_indicated_ones_with_offsets_and_motion() -> None:
     """q = L + (1 + k)(ρ − L) + Δρ + r t, many offsets at once."""
     joints = np.array([[300.0, 310.0, 305.0], [340.0, 280.0, 310.25]])
     hours = np.array([0.5, 1.5])
-    command = Command(joints, PROTOTYPE.leg_length_mm, hours, None)
+    command = Command(joints, PROTOTYPE.leg_length_mm, hours, None, np.zeros_like(joints))
     scales, rates = np.array([1.0, -2.0, 0.5]) * 1e-3, np.array([0.1, 0.2, -0.3])
     model = NOMINAL.extended(
         [CAUSES["thermal_drift"].at(rates), CAUSES["encoder_scale"].at(scales)]

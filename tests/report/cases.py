@@ -14,11 +14,13 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files import Check, Input, read_input
 from orthoglide_cal.model import Gauge, Model
 from orthoglide_cal.paper.tables import table_5
+from orthoglide_cal.planning.prospect import prospect
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.checks import check_document, paper_document
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.history import history_document
+from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import Identity, calibrate, history, identify
@@ -97,6 +99,12 @@ def faulty() -> Document:
     return check_document(Check(HOSTILE[3] + ".csv", None, problems=problems, remarks=HOSTILE))
 
 
+def planned() -> Document:
+    """A machine with a hostile name, and a target that no number of cycles reaches."""
+    plan = prospect(changed(NOMINAL, name=HOSTILE[3]), target_mm=0.01)
+    return plan_document(plan, Path(HOSTILE[0]))
+
+
 def reproduced() -> Document:
     """The paper's Table 5."""
     return paper_document(table_5(NOMINAL))
@@ -110,6 +118,6 @@ def documents() -> dict[str, Callable[[], Document]]:
         for name, make in CALIBRATIONS.items()
     }
     made["history"] = history_of_machine
-    for make in (verified, solved, suspicious, diagnosed, undecided, faulty, reproduced):
+    for make in (verified, solved, suspicious, diagnosed, undecided, faulty, planned, reproduced):
         made[make.__name__] = make
     return {name: cache(make) for name, make in made.items()}

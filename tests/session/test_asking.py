@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.asking import (
     ALONE_S,
     ANSWER_S,
@@ -22,7 +23,6 @@ from orthoglide_cal.session.asking import (
 )
 from orthoglide_cal.session.dead_time import AFTER_A_DRIVE_S, BETWEEN_GAUGES_S, STREAM
 from orthoglide_cal.session.gauges.formats import Token
-from orthoglide_cal.session.steps import SessionStep
 
 from .virtual import Screen, a_dialogue, steps_of
 

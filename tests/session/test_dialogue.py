@@ -13,13 +13,13 @@ import pytest
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.estimation.influences import Origin
 from orthoglide_cal.files import read_input
+from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
 from orthoglide_cal.results import calibrate
 from orthoglide_cal.session import Dialogue, Quit, Style
 from orthoglide_cal.session.events import Doubt, Questioned
 from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.record import session_values
-from orthoglide_cal.session.steps import MeasuringProtocol, Posture
 from orthoglide_cal.session.wording import with_uncertainty
 
 from .virtual import (

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.events import (
     Answered,
@@ -31,7 +32,6 @@ from orthoglide_cal.session.events import (
 )
 from orthoglide_cal.session.journal import START, Journal, decode, encode
 from orthoglide_cal.session.state import replay
-from orthoglide_cal.session.steps import MeasuringProtocol, Order
 
 from .virtual import AT, DOUBLE, both_protocols, opened, readings_of, steps_of, taken
 

@@ -11,6 +11,7 @@ import pytest
 
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import read_input, session_text
+from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session import Dialogue, Style
 from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.events import Opened
@@ -18,7 +19,6 @@ from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode
 from orthoglide_cal.session.record import session_values
 from orthoglide_cal.session.state import replay
-from orthoglide_cal.session.steps import MeasuringProtocol
 
 from .terminal import Terminal
 from .virtual import (

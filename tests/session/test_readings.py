@@ -11,6 +11,7 @@ from scipy import stats
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import read_input, write_session
 from orthoglide_cal.model import Plan, Readings
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence
 from orthoglide_cal.session.events import (
     Answered,
     Doubt,
@@ -25,7 +26,6 @@ from orthoglide_cal.session.events import (
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
 from orthoglide_cal.session.record import session_values
 from orthoglide_cal.session.state import replay
-from orthoglide_cal.session.steps import MeasuringProtocol, Order, sequence
 
 from .virtual import (
     AT,

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import UsageError
+from orthoglide_cal.planning.steps import with_set_ups
 from orthoglide_cal.session import Dialogue, Style
 from orthoglide_cal.session.events import Retake, Skipped
 from orthoglide_cal.session.journal import decode
-from orthoglide_cal.session.steps import with_set_ups
 
 from .terminal import Terminal, run_program
 from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed

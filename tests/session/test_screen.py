@@ -68,12 +68,12 @@ def test_a_screen_of_40_columns_breaks_no_word_number_or_picture(
 def test_a_narrow_table_shows_the_cycle_in_hand(tmp_path: Path) -> None:
     lines = typed(readings_of(steps_of()))[:8]
     dialogue, _ = answered(tmp_path / "s.journal", lines)
-    narrow = table_lines(dialogue.state, dialogue.setting.steps, Unit.MM, 40)
+    narrow = table_lines(dialogue.state, dialogue.setting, Unit.MM, 40)
     assert narrow[0].split()[-2:] == ["cycle", "2"]
     assert f"{float(lines[6]):+.3f}" in narrow[1]
-    wide = table_lines(dialogue.state, dialogue.setting.steps, Unit.MM, 80)
+    wide = table_lines(dialogue.state, dialogue.setting, Unit.MM, 80)
     assert [word for word in wide[0].split() if word.isdigit()] == ["1", "2", "3", "4"]
-    inches = table_lines(dialogue.state, dialogue.setting.steps, Unit.INCH, 80)
+    inches = table_lines(dialogue.state, dialogue.setting, Unit.INCH, 80)
     assert "[in]" in inches[0]
     assert float(inches[1].split()[3]) == pytest.approx(float(lines[0]) / 25.4, abs=6e-6)
 

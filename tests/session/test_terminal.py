@@ -18,8 +18,8 @@ import yaml
 
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import read_input
+from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
-from orthoglide_cal.session.steps import MeasuringProtocol
 
 from .terminal import (
     PATIENCE_S,

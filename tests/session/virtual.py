@@ -11,6 +11,7 @@ import pytest
 
 from orthoglide_cal.files import machine_text, session_text
 from orthoglide_cal.model import Machine, Model
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
 from orthoglide_cal.session.asking import Asker, Line, LiveGauge
 from orthoglide_cal.session.checks import Question, check_number, check_reading, check_repeats
@@ -21,7 +22,6 @@ from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values
 from orthoglide_cal.session.state import State, advance, replay
-from orthoglide_cal.session.steps import MeasuringProtocol, Order, SessionStep, sequence
 from tests.machines import NOMINAL, PROTOTYPE
 
 AT = "2025-03-01T09:00:00.000+01:00"

@@ -5,6 +5,7 @@ from .effects import CAUSES, PERSISTENT, Effect
 from .files import readings_csv, write_readings
 from .forward import signals
 from .heldout import expected_heldout
+from .joined import again, continue_session
 from .machines import (
     DIAL,
     GAUGES,
@@ -40,8 +41,10 @@ __all__ = [
     "Plan",
     "Separation",
     "Session",
+    "again",
     "all_pairs",
     "clear_outside",
+    "continue_session",
     "expected_heldout",
     "machine_yaml",
     "make_session",

@@ -127,12 +127,17 @@ def contact_shift(plan: Plan, effects: tuple[Effect, ...]) -> Floats:
     """What creeping and knocked stands add to the signals, shape (N,), [mm]."""
     shift = np.zeros(plan.count)
     for effect in effects:
-        mine = plan.setup == effect.setup
         if effect.id == "gauge_drift":
-            shift += mine * effect.parameters[0] * plan.hours
+            shift += _mine(plan, effect) * effect.parameters[0] * plan.hours
         elif effect.id == "stand_shift" and effect.row is not None:
+            mine = plan.zero == plan.zero[effect.row]
             shift += mine * (np.arange(plan.count) >= effect.row) * effect.parameters[0]
     return shift
+
+
+def _mine(plan: Plan, effect: Effect) -> np.ndarray:
+    """Readings by the gauge that an effect has spoiled: it happened in the first sitting."""
+    return np.asarray((plan.setup == effect.setup) & (plan.part == 0))
 
 
 def write_down(plan: Plan, gauge: Gauge, shown: Floats, effects: tuple[Effect, ...]) -> Floats:
@@ -144,7 +149,7 @@ def write_down(plan: Plan, gauge: Gauge, shown: Floats, effects: tuple[Effect, .
         elif effect.id == "misread":
             written[effect.row] += effect.parameters[0]
         elif effect.id == "sign_flip":
-            written[plan.setup == effect.setup] *= -1.0
+            written[_mine(plan, effect)] *= -1.0
         elif effect.id == "swapped_gauges":
             written = written[swapped_rows(plan, effect.leg)]
     return written

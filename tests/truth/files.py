@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
-from .plan import AXIS_NAMES
+import numpy as np
+
+from .plan import AXIS_NAMES, Plan
 from .session import Session
 
 HEADER = "seq,cycle,minutes,leg,direction,posture,reading_mm"
+SITTINGS = "gauge_at,part,bar,entered"
 
 
 def readings_csv(session: Session) -> str:
@@ -16,7 +19,17 @@ def readings_csv(session: Session) -> str:
         f"{AXIS_NAMES[plan.direction[n]]},{plan.posture[n]},{session.readings[n]:.{places}f}"
         for n in range(plan.count)
     ]
-    return "\n".join((HEADER, *rows)) + "\n"
+    header = HEADER
+    if plan.part.any() or plan.entered.any() or plan.turned.any() or np.any(plan.gauge_at != 0.5):
+        header = f"{HEADER},{SITTINGS}"
+        rows = [f"{row},{_sitting(plan, n)}" for n, row in enumerate(rows)]
+    return "\n".join((header, *rows)) + "\n"
+
+
+def _sitting(plan: Plan, n: int) -> str:
+    bar = "turned" if plan.turned[n] else ""
+    entered = " ".join(f"{offset:.6f}" for offset in plan.entered[n])
+    return f"{plan.gauge_at[n]:.6f},{plan.part[n] + 1},{bar},{entered}"
 
 
 def write_readings(session: Session, path: Path) -> Path:

@@ -4,7 +4,7 @@ A machine's condition is one vector of 30 numbers, so that many conditions are s
 and derivatives are plain differences. Its parts are named by `PARTS`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,6 +91,7 @@ def true_joints(plan: Plan, machine: Machine, states: Floats, motion: Floats) ->
         machine.leg
         + (1.0 + 1e-3 * each(states[:, PARTS["encoder_scale"]])) * travel
         + each(states[:, PARTS["offsets"]])
+        - plan.entered.T[:, None, :]
         - each(widths) / 2.0 * signs
         - each(lags) * (signs == 0.0)
         + each(states[:, PARTS["thermal_drift"]]) * plan.hours
@@ -116,11 +117,18 @@ def _deflect(plan: Plan, signal: Floats, disturbance: Disturbance) -> Floats:
     """What sticking plungers and moved surfaces make of the signals, shape (S, N)."""
     out: Floats = signal + disturbance.contact
     if disturbance.hysteresis:
-        for setup in range(6):
-            rows = np.flatnonzero(plan.setup == setup)
+        for zero in range(plan.zero.max() + 1):
+            rows = np.flatnonzero(plan.zero == zero)
             moves = np.sign(np.diff(out[:, rows], axis=1))
             out[:, rows[1:]] -= 0.5 * disturbance.hysteresis * moves
     return out
+
+
+def _standing(plan: Plan, machine: Machine) -> Plan:
+    """The moments at which the gauge of each row was set up, all at the isotropic posture."""
+    moments = plan.rows(plan.stand)
+    home = np.full((plan.count, 3), machine.leg)
+    return replace(moments, indicated=home, displacement=np.zeros(plan.count))
 
 
 def signals(
@@ -132,15 +140,17 @@ def signals(
 ) -> Floats:
     """Noise-free surface positions at the gauges for S conditions, without zeros.
 
-    The gauge of leg i stands fixed at that place along axis i where the leg's middle was when it
-    was set up; it touches the straight line from carriage to tool there.
+    The gauge of leg i stands fixed at that place along axis i where the leg's middle (or another
+    point, `gauge_at`) was when it was set up; it touches the straight line from carriage to tool
+    there.
 
     Args:
         plan: N readings.
         machine: nominal dimensions.
         states: conditions, shape (S, 30), see `PARTS`.
         disturbance: something outside the list.
-        misplaced: how far along the leg each set-up's gauge is from its middle, shape (6,), [mm].
+        misplaced: how far along the leg each set-up's gauge is from its place, one for each
+            `zero`, [mm].
 
     Returns:
         Shape (S, N), [mm].
@@ -153,12 +163,18 @@ def signals(
     tool_along = tool[plan.leg, :, rows].T
     tool_across = tool[plan.direction, :, rows].T
     span = tool_along - foot_along
-    gauge = (foot_along + 0.5 * span)[:, plan.stand]
+    gauge = (foot_along + plan.gauge_at * span)[:, plan.stand]
+    if plan.displacement[plan.stand].any():
+        # Some set-up has no reading at the isotropic posture to tell where its gauge stands.
+        motion = extra.motion[plan.stand]
+        feet, tools = carriages_and_tool(_standing(plan, machine), machine, states, motion)
+        foot = feet[plan.leg, plan.leg, :, rows].T
+        gauge = foot + plan.gauge_at * (tools[plan.leg, :, rows].T - foot)
     if misplaced is not None:
         # Towards the tool, which lies below the carriage on the leg's axis.
-        gauge = gauge + (np.sign(span) * misplaced[plan.setup])
+        gauge = gauge + (np.sign(span) * misplaced[plan.zero])
     share = (gauge - foot_along) / span
-    slope = 1e-3 * states[:, PARTS["bar_skew"]][:, plan.setup]
+    slope = 1e-3 * states[:, PARTS["bar_skew"]][:, plan.setup] * (1.0 - 2.0 * plan.turned)
     surface = foot_across + share * (tool_across - foot_across) + slope * machine.leg * share
     return _deflect(plan, surface, extra) if disturbance is not None else surface
 

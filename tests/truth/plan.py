@@ -4,7 +4,7 @@ Legs x, y, z in turn; each leg iso, max, min three times and a closing iso; both
 the leg are read at every posture: 60 readings.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,17 @@ class Plan:
     setup: Ints
     """Index into `SETUPS` of each reading, shape (N,)."""
     stand: Ints
-    """Row at whose posture the gauge of each reading was set up (its first iso), shape (N,)."""
+    """First row of each reading's gauge set-up, which began at the iso posture, shape (N,)."""
+    zero: Ints
+    """Number of that set-up, from 0: each has a gauge zero and a place of its own, shape (N,)."""
+    gauge_at: Floats
+    """Where along the leg that gauge was set up: carriage 0, tool 1, shape (N,)."""
+    part: Ints
+    """Sitting, from 0; all stands are set up afresh for each, shape (N,)."""
+    turned: Ints
+    """1 where the bar was turned half round its own axis, else 0, shape (N,)."""
+    entered: Floats
+    """Offsets entered in the controller since the first reading, shape (N, 3), [mm]."""
 
     @property
     def count(self) -> int:
@@ -68,6 +78,12 @@ class Plan:
     def hours(self) -> Floats:
         """Time since the session began, shape (N,), [h]."""
         return self.minutes / 60.0
+
+    def rows(self, chosen: Ints) -> "Plan":
+        """Some rows as a plan of their own; `stand` still counts the rows of this one."""
+        arrays = {item.name: getattr(self, item.name) for item in fields(self)}
+        posture = tuple(self.posture[row] for row in chosen)
+        return Plan(**{k: v[chosen] for k, v in arrays.items() if k != "posture"}, posture=posture)
 
 
 def joints_at(leg_length: float, leg: int, displacement: float) -> Floats:
@@ -122,6 +138,7 @@ def standard_plan(
                 approach.append(last)
             minutes += pace * float(rng.uniform(0.75, 1.25))
     leg_of, direction_of, posture_of, displacement, cycle, clock, stand = zip(*rows, strict=True)
+    setup = [SETUPS.index(pair) for pair in zip(leg_of, direction_of, strict=True)]
     return Plan(
         leg=frozen_ints(list(leg_of)),
         direction=frozen_ints(list(direction_of)),
@@ -131,6 +148,11 @@ def standard_plan(
         minutes=frozen(list(clock)),
         indicated=frozen(np.array(indicated)),
         approach=frozen(np.array(approach)),
-        setup=frozen_ints([SETUPS.index(pair) for pair in zip(leg_of, direction_of, strict=True)]),
+        setup=frozen_ints(setup),
         stand=frozen_ints(list(stand)),
+        zero=frozen_ints(setup),
+        gauge_at=frozen(np.full(len(rows), 0.5)),
+        part=frozen_ints(np.zeros(len(rows))),
+        turned=frozen_ints(np.zeros(len(rows))),
+        entered=frozen(np.zeros((len(rows), 3))),
     )

@@ -39,7 +39,7 @@ class Setting:
     legs: Floats
     """Excess of the legs of a machine within its tolerance, shape (3,), [mm]."""
     misplaced: Floats
-    """How far along the leg each set-up's gauge is from its middle, shape (6,), [mm]."""
+    """How far along the leg each set-up's gauge is from its place, one for each set-up, [mm]."""
     scale: float
     """Excess of the gauges' scale (1)."""
 
@@ -68,7 +68,7 @@ class Session:
     offsets: Floats
     """True joint offsets at the session's start, shape (3,), [mm]."""
     zeros: Floats
-    """What each set-up's gauge shows at coordinate zero, shape (6,), [mm]."""
+    """What each set-up's gauge shows at coordinate zero, one for each set-up, [mm]."""
     effects: tuple[Effect, ...]
     outside: str | None
     """Name of an effect outside the list."""

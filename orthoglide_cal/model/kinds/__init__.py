@@ -3,19 +3,23 @@
 from orthoglide_cal.model.kinds.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
+    Moments,
     Orthoglide,
     PlannedReading,
     double_posture,
     plan_of,
     single_posture,
+    visiting,
 )
 
 __all__ = [
     "MINUTES_PER_POSTURE",
     "MINUTES_PER_SETUP",
+    "Moments",
     "Orthoglide",
     "PlannedReading",
     "double_posture",
     "plan_of",
     "single_posture",
+    "visiting",
 ]

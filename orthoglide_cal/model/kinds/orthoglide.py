@@ -32,6 +32,7 @@ from orthoglide_cal.model.readings import (
     Plan,
     Posture,
     other_axes,
+    places_of,
     read_only,
 )
 
@@ -40,8 +41,18 @@ MINUTES_PER_POSTURE = 0.4
 MINUTES_PER_SETUP = 4.0
 POSTURES = (Posture.ISO, Posture.MAX, Posture.MIN)
 HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they measure along z
-# Place of the isotropic posture, where the gauges were set up, behind the moments of a plan.
-SET_UP = -1
+
+
+class Moments(NamedTuple):
+    """Which of the machine's moments belong to n readings, as indices of shape (n,).
+
+    Attributes:
+        reading: when each was taken.
+        set_up: when its gauge was set up, at the isotropic posture.
+    """
+
+    reading: Ints
+    set_up: Ints
 
 
 class Touch(NamedTuple):
@@ -143,22 +154,25 @@ class Orthoglide:
             UnreachableError: a displacement is not shorter than the legs.
         """
         joints = self.joints_at(machine, plan.leg, plan.displacement)
-        return Command(read_only(joints), self.home(machine), plan.hours, plan.in_time)
+        return Command(
+            read_only(joints), self.home(machine), plan.hours, plan.in_time, plan.entered
+        )
 
-    def touched(self, points: Points, plan: Plan, moment: Ints) -> Touch:
+    def touched(self, points: Points, plan: Plan, moments: Moments) -> Touch:
         """The points that the gauges touch (Table 2, eqs. 18–24, errata).
 
         Args:
-            points: of the machine at all moments and, last, at the isotropic posture.
+            points: of the machine at all moments.
             plan: n readings.
-            moment: of each reading, shape (n,).
+            moments: of each reading.
         """
+        moment, set_up = moments
         leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
         gauge_at = column(plan.gauge_at, batch)
         carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
         # The gauge's place along the leg's axis, and the point of the leg that it now touches.
-        place = (1.0 - gauge_at) * points.centres[leg, leg, SET_UP]
-        place = place + gauge_at * points.tool[leg, SET_UP]
+        place = (1.0 - gauge_at) * points.centres[leg, leg, set_up]
+        place = place + gauge_at * points.tool[leg, set_up]
         span = points.tool[leg, moment] - carriage
         across = points.tool[direction, moment] - side
         fraction = (place - carriage) / span
@@ -168,7 +182,7 @@ class Orthoglide:
         return Touch(side + fraction * across, fraction)
 
     def touched_derivative(
-        self, points: Points, plan: Plan, moment: Ints, fraction: Numbers
+        self, points: Points, plan: Plan, moments: Moments, fraction: Numbers
     ) -> Floats:
         """∂heights/∂Δρ in closed form, shape (n, 3, ...).
 
@@ -176,6 +190,7 @@ class Orthoglide:
         fraction·d span)/span, zero where the gauge is not fixed. In place, because fresh memory
         for such long arrays costs more than the arithmetic.
         """
+        moment, set_up = moments
         leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
         gauge_at = column(plan.gauge_at, batch)
         span = points.tool[leg, moment] - points.centres[leg, leg, moment]
@@ -187,7 +202,7 @@ class Orthoglide:
         part = slope[leg, :, moment]
         part *= (turn * fraction)[:, None]
         jacobian -= part
-        np.take(slope[:, :, SET_UP], leg, axis=0, out=part)
+        part[...] = slope[leg, :, set_up]
         part *= (turn * gauge_at)[:, None]
         jacobian += part
         own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
@@ -197,32 +212,40 @@ class Orthoglide:
 
 
 class PlannedReading(NamedTuple):
-    """One reading to take: leg, direction (0, 1, 2), displacement [mm], contact, minutes."""
+    """One reading to take, in the terms of `Plan`; the place of a gauge at an end is that end."""
 
     leg: int
     direction: int
-    displacement: float
+    displacement: float  # mm
     contact: Contact
     minutes: float = 0.0
+    gauge_at: float = 0.5
+    part: int = 0
+    turned: bool = False
+    entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
 
 
-def plan_of(readings: Sequence[PlannedReading], gauge_at: float = 0.5) -> Plan:
-    """The plan of readings in time order; one set-up per (leg, direction).
-
-    Gauges on fixed stands are at `gauge_at` along the leg, the others at its ends.
-    """
+def plan_of(readings: Sequence[PlannedReading]) -> Plan:
+    """The plan of readings in time order; one set-up for each of `places_of`."""
     leg = np.array([r.leg for r in readings], dtype=np.intp)
     direction = np.array([r.direction for r in readings], dtype=np.intp)
     contact = np.array([r.contact for r in readings], dtype=np.intp)
+    part = np.array([r.part for r in readings], dtype=np.intp)
+    gauge_at = np.array([r.gauge_at for r in readings], dtype=np.float64)
+    turned = np.array([r.turned for r in readings], dtype=np.bool_)
+    places = places_of(leg, direction, contact, gauge_at, part, turned)
     return Plan(
         leg=leg,
         direction=direction,
         displacement=np.array([r.displacement for r in readings]),
         contact=contact,
         gauge_at=np.where(contact == Contact.FIXED, gauge_at, contact == Contact.TOOL),
-        setup=np.unique(3 * leg + direction, return_inverse=True)[1],
+        setup=np.unique(np.reshape(places, (-1, 5)), axis=0, return_inverse=True)[1].reshape(-1),
         order=np.arange(len(readings)),
         hours=np.array([r.minutes for r in readings]) / 60.0,
+        part=part,
+        turned=turned,
+        entered=np.reshape([r.entered for r in readings], (-1, 3)),
     )
 
 
@@ -248,16 +271,30 @@ def double_posture(
         A plan of 6·(len(postures)·cycles + closing) readings in time order.
     """
     visited = list(postures) * cycles + ([Posture.ISO] if closing else [])
+    return visiting([machine.displacement_mm(posture) for posture in visited], gauge_at)
+
+
+def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> Plan:
+    """The same postures for the x-, y- and z-leg in turn, two gauges beside each other.
+
+    Args:
+        displacements: of the leg's own carriage, in order [mm].
+        gauge_at: place of the gauges along the leg at the isotropic posture.
+
+    Returns:
+        A plan of 6·len(displacements) readings in time order.
+    """
     readings = []
     minutes = 0.0
     for leg in range(3):
-        for posture in visited:
-            moved = machine.displacement_mm(posture)
+        for moved in displacements:
             for direction in other_axes(leg):
-                readings.append(PlannedReading(leg, direction, moved, Contact.FIXED, minutes))
+                readings.append(
+                    PlannedReading(leg, direction, moved, Contact.FIXED, minutes, gauge_at)
+                )
             minutes += MINUTES_PER_POSTURE
         minutes += MINUTES_PER_SETUP
-    return plan_of(readings, gauge_at)
+    return plan_of(readings)
 
 
 def single_posture(machine: Machine, cycles: int = 1) -> Plan:

@@ -8,11 +8,10 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import decimals_for
-from orthoglide_cal.estimation.budget import Contribution
+from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.influences import Origin
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.words import coverage_words, short, two_figures, unit_words
-from orthoglide_cal.results import Adjustment
 
 # Source → in words, and what would lessen it.
 _SOURCES: Mapping[str, tuple[str, str]] = {
@@ -48,22 +47,21 @@ _STATE = "State how well that is known under tolerances in the machine file."
 _SMALL = 0.1
 
 
-def budget_section(found: Adjustment) -> doc.Section:
+def budget_section(budget: Budget) -> doc.Section:
     """Each source with its size and what it adds to the offsets [mm]."""
-    budget = found.budget
-    shown = [each for each in budget.contributions if np.any(each.std_mm > _SMALL * found.std_mm)]
+    shown = [each for each in budget.contributions if np.any(each.std_mm > _SMALL * budget.std_mm)]
     rest = [each for each in budget.contributions if each not in shown]
     rows = [
-        (_words(each)[0], each.evaluation.value, _size(each), *map(two_figures, each.std_mm))
+        (source_words(each)[0], each.evaluation.value, _size(each), *map(two_figures, each.std_mm))
         for each in sorted(shown, key=lambda each: -float(each.std_mm.max()))
     ]
     if rest:
         small = np.sqrt(sum(each.std_mm**2 for each in rest))
         rows.append((f"{len(rest)} smaller ones", "", "", *map(two_figures, small)))
-    rows.append(("together, u", "", "", *map(two_figures, found.std_mm)))
-    reach = map(two_figures, found.expanded_mm)
+    rows.append(("together, u", "", "", *map(two_figures, budget.std_mm)))
+    reach = map(two_figures, budget.expanded_mm)
     rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *reach))
-    what, remedy = _words(budget.largest)
+    what, remedy = source_words(budget.largest)
     return doc.Section(
         "Uncertainty of the offsets, mm",
         (
@@ -73,7 +71,7 @@ def budget_section(found: Adjustment) -> doc.Section:
     )
 
 
-def _words(each: Contribution) -> tuple[str, str]:
+def source_words(each: Contribution) -> tuple[str, str]:
     """A source in words, and what would lessen it."""
     if each.source in _SOURCES:
         return _SOURCES[each.source]

@@ -75,7 +75,7 @@ def _page(calibration: Calibration, machine_file: Path | None, interactive: bool
     if calibration.adjustment is not None:
         sheet += _answer(calibration, calibration.adjustment)
         pages.append(_intervals(calibration, calibration.adjustment))
-        pages.append(budget_section(calibration.adjustment))
+        pages.append(budget_section(calibration.adjustment.budget))
     pages += evidence.evidence(calibration, machine_file)
     if interactive and calibration.travel is not None:
         pages.append(motion(calibration.travel, calibration.input.model.machine))

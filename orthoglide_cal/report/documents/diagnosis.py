@@ -29,6 +29,7 @@ from orthoglide_cal.model import (
     other_axes,
 )
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.documents.next_reading import next_blocks, told_data
 from orthoglide_cal.report.documents.solution import offsets_grid
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, fields_of, input_data
 from orthoglide_cal.report.words import (
@@ -96,7 +97,10 @@ def _diagnosis_page(
 ) -> doc.Page:
     diagnosis, found = calibration.diagnosed
     tone, _, taken = _VERDICTS[diagnosis.verdict]
-    causes = (*cause_blocks(diagnosis, machine_file, held_out_file), *next_blocks(diagnosis))
+    causes = (
+        *cause_blocks(diagnosis, machine_file, held_out_file),
+        *next_blocks(diagnosis, calibration.following),
+    )
     release = calibration.release
     told = () if release.usable else ("Do not enter the offsets.", *release.reasons)
     title = "Joint offsets, mm (true = indicated + Δρ)"
@@ -124,7 +128,7 @@ def _diagnosis_page(
 def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
     """The contract's fields, then a few more; lengths in mm, None where nothing is known."""
     diagnosis, found = calibration.diagnosed
-    lack, following = diagnosis.lack_of_fit, diagnosis.next_measurement
+    lack, following = diagnosis.lack_of_fit, calibration.following
     return {
         "schema_version": SCHEMA_VERSION,
         "input": input_data(diagnosis.source, diagnosis.kind, diagnosis.count),
@@ -135,13 +139,7 @@ def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
         },
         "causes": [_cause_data(cause) for cause in diagnosis.causes],
         "ambiguous_with": list(diagnosis.ambiguous_with),
-        "next_measurement": None
-        if following is None
-        else {
-            "what": following.what,
-            "separates": ["+".join(ids) for ids in following.separates],
-            "separation_sigma": following.separation_sigma,
-        },
+        "next_measurement": None if following is None else told_data(following),
         **axes_of(found, "offsets_mm", "std_mm"),
         **fields_of(calibration.release, "usable", "reasons"),
         "assumed_tolerances": dict(diagnosis.assumed_tolerances),
@@ -246,24 +244,6 @@ def _gain(diagnosis: Diagnosis, held_out_file: bool) -> tuple[tuple[str, doc.Bla
     if after >= before:
         off += " It does not predict better: not recommended as an extension."
     return (*rows, ("prediction", off))
-
-
-def next_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
-    """The reading that would decide what is open."""
-    following = diagnosis.next_measurement
-    if following is not None:
-        first, second = ("+".join(ids) or "a sound machine" for ids in following.separates)
-        apart = f"{following.separation_sigma:.1f} standard deviations"
-        return (
-            doc.Paragraph((doc.Strong("Read next: "), following.what)),
-            doc.Paragraph(f"It tells {first} from {second} by {apart}."),
-        )
-    if diagnosis.verdict is not Verdict.AMBIGUOUS:
-        return ()
-    ids = (*(cause.id for cause in diagnosis.causes), *diagnosis.ambiguous_with)
-    mended = all(not CAUSES[id].in_machine for id in ids)
-    again = " All of them lie in the measurement: measure again." if mended else ""
-    return (doc.Paragraph(f"No further reading of this kind would tell them apart.{again}"),)
 
 
 def ranking_grid(diagnosis: Diagnosis) -> doc.Grid:
@@ -394,16 +374,18 @@ def _residuals(measured: Readings, residual: Floats, sigma: float) -> doc.Grid:
 
 
 def _series(measured: Readings) -> Iterator[tuple[str, Ints]]:
-    """Readings of one leg, direction, leg end and gauge place: its name, and which they are."""
+    """Readings of one leg, direction, leg end, gauge place and part: its name, which they are."""
     plan = measured.plan
     several = np.unique(plan.gauge_at).size > 1
-    keys = np.stack((plan.leg, plan.direction, plan.contact, plan.gauge_at), axis=1)
+    keys = np.stack((plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part), axis=1)
     for key in np.unique(keys, axis=0):
         name, contact = Series(int(key[0]), int(key[1])).words, Contact(int(key[2]))
         if contact.end:
             name += end_words(contact.end)
         elif several:
             name += f", at {key[3]:g}"
+        if plan.parts > 1:
+            name += f", part {key[4] + 1:.0f}"
         yield name, np.flatnonzero(np.all(keys == key, axis=1))
 
 

@@ -23,10 +23,10 @@ from orthoglide_cal.report.documents.diagnosis import (
     cause_blocks,
     fit_blocks,
     headline,
-    next_blocks,
     note_blocks,
     ranking_grid,
 )
+from orthoglide_cal.report.documents.next_reading import next_blocks
 from orthoglide_cal.report.documents.solution import left_after, noise_grid
 from orthoglide_cal.report.slices import legend, slices
 from orthoglide_cal.report.words import (
@@ -62,7 +62,7 @@ def evidence(calibration: Calibration, machine_file: Path | None) -> list[doc.Se
     sections = [_steps(calibration), left_after(solution, adjustment.promised, in_full=True)]
     sections.append(_wrong(calibration.input.measured, solution, residuals))
     if calibration.diagnosis is not None:
-        sections.append(_diagnosis(calibration.diagnosis, calibration.explained, machine_file))
+        sections.append(_diagnosis(calibration.diagnosis, calibration, machine_file))
     if workspace is not None:
         sections.append(_workspace(workspace, calibration.model))
     return sections
@@ -137,14 +137,18 @@ def _residuals(found: Residuals, noise: float) -> doc.Figure:
     )
 
 
-def _diagnosis(found: Diagnosis, parts: Explained | None, machine_file: Path | None) -> doc.Section:
+def _diagnosis(
+    found: Diagnosis, calibration: Calibration, machine_file: Path | None
+) -> doc.Section:
     """What is wrong beside the offsets, as `diagnose` says it; what the causes explain."""
+    parts = calibration.explained
     causes = cause_blocks(found, machine_file)
     blocks = [doc.Paragraph(headline(found)), *fit_blocks(found), *causes]
     if found.verdict is not Verdict.CONSISTENT:
         blocks += [_explained(parts, found)] if parts else []
         blocks += [ranking_grid(found)] if found.ranking else []
-    return doc.Section("Diagnosis", (*blocks, *next_blocks(found), *note_blocks(found)))
+    following = next_blocks(found, calibration.following)
+    return doc.Section("Diagnosis", (*blocks, *following, *note_blocks(found)))
 
 
 def _explained(parts: Explained, found: Diagnosis) -> doc.Figure:

@@ -59,7 +59,7 @@ def _solution_page(calibration: Calibration, machine_file: Path | None) -> doc.P
         sections=(
             _offsets(calibration),
             left_after(solution, found.promised, usable=calibration.release.usable),
-            budget_section(found),
+            budget_section(found.budget),
             _noise(calibration),
         ),
     )

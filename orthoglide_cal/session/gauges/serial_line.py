@@ -9,9 +9,9 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UsageError
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.asking import GaugeLost, Heard, LiveGauge
 from orthoglide_cal.session.gauges.formats import Token, serial_format
-from orthoglide_cal.session.steps import SessionStep
 
 if TYPE_CHECKING:
     import serial

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from orthoglide_cal.model import Floats, simulate
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.asking import Heard, LiveGauge
 from orthoglide_cal.session.gauges.formats import Token, Unit
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.session.steps import SessionStep
 
 # Half the width of the ranges that the hidden truth is drawn from.
 OFFSETS_MM = 1.5
@@ -27,7 +27,8 @@ class SimulatedGauge(LiveGauge):
     controller acts, so that a correction that was entered is seen when it is measured again.
 
     Every reading has its own stream of random numbers (seed, step, take, and what is active), so
-    that a session that was interrupted reads the same as one that was not.
+    that a session that was interrupted reads the same as one that was not. In a session that goes
+    on from others, steps count from theirs on, and every part has its own zeros.
     """
 
     hint = "press Return to read it"
@@ -42,10 +43,15 @@ class SimulatedGauge(LiveGauge):
         self._active: list[int] = steps.tolist() if steps.any() else []
         rng = np.random.default_rng([seed, _TRUTH])
         self.offsets_mm: Floats = rng.uniform(-OFFSETS_MM, OFFSETS_MM, 3) - active
-        zeros = rng.uniform(-ZEROS_MM, ZEROS_MM, (3, 3))
+        zeros = [rng.uniform(-ZEROS_MM, ZEROS_MM, (3, 3))]
         plan = setting.plan
+        for part in range(1, plan.parts):
+            anew = np.random.default_rng([seed, _TRUTH, part])
+            zeros.append(anew.uniform(-ZEROS_MM, ZEROS_MM, (3, 3)))
         exact = simulate(setting.model, self.offsets_mm, plan)
-        self._exact: list[float] = (exact + zeros[plan.leg, plan.direction]).tolist()
+        zero = np.array(zeros)[plan.part, plan.leg, plan.direction]
+        self._exact: list[float] = (exact + zero).tolist()
+        self._before = len(setting.first.readings) if setting.first else 0
         self._wanted = (1, 0)  # step and take
 
     def begin(self, step: SessionStep, takes: int) -> None:
@@ -58,7 +64,7 @@ class SimulatedGauge(LiveGauge):
             return []
         step, takes = self._wanted
         division = self._gauge.resolution_mm
-        rng = np.random.default_rng([self._seed, _NOISE, step, takes, *self._active])
+        rng = np.random.default_rng([self._seed, _NOISE, self._before + step, takes, *self._active])
         noisy = self._exact[step - 1] + rng.normal(0.0, self._gauge.repeatability_mm)
         value = round(round(noisy / division) * division, 6)
         decimals = max(0, math.ceil(-math.log10(division)))

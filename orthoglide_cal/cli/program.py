@@ -1,0 +1,68 @@
+"""`orthocal plan --program`: the posture program, shown or written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.errors import UsageError
+
+if TYPE_CHECKING:
+    from orthoglide_cal.files.gcode_template import Template
+    from orthoglide_cal.planning.program import PostureProgram
+
+_GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")
+_CSV = ".csv"
+
+
+def write_program(program: PostureProgram, target: Path, template: Path | None = None) -> None:
+    """Write a posture program; "-" shows it as a table on standard output.
+
+    Args:
+        program: what to write.
+        target: CSV or G-code, by the end of its name; an existing file is not touched.
+        template: of the G-code; the one of `orthocal template gcode` if None.
+
+    Raises:
+        UsageError: another kind of file, a template without G-code, or the file exists.
+        InputError: the template cannot be used, or the file cannot be written.
+    """
+    from orthoglide_cal.files import write_text
+    from orthoglide_cal.report import program as texts
+
+    form = target.suffix.lower()
+    if template is not None and form not in _GCODE:
+        raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
+    if str(target) == "-":
+        from orthoglide_cal.report.terminal import Terminal
+
+        common.output().print(Terminal(texts.program_page(program)), crop=False)
+        return
+    if form == _CSV:
+        text = texts.program_csv(program)
+    elif form in _GCODE:
+        text = texts.program_gcode(program, _template(program, template))
+    else:
+        raise UsageError(
+            f"What {target} is to be cannot be told from its name.",
+            f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.",
+        )
+    write_text(target, text)
+    common.tell(
+        f"{len(program.blocks)} blocks written to {target}. Try them first without gauges,"
+        " slowly, a hand at the stop."
+    )
+
+
+def _template(program: PostureProgram, path: Path | None) -> Template:
+    from importlib.resources import as_file, files
+
+    from orthoglide_cal.files.gcode_template import gcode_template
+    from orthoglide_cal.files.text import YAML_LIMIT, read_document
+
+    numbers = [block.number for block in program.blocks]
+    if path is not None:
+        return gcode_template(read_document(str(path), YAML_LIMIT), numbers)
+    with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
+        return gcode_template(read_document(str(shipped), YAML_LIMIT), numbers)

@@ -1,0 +1,154 @@
+"""What was measured, as arrays: readings, or differences of readings as the paper prints them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+from typing import NamedTuple
+
+from orthoglide_cal.model.readings import Floats, Ints, Plan, Posture, Series, freeze
+
+
+class DataKind(StrEnum):
+    """What was measured: raw readings, or one of the paper's sets of differences."""
+
+    READINGS = "readings"
+    SIX = "six"  # max − min
+    TWELVE = "twelve"  # max − iso and min − iso
+    SINGLE = "single"  # tool end − joint end
+
+
+_SIGNS = {Posture.MAX: "+", Posture.MIN: "-", Posture.ISO: "0"}
+
+
+class Difference(NamedTuple):
+    """One of the paper's differences.
+
+    Attributes:
+        series: leg and direction.
+        posture: of the minuend, or of both ends; None for max − min.
+    """
+
+    series: Series
+    posture: Posture | None = None
+
+    @property
+    def name(self) -> str:
+        """As the paper writes it, direction first, leg second: "dy_x", "dy_x+", "dz_x0"."""
+        return "d" + self.series.name + (_SIGNS[self.posture] if self.posture else "")
+
+
+# The order of Table 4: direction first, leg second.
+_SIX = tuple(Series(leg, k) for k in range(3) for leg in range(3) if leg != k)
+DIFFERENCES: Mapping[DataKind, tuple[Difference, ...]] = MappingProxyType(
+    {
+        DataKind.SIX: tuple(Difference(series) for series in _SIX),
+        DataKind.TWELVE: tuple(
+            Difference(series, posture) for series in _SIX for posture in (Posture.MAX, Posture.MIN)
+        ),
+        DataKind.SINGLE: tuple(
+            Difference(Series(leg, 2), posture)
+            for leg, posture in (
+                (0, Posture.ISO),
+                (1, Posture.ISO),
+                (0, Posture.MAX),
+                (0, Posture.MIN),
+                (1, Posture.MAX),
+                (1, Posture.MIN),
+            )
+        ),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where data came from.
+
+    Attributes:
+        path: as the user gave it; "-" for standard input.
+        sha256: hex digest of the bytes that were read.
+    """
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Raw gauge readings, in the order of the file; arrays have shape (n,).
+
+    Attributes:
+        plan: what each reading is of.
+        value: as recorded [mm].
+        cycle: repeat of the same (leg, direction, posture), from 1.
+        posture: "iso", "max", "min" or the displacement as text.
+        temperature: [°C]; NaN where not given.
+        gauge: label of the gauge; "" where not given.
+        note: remark; "" where not given.
+        line: line in the file, from 1.
+        timed: True if the times in the plan were recorded, False if they were assumed.
+        source: where the readings came from.
+        remarks: what the reader wants the user to know (unknown columns, assumed times).
+    """
+
+    plan: Plan
+    value: Floats
+    cycle: Ints
+    posture: tuple[str, ...]
+    temperature: Floats
+    gauge: tuple[str, ...]
+    note: tuple[str, ...]
+    line: Ints
+    timed: bool
+    source: Source
+    remarks: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        freeze(self, "value", "temperature", "cycle", "line")
+
+    kind = DataKind.READINGS
+
+    @property
+    def kinds(self) -> tuple[DataKind, ...]:
+        """What can be made of them: themselves, and the differences of their protocol."""
+        differences = (DataKind.SIX, DataKind.TWELVE) if self.plan.fixed else (DataKind.SINGLE,)
+        return (self.kind, *differences)
+
+    def __len__(self) -> int:
+        return len(self.plan)
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Differences of readings, as the paper prints them.
+
+    Attributes:
+        kind: which set they belong to.
+        which: the differences, in the order of the file.
+        value: shape (k,) [mm].
+        source: where they came from.
+        remarks: what the reader wants the user to know.
+    """
+
+    kind: DataKind
+    which: tuple[Difference, ...]
+    value: Floats
+    source: Source
+    remarks: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        freeze(self, "value")
+
+    @property
+    def kinds(self) -> tuple[DataKind, ...]:
+        """What can be made of them: themselves, and of twelve also six."""
+        return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
+
+    def __len__(self) -> int:
+        return len(self.which)
+
+
+Measured = Readings | Differences

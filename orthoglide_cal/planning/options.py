@@ -1,0 +1,273 @@
+"""What can be measured next, beside readings that there are: each with its minutes.
+
+Either the stands stay where they are, on the leg that was read last, and what was wrong with them
+and their labels is still wrong; or they are set up afresh, and only what is wrong with the machine
+and its bars is met again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.model import AXES, Contact, Machine, Model, Plan, other_axes
+from orthoglide_cal.model.kinds import (
+    MINUTES_PER_POSTURE,
+    MINUTES_PER_SETUP,
+    PlannedReading,
+    plan_of,
+)
+from orthoglide_cal.planning.bar import places, reach_mm, worst_touch
+from orthoglide_cal.planning.steps import MINUTES_PER_TURN, NOTHING_ENTERED
+
+# Long enough for what creeps to show.
+WAIT_MIN = 15.0
+# A step that every gauge shows and that no revolution of a dial is taken for [mm].
+STEP_MM = 0.3
+HALF_WAY = 0.5  # along the leg
+# A gauge place nearer to another than this share of the leg teaches nothing new.
+ANOTHER_PLACE = 0.08
+LEGS = (0, 1, 2)
+TIMES = MappingProxyType({1: "one cycle", 5: "five cycles"})
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """A measurement that could be taken next.
+
+    Attributes:
+        what: instruction, one or two sentences.
+        plan: the new readings alone, with part, set-ups, order and hours as in the joined data.
+        minutes: that it takes.
+        continues: True if the stands are still where they were: same part, same set-ups.
+    """
+
+    what: str
+    plan: Plan
+    minutes: float
+    continues: bool
+
+
+def joined(*plans: Plan) -> Plan:
+    """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
+    return Plan(
+        **{
+            item.name: np.concatenate([getattr(plan, item.name) for plan in plans])
+            for item in fields(Plan)
+        }
+    )
+
+
+def options(first: Plan | None, machine: Machine) -> tuple[Option, ...]:
+    """All that can be done next.
+
+    Args:
+        first: what was read; None where it is not known reading by reading.
+        machine: its limits bound the postures.
+    """
+    here = None if first is None else _Stands.after(first)
+    going_on = () if here is None else _going_on(here, machine)
+    return (*going_on, *_afresh(first, machine))
+
+
+class _Walk(NamedTuple):
+    """Postures of one leg.
+
+    Attributes:
+        words: in words.
+        stops: one cycle of displacements [mm]; the isotropic posture closes the last.
+    """
+
+    words: str
+    stops: tuple[float, ...]
+
+    def cycles(self, times: int = 1) -> tuple[float, ...]:
+        """So many cycles, and the closing posture."""
+        return (*(self.stops * times), self.stops[0])
+
+
+def _walks(machine: Machine, gauge_at: float) -> tuple[_Walk, ...]:
+    """Ways through the postures: to the joint limits, or as far as the plunger stays on the bar."""
+    low, high = reach_mm(machine, gauge_at)
+    least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
+    return (
+        _Walk(f"iso, {most}, {least} and iso", (0.0, high, low)),
+        _Walk(f"iso, {least}, {most} and iso, each reached from the other side", (0.0, low, high)),
+        _Walk(
+            f"up to {most} and down to {least}, half-way ({high / 2:g}, {low / 2:g} mm) both going"
+            " and coming back",
+            (0.0, high / 2, high, high / 2, 0.0, low / 2, low, low / 2),
+        ),
+    )
+
+
+def _going_on(here: _Stands, machine: Machine) -> Iterator[Option]:
+    """With the stands where they are: on the leg that was read last."""
+    walks = _walks(machine, here.gauge_at)
+    still = f"Without touching the stands at leg {AXES[here.leg]}"
+    last = float(here.first.displacement[here.first.in_time[-1]])
+    again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
+    touched = worst_touch(here.option("", [last]).plan, machine)
+    if touched is None or touched.keeps >= 0.0:
+        yield here.option(f"{still}, {again}.", [last])
+        yield replace(here, wait=WAIT_MIN).option(
+            f"{still}, {again} after a quarter of an hour.", [last]
+        )
+    for times, how_often in TIMES.items():
+        for walk in walks:
+            what = f"{still}, read {how_often}: {walk.words}."
+            yield here.option(what, walk.cycles(times))
+    for axis in other_axes(here.leg):
+        step = _step(machine, here.leg, axis, walks[0].stops)
+        if step is not None:
+            way = "short" if step > 0.0 else "too far"
+            short = [step * (k == axis) for k in range(3)]
+            yield replace(here, step=(short[0], short[1], short[2])).option(
+                f"{still}, drive as before but with carriage {AXES[axis]} {STEP_MM:g} mm {way},"
+                f" as the screen shows: {walks[0].words}.",
+                walks[0].cycles(),
+            )
+
+
+def _step(machine: Machine, leg: int, axis: int, stops: Sequence[float]) -> float | None:
+    """How much short a carriage can be commanded at all stops of a leg [mm]; None if it cannot."""
+    kind, (low, high) = Model(machine).kind, machine.joint_limits_mm
+    moved = kind.joints_at(machine, leg, np.array(stops))[:, axis] - kind.home(machine)
+    for step in (STEP_MM, -STEP_MM):
+        if low <= (moved - step).min() and (moved - step).max() <= high:
+            return step
+    return None
+
+
+def _afresh(first: Plan | None, machine: Machine) -> Iterator[Option]:
+    """With the stands set up afresh, labels and + sides of the gauges checked."""
+    walks = _walks(machine, HALF_WAY)
+    usual = walks[0]
+    fixed = () if first is None else first.gauge_at[first.contact == Contact.FIXED]
+    half_way = ", with the gauges half-way" if np.any(np.not_equal(fixed, HALF_WAY)) else ""
+    checked = "labels and + sides checked"
+    turn = "half round its own axis"
+    for times, how_often in TIMES.items():
+        for leg in LEGS:
+            stand = f"et the stands up afresh at leg {AXES[leg]}{half_way}"
+            for walk in walks:
+                what = f"S{stand}, {checked}, and read {how_often}: {walk.words}."
+                yield _sitting(first, (leg,), what, walk.cycles(times))
+            what = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
+            yield _sitting(first, (leg,), what, usual.cycles(times), turned=True)
+        repeat = f"epeat the session, {how_often} per leg"
+        for walk in walks:
+            what = f"R{repeat}{half_way}: {walk.words}; stands set up afresh, {checked}."
+            yield _sitting(first, LEGS, what, walk.cycles(times))
+        what = f"Turn every bar {turn}, and r{repeat}{half_way}."
+        yield _sitting(first, LEGS, what, usual.cycles(times), turned=True)
+        for at in _places(first, machine):
+            from_joint = at * machine.leg_length_mm
+            what = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
+            yield _sitting(first, LEGS, what, usual.cycles(times), gauge_at=at)
+    what = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
+    yield _sitting(first, LEGS[::-1], what, usual.cycles())
+
+
+def _sitting(
+    first: Plan | None,
+    legs: Sequence[int],
+    what: str,
+    stops: Sequence[float],
+    gauge_at: float = HALF_WAY,
+    turned: bool = False,
+) -> Option:
+    """One leg after the other, with new set-ups, as a part of its own."""
+    readings, minutes = [], 0.0
+    for leg in legs:
+        minutes += MINUTES_PER_SETUP + turned * MINUTES_PER_TURN
+        for displacement in stops:
+            for direction in other_axes(leg):
+                place = leg, direction, displacement, Contact.FIXED
+                readings.append(PlannedReading(*place, minutes, gauge_at, turned=turned))
+            minutes += MINUTES_PER_POSTURE
+    plan = plan_of(readings)
+    if first is not None:
+        plan = replace(
+            plan,
+            setup=plan.setup + first.setups,
+            order=plan.order + int(first.order.max()) + 1,
+            hours=plan.hours + float(first.hours.max()),
+            part=plan.part + int(first.part.max()) + 1,
+            # What was commanded short was so for those readings alone.
+            entered=plan.entered + first.stood[first.in_time[-1]],
+        )
+    return Option(what, plan, minutes, continues=False)
+
+
+@dataclass(frozen=True)
+class _Stands:
+    """Stands that were not touched since the last reading.
+
+    Attributes:
+        first: all that was read.
+        leg: where they are.
+        last: of each direction that is read there, its last reading.
+        wait: before the next one [min].
+        step: how much short each carriage is commanded [mm].
+    """
+
+    first: Plan
+    leg: int
+    last: dict[int, int] = field(default_factory=dict)
+    wait: float = 0.0
+    step: tuple[float, float, float] = NOTHING_ENTERED
+
+    @property
+    def gauge_at(self) -> float:
+        """Where they stand along the leg: of two, the one that is farther from half-way."""
+        stood = self.first.gauge_at[list(self.last.values())].tolist()
+        return float(max(stood, key=lambda at: abs(at - 0.5)))
+
+    @classmethod
+    def after(cls, first: Plan) -> _Stands | None:
+        """The stands of the last reading; None where no stand is fixed in space."""
+        at_last = int(first.in_time[-1])
+        leg = int(first.leg[at_last])
+        last: dict[int, int] = {}
+        for i in first.in_time.tolist():
+            here = first.leg[i] == leg and first.part[i] == first.part[at_last]
+            if here and first.contact[i] == Contact.FIXED:
+                last[int(first.direction[i])] = i
+        return cls(first, leg, last) if last else None
+
+    def option(self, what: str, stops: Sequence[float]) -> Option:
+        """Further postures, in the same set-ups."""
+        minutes, rows, moved, after = self.wait, [], [], []
+        for displacement in stops:
+            rows += list(self.last.values())
+            moved += [displacement] * len(self.last)
+            after += [minutes] * len(self.last)
+            minutes += MINUTES_PER_POSTURE
+        first = self.first
+        index = np.array(rows, dtype=np.intp)
+        before = {item.name: getattr(first, item.name)[index] for item in fields(Plan)}
+        start = float(first.hours.max()) + MINUTES_PER_POSTURE / 60.0
+        plan = Plan(
+            **before
+            | {
+                "displacement": np.array(moved),
+                "order": int(first.order.max()) + 1 + np.arange(len(rows)),
+                "hours": start + np.array(after) / 60.0,
+                "entered": first.stood[index] + self.step,
+            }
+        )
+        return Option(what, plan, minutes, continues=True)
+
+
+def _places(first: Plan | None, machine: Machine) -> list[float]:
+    """The places farthest along the leg at which the plunger stays on the bar, if they are new."""
+    found = sorted(set(places(machine) or ()))
+    if first is None:
+        return found
+    stood = first.gauge_at[first.contact == Contact.FIXED]
+    return [at for at in found if np.all(np.abs(stood - at) > ANOTHER_PLACE)]

@@ -1,0 +1,197 @@
+"""The posture program: where the controller drives to, posture by posture, for a protocol.
+
+Every carriage arrives from below (in the + direction), slowly over the last stretch. Lost motion
+is then the same at every posture: it leaves no trace in the readings and is part of the offsets,
+which are right as long as the machine works with the same approach.
+
+A posture at the lower limit cannot be approached from below. There the carriage that stands at the
+limit, and only that one, arrives from above. Where the carriages can go farther than the joint
+limits of the machine file, which are the postures of the protocol, `travel_mm` says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from orthoglide_cal.errors import PostureError, UsageError
+from orthoglide_cal.model import AXES, Floats, Machine, Model, freeze
+from orthoglide_cal.model.machine import trilaterate
+from orthoglide_cal.planning.steps import SessionStep
+
+APPROACH_MM = 1.0  # far more than any lost motion, little enough for every plunger
+# A controller that moves the joints evenly takes the tool off the leg's axis in between, by s²/8L:
+# in one stretch of 160 mm by 10 mm, and the plunger may slip off the leg.
+_STRETCH_MM = 20.0
+_ROUNDING_MM = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A place of the machine as its controller believes it to be.
+
+    Attributes:
+        joints: indicated joint positions, shape (3,) [mm].
+        tool: of the nominal machine there, shape (3,) [mm].
+    """
+
+    joints: Floats
+    tool: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, "joints", "tool")
+
+    @classmethod
+    def of(cls, model: Model, joints: Floats) -> Point:
+        """The point of the nominal machine with these joints."""
+        geometry = model.kind.rails(model.machine)
+        return cls(joints, trilaterate(geometry.carriages(joints), geometry.lengths))
+
+
+@dataclass(frozen=True)
+class Block:
+    """One visit: drive there, wait, read.
+
+    Attributes:
+        number: of the block, as in "N10".
+        steps: readings that are taken there.
+        way: points on the way from the posture before, along the axes of the legs.
+        approach: from here slowly to the posture.
+        posture: where the readings are taken.
+        from_above: axes whose carriages arrive from above, because their lower limit is too near.
+        set_up: points on the way to the isotropic posture, and that posture, where the gauges are
+            put to their places before this block; empty where they stay as they are.
+    """
+
+    number: int
+    steps: tuple[SessionStep, ...]
+    way: tuple[Point, ...]
+    approach: Point
+    posture: Point
+    from_above: tuple[int, ...]
+    set_up: tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class PostureProgram:
+    """All blocks in order; the machine stands at the isotropic posture when it begins.
+
+    Attributes:
+        machine: that is driven.
+        home_mm: joint position of the isotropic posture, from which displacements count.
+        approach_mm: length of the slow approach, along each joint.
+        session: the command that measures with these blocks: in others they mean other postures.
+        blocks: one for each visit.
+    """
+
+    machine: Machine
+    home_mm: float
+    approach_mm: float
+    session: str
+    blocks: tuple[Block, ...]
+
+
+def posture_program(
+    model: Model,
+    steps: Sequence[SessionStep],
+    session: str,
+    approach_mm: float = APPROACH_MM,
+    travel_mm: tuple[float, float] | None = None,
+) -> PostureProgram:
+    """The program that takes the machine through the postures of some steps.
+
+    Args:
+        model: nominal machine.
+        steps: of a session, in order.
+        session: the command that measures it.
+        approach_mm: length of the slow approach along each joint.
+        travel_mm: (lowest, highest) displacement from the isotropic posture to which the
+            controller may drive a carriage; None for the joint limits of the machine file.
+
+    Raises:
+        UsageError: the approach has no length.
+        PostureError: a point is outside the limits, or they leave no room for the approach.
+    """
+    if not (math.isfinite(approach_mm) and approach_mm > 0.0):
+        raise UsageError(
+            f"The approach cannot be {approach_mm:g} mm long.", "Give a length such as 1."
+        )
+    home = model.kind.home(model.machine)
+    limits = _Limits(home, model.machine.joint_limits_mm if travel_mm is None else travel_mm)
+    blocks: list[Block] = []
+    leg, here, stands = 0, 0.0, None
+    for number, together in groupby(steps, key=lambda step: step.block):
+        visit = tuple(together)
+        set_up: tuple[Point, ...] = ()
+        if visit[0].setup != stands:
+            set_up = (*_way(model, leg, here, 0.0), _at(model, leg, 0.0))
+            here, stands = 0.0, visit[0].setup
+        leg, there = visit[0].leg, visit[0].displacement_mm
+        posture = _at(model, leg, there)
+        way = _way(model, leg, here, there)
+        for point in (*set_up, *way, posture):
+            limits.check(number, point.joints)
+        start, above = limits.approach(number, posture.joints, approach_mm)
+        blocks.append(Block(number, visit, way, Point.of(model, start), posture, above, set_up))
+        here = there
+    return PostureProgram(model.machine, home, approach_mm, session, tuple(blocks))
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """How far the carriages may go."""
+
+    home_mm: float
+    travel_mm: tuple[float, float]  # from the isotropic posture
+
+    def check(self, number: int, joints: Floats) -> None:
+        """Raise PostureError if a carriage would stand outside."""
+        low, high = self.travel_mm
+        moved = joints - self.home_mm
+        outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
+        if outside.any():
+            axis = int(np.argmax(outside))
+            raise PostureError(
+                f"N{number}: carriage {AXES[axis].upper()} would be driven to"
+                f" {moved[axis]:+.6g} mm from the isotropic posture. Its limits are {low:+g} and"
+                f" {high:+g} mm.",
+                "Choose postures inside the limits.",
+            )
+
+    def approach(
+        self, number: int, joints: Floats, approach_mm: float
+    ) -> tuple[Floats, tuple[int, ...]]:
+        """Where the slow approach begins, shape (3,), and the axes that arrive from above.
+
+        Raises:
+            PostureError: there is no room on either side of a carriage.
+        """
+        low, high = self.travel_mm
+        moved = joints - self.home_mm
+        above = moved - approach_mm < low - _ROUNDING_MM
+        narrow = above & (moved + approach_mm > high + _ROUNDING_MM)
+        if narrow.any():
+            axis = int(np.argmax(narrow))
+            raise PostureError(
+                f"N{number}: carriage {AXES[axis].upper()} has no room for an approach of"
+                f" {approach_mm:g} mm to {moved[axis]:+.6g} mm: its limits are {low:+g} and"
+                f" {high:+g} mm.",
+                "Take a shorter approach.",
+            )
+        start = joints + np.where(above, approach_mm, -approach_mm)
+        return start, tuple(np.flatnonzero(above).tolist())
+
+
+def _way(model: Model, leg: int, start: float, end: float) -> tuple[Point, ...]:
+    """Points between two displacements of a leg, both left out, in short stretches."""
+    stretches = max(math.ceil(abs(end - start) / _STRETCH_MM), 1)
+    return tuple(_at(model, leg, at) for at in np.linspace(start, end, stretches + 1)[1:-1])
+
+
+def _at(model: Model, leg: int, displacement: float) -> Point:
+    """The posture of a displaced leg."""
+    return Point.of(model, model.kind.joints_at(model.machine, leg, displacement))

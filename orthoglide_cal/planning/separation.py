@@ -1,0 +1,276 @@
+"""Which causes can be told apart, before a reading is taken.
+
+A cause of plausible size changes the readings; a rival explains them as well as it can, at its best
+place and with whatever sizes, offsets, gauge zeros and influences suit it. What it then costs more
+than the truth itself, squared residuals over the noise and squared sizes over the plausible ones,
+is the squared separation in standard deviations. Everything is linear around a machine with
+plausible offsets, so that all truths and all rivals are a few products of matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.estimation.influences import influences
+from orthoglide_cal.model import (
+    Cause,
+    Floats,
+    Machine,
+    Model,
+    Place,
+    Plan,
+    Stage,
+    differentiate,
+    freeze,
+    zero_free,
+)
+from orthoglide_cal.planning.expected import PLAUSIBLE_OFFSETS
+
+# A cause whose trace is smaller than this cannot be seen, nor two be told apart [σ].
+TRACE_SIGMA = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Separations:
+    """How far apart causes of plausible size are, typically (root mean square).
+
+    Attributes:
+        causes: c of them, in the order of the table.
+        sigma: between each pair, the smaller one of its two directions, shape (c, c).
+        trace: between each of them and nothing wrong, shape (c,).
+    """
+
+    causes: tuple[Cause, ...]
+    sigma: Floats
+    trace: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self, "sigma", "trace")
+
+    @cached_property
+    def invisible(self) -> tuple[Cause, ...]:
+        """Those that leave no trace in such readings."""
+        pairs = zip(self.causes, self.trace.tolist(), strict=True)
+        return tuple(cause for cause, sigma in pairs if sigma < TRACE_SIGMA)
+
+    @cached_property
+    def visible(self) -> Separations:
+        """Only the others."""
+        seen = self.trace >= TRACE_SIGMA
+        causes = tuple(c for c, shown in zip(self.causes, seen.tolist(), strict=True) if shown)
+        return Separations(causes, self.sigma[np.ix_(seen, seen)], self.trace[seen])
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[Cause, Cause, float], ...]:
+        """Each pair with its separation, nearest first."""
+        rows, columns = np.tril_indices(len(self.causes), -1)
+        found = [
+            (self.causes[b], self.causes[a], float(self.sigma[a, b]))
+            for a, b in zip(rows.tolist(), columns.tolist(), strict=True)
+        ]
+        return tuple(sorted(found, key=lambda pair: pair[2]))
+
+
+def separations(model: Model, plan: Plan) -> Separations:
+    """Every cause that is possible on this machine against every other.
+
+    Args:
+        model: its machine gives the plausible sizes; what is accepted already is no candidate.
+        plan: n readings that determine the offsets.
+    """
+    causes = _candidates(model, plan)
+    total = np.zeros((len(causes), len(causes) + 1))
+    for offsets in PLAUSIBLE_OFFSETS if causes else ():
+        near = _Near(model, plan, offsets, causes)
+        total += near.margins() / len(PLAUSIBLE_OFFSETS)
+    sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
+    return Separations(causes, sigma, np.sqrt(total[:, -1]))
+
+
+def _candidates(model: Model, plan: Plan) -> tuple[Cause, ...]:
+    """Causes that can be behind such readings: of the machine first, then of the measurement."""
+    known = {effect.cause.id for effect in model.accepted}
+    possible = [
+        cause
+        for cause in CAUSES.values()
+        if cause.possible(model.machine)
+        and cause.id not in known
+        and (not isinstance(cause, RelabelCause) or _relabellings(cause, plan, model.machine))
+        and cause.places(plan, model.machine)
+    ]
+    return tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
+
+
+def _relabellings(cause: RelabelCause, plan: Plan, machine: Machine) -> list[Place]:
+    """The places at which the readings can express it."""
+    return [place for place in cause.places(plan, machine) if cause.reversible(plan, place)]
+
+
+class _Changes(NamedTuple):
+    """What r faults do to n readings.
+
+    Attributes:
+        added: to each reading, shape (n, r) [mm].
+        share: of each among the plausible ones of its cause, shape (r,).
+        unit: in which the readings were written down, shape (r,) [mm].
+    """
+
+    added: Floats
+    share: Floats
+    unit: Floats
+
+    @classmethod
+    def alike(cls, added: Floats) -> _Changes:
+        """Equally plausible ones, written down in mm."""
+        count = added.shape[1]
+        return cls(added, np.full(count, 1.0 / count), np.ones(count))
+
+
+class _Near:
+    """The surroundings of a machine with given offsets, as a linear model of its readings.
+
+    Readings are in mm; what is left of them is whitened, so that it counts in standard deviations:
+    what offsets, zeros and influences of plausible size imitate has been taken out.
+    """
+
+    def __init__(
+        self, model: Model, plan: Plan, offsets: Floats, causes: tuple[Cause, ...]
+    ) -> None:
+        self._machine, self._plan = model.machine, plan
+        self._offsets, self._causes = offsets, causes
+        sigma = model.machine.gauge.noise_mm
+        broad = [c for c in causes if not isinstance(c, PatternCause | RelabelCause)]
+        absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
+        self._readings, columns = differentiate(model, offsets, plan, absent)
+        ends = np.cumsum([len(offsets), *(cause.unknowns for cause in broad)])
+        slope, *slopes = np.split(columns, ends[:-1], axis=1)
+        # Readings that one plausible size of each parameter adds, shape (n, p) [mm].
+        self._columns = {
+            cause.id: own * cause.prior_std(self._machine)
+            for cause, own in zip(broad, slopes, strict=True)
+        }
+        contrasts = zero_free(plan) / sigma
+        carried = contrasts @ np.hstack([u.columns for u in influences(model, offsets, plan)])
+        root = np.linalg.cholesky(np.eye(len(contrasts)) + carried @ carried.T)
+        white = np.linalg.solve(root, np.column_stack((contrasts, contrasts @ slope)))
+        basis = np.linalg.qr(white[:, len(plan) :])[0]
+        white = white[:, : len(plan)]
+        self._left = white - basis @ (basis.T @ white)
+
+    def margins(self) -> Floats:
+        """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1)."""
+        truths = [self._truth(cause) for cause in self._causes]
+        every = _Changes(*(np.concatenate(part, axis=-1) for part in zip(*truths, strict=True)))
+        left = self._left @ every.added
+        plain = (left**2).sum(axis=0) + self._steadiness(every.unit)
+        cost = np.stack([*(self._cost(c, every, left, plain) for c in self._causes), plain])
+        blocks = np.split(cost, np.cumsum([len(each.share) for each in truths])[:-1], axis=1)
+        pairs = zip(blocks, truths, strict=True)
+        return np.stack(
+            [np.maximum(b - b[k], 0.0) @ truth.share for k, (b, truth) in enumerate(pairs)]
+        )
+
+    def _steadiness(self, unit: Floats) -> Floats:
+        """Cost of scatter that is too small or too large by a factor of 1/unit, shape (r,)."""
+        spare = len(self._left) - len(self._offsets)
+        return np.asarray(spare * (unit**-2.0 - 1.0 + 2.0 * np.log(unit)))
+
+    def _truth(self, cause: Cause) -> _Changes:
+        """What a cause of plausible size does, at each place and for each choice of signs."""
+        if isinstance(cause, RelabelCause):
+            places = _relabellings(cause, self._plan, self._machine)
+            nothing = np.zeros((len(self._plan), 1))
+            found = [
+                self._exchanged(cause, place, nothing, 1.0 / cause.unit_mm(place))
+                for place in places
+            ]
+            share = np.array([cause.share(place) for place in places])
+            unit = np.array([cause.unit_mm(place) for place in places])
+            return _Changes(np.hstack(found), share / share.sum(), unit)
+        if isinstance(cause, PatternCause):
+            return _Changes.alike(self._patterns(cause))
+        return _Changes.alike(self._columns[cause.id] @ _signs(cause).T)
+
+    def _patterns(self, cause: PatternCause) -> Floats:
+        """What one plausible size, or one count, adds at each place, shape (n, places) [mm]."""
+        size = 1.0 if cause.counts else cause.prior_std(self._machine)[0]
+        places = cause.places(self._plan, self._machine)
+        unit = size * cause.millimetres(self._machine)
+        return np.asarray(unit * cause.patterns(self._plan, places))
+
+    def _cost(self, cause: Cause, changes: _Changes, left: Floats, plain: Floats) -> Floats:
+        """Least cost of a rival's explanation of each change, shape (r,).
+
+        Args:
+            cause: the rival.
+            changes: r of them.
+            left: the same as they show, shape (k, r).
+            plain: their cost if nothing is wrong, shape (r,).
+        """
+        if isinstance(cause, RelabelCause):
+            costs = []
+            for place in _relabellings(cause, self._plan, self._machine):
+                unit = cause.unit_mm(place)
+                undone = self._left @ self._exchanged(cause, place, changes.added, unit)
+                costs.append((undone**2).sum(axis=0) + self._steadiness(changes.unit / unit))
+            return np.asarray(np.min(costs, axis=0))
+        if isinstance(cause, PatternCause):
+            patterns = self._left @ self._patterns(cause)
+            square, overlap = (patterns**2).sum(axis=0)[:, None], patterns.T @ left
+            if not cause.counts:
+                return np.asarray(plain - (overlap**2 / (1.0 + square)).max(axis=0))
+            likeliest = max(cause.counts.values())
+            costs = [
+                (size**2 * square - 2.0 * size * overlap).min(axis=0)
+                - 2.0 * np.log(share / likeliest)
+                for size, share in cause.counts.items()
+            ]
+            return np.asarray(plain + np.min(costs, axis=0))
+        return plain - _explained(self._left @ self._columns[cause.id], left, cause)
+
+    def _exchanged(
+        self, cause: RelabelCause, place: Place, changes: Floats, factor: float
+    ) -> Floats:
+        """How changed readings (n, r) differ from unchanged ones once they are relabelled [mm]."""
+        index, sign = cause.relabel(self._plan, place)
+        unchanged = self._readings[:, None]
+        return np.asarray(factor * sign[:, None] * (unchanged + changes)[index] - unchanged)
+
+
+def _explained(columns: Floats, left: Floats, cause: Cause) -> Floats:
+    """By how much sizes of one standard deviation each lessen the cost of changes, shape (r,).
+
+    Args:
+        columns: what each parameter adds, shape (k, p).
+        left: the changes, shape (k, r).
+        cause: says whether its named parameters may be negative; otherwise the best of all choices
+            of parameters that act, with none of them negative.
+    """
+    gram, overlap = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ left
+    named = len(cause.names)
+    if not cause.positive:
+        return np.asarray((overlap * np.linalg.solve(gram, overlap)).sum(axis=0))
+    best = np.zeros(left.shape[1])
+    for acting in product((True, False), repeat=named):
+        kept = np.flatnonzero([*acting, *(True for _ in cause.nuisance)])
+        sizes = np.linalg.solve(gram[np.ix_(kept, kept)], overlap[kept])
+        gained = (overlap[kept] * sizes).sum(axis=0)
+        possible = np.all(sizes[: sum(acting)] >= 0.0, axis=0)
+        best = np.where(possible & (gained > best), gained, best)
+    return best
+
+
+def _signs(cause: Cause) -> Floats:
+    """Parameters of one plausible size each, in every combination of signs, shape (r, p).
+
+    One sign of all of them together changes no square, and is left out.
+    """
+    first = 1 if not cause.positive else len(cause.names)
+    others = product((1.0, -1.0), repeat=cause.unknowns - first)
+    return np.array([(*(1.0 for _ in range(first)), *rest) for rest in others])

@@ -1,0 +1,269 @@
+"""The steps of a session: which reading comes when, and what has to be moved for it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from orthoglide_cal.files import number_text
+from orthoglide_cal.model import (
+    AXES,
+    Contact,
+    Ints,
+    Machine,
+    Plan,
+    Posture,
+    Series,
+    double_posture,
+    single_posture,
+)
+from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
+from orthoglide_cal.planning.design import best_design
+
+# Pace assumed for what else is done between readings [min].
+MINUTES_PER_TURN = 3.0  # turn a bar half round
+NOTHING_ENTERED = (0.0, 0.0, 0.0)
+CYCLES = 3  # of a session, if nothing else is said
+
+
+class MeasuringProtocol(StrEnum):
+    """How the readings are taken (sec. 3.3 and 3.2)."""
+
+    DOUBLE = "double-posture"
+    SINGLE = "single-posture"
+    BEST = "best-design"  # the double-posture protocol with the postures that tell most
+
+    @property
+    def short(self) -> str:
+        """As it is written on the command line: "double"."""
+        return self.partition("-")[0]
+
+
+class Order(StrEnum):
+    """Order of the steps."""
+
+    PAPER = "paper"  # sec. 4.1: all readings of a posture, then the next posture
+    FEWEST_MOVES = "fewest-moves"  # a gauge stays at its place on the leg for all postures
+
+
+@dataclass(frozen=True)
+class SessionStep:
+    """One reading to take; leg and direction are 0, 1, 2 for x, y, z."""
+
+    number: int  # from 1, in the order of the session
+    planned: PlannedReading  # what is read, at no time at all
+    posture: str  # iso, max, min, or the displacement [mm] as text
+    cycle: int  # repeat of this posture, from 1
+    stand: int  # which of the gauges read side by side takes it, from 0
+    setup: int  # number of the gauge set-up, from 1; the stands are moved between set-ups
+    block: int  # of the posture program: 10, 20 …, one for each visit of a posture
+
+    @property
+    def leg(self) -> int:
+        """The leg that is touched, and whose carriage is displaced."""
+        return self.planned.leg
+
+    @property
+    def direction(self) -> int:
+        """The axis along which the gauge measures."""
+        return self.planned.direction
+
+    @property
+    def displacement_mm(self) -> float:
+        """Of the leg's carriage from the isotropic posture."""
+        return self.planned.displacement
+
+    @property
+    def contact(self) -> Contact:
+        """Where the gauge touches the leg."""
+        return self.planned.contact
+
+    @cached_property
+    def series(self) -> Series:
+        """Leg and direction."""
+        return Series(self.leg, self.direction)
+
+    @property
+    def zero(self) -> tuple[int, Series]:
+        """Readings that agree in it share the gauge's zero."""
+        return self.setup, self.series
+
+    @property
+    def cell(self) -> PlannedReading:
+        """Readings of one cell repeat each other."""
+        return self.planned
+
+    @property
+    def visit(self) -> tuple[object, ...]:
+        """Readings of one visit are taken without moving the machine or a stand in between."""
+        return self.setup, self.leg, self.posture, self.cycle, self.planned.entered
+
+    @property
+    def end(self) -> str | None:
+        """The end of the leg that is touched; None for a gauge fixed in space."""
+        return self.contact.end
+
+
+def sequence(
+    machine: Machine, protocol: MeasuringProtocol, cycles: int, order: Order, stands: int
+) -> tuple[SessionStep, ...]:
+    """All steps of a session.
+
+    Args:
+        machine: its joint limits are the Max and Min postures.
+        protocol, order: which readings, and in which order.
+        cycles: repeats of Iso, Max, Min on each leg; a closing Iso follows.
+        stands: gauges that are read side by side. The single-posture protocol uses one.
+    """
+    match protocol:
+        case MeasuringProtocol.DOUBLE:
+            plan = double_posture(machine, cycles)
+        case MeasuringProtocol.SINGLE:
+            plan = _closed(single_posture(machine, cycles))
+        case MeasuringProtocol.BEST:
+            plan = best_design(machine, cycles)
+    return steps_of(plan, machine, order, stands)
+
+
+def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, stands: int) -> str:
+    """What `measure` and `plan --program` are told for a `sequence`; nothing for the usual one."""
+    single = protocol is MeasuringProtocol.SINGLE
+    told = {
+        f"--protocol {protocol.short}": protocol is not MeasuringProtocol.DOUBLE,
+        f"--cycles {cycles}": cycles != CYCLES,
+        f"--order {order}": order is not Order.PAPER,
+        f"--gauges {stands}": stands != 2 and not single,
+    }
+    return " ".join(option for option, said in told.items() if said)
+
+
+def _closed(plan: Plan) -> Plan:
+    """The single-posture plan with a closing isotropic posture on each leg, as in sec. 4.1."""
+    rows = plan.in_time.tolist()
+    legs = ([i for i in rows if plan.leg[i] == leg] for leg in (0, 1))
+    closed = np.array([i for mine in legs for i in (*mine, *mine[:2])])
+    return replace(plan.subset(closed), order=np.arange(len(closed)))
+
+
+def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[SessionStep, ...]:
+    """The steps of any plan.
+
+    Args:
+        plan: the readings, in time order; readings of one set-up of it share a zero.
+        machine: for the names of the postures.
+        order: may bring readings at one end of a leg together.
+        stands: gauges that are read side by side. One gauge takes one direction of a leg after
+            the other, and slides alone between the ends of a leg.
+    """
+    rows, readings = plan.in_time.tolist(), planned_readings(plan)
+    alone = stands == 1 or not plan.fixed
+    if plan.fixed and alone:
+        rows = _grouped(rows, plan.setup, plan.leg, plan.direction)
+    elif alone and order is Order.FEWEST_MOVES:
+        rows = _grouped(rows, plan.setup, plan.leg, plan.contact)
+    steps: list[SessionStep] = []
+    seen: Counter[PlannedReading] = Counter()
+    setup, place, zeros, block = 0, None, dict[Series, int](), 0
+    for number, i in enumerate(rows, start=1):
+        planned = readings[i]
+        leg, direction = planned.leg, planned.direction
+        posture = machine.posture_at(planned.displacement) or number_text(planned.displacement)
+        seen[planned] += 1
+        # A single gauge is carried over to the next series; two stand there together.
+        here = (leg, direction if alone else None)
+        zero = int(plan.setup[i])
+        if here != place or zeros.get(plan.series[i], zero) != zero:
+            setup, place, zeros = setup + 1, here, {}
+        zeros[plan.series[i]] = zero
+        stand = 0 if alone else int(direction > min({0, 1, 2} - {leg}))
+        step = SessionStep(number, planned, posture, seen[planned], stand, setup, block)
+        if not steps or step.visit != steps[-1].visit:
+            block += 10
+        steps.append(replace(step, block=block))
+    return tuple(steps)
+
+
+def planned_readings(plan: Plan) -> list[PlannedReading]:
+    """The readings of a plan, at no time at all."""
+    columns = (
+        plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at, plan.part,
+        plan.turned, plan.entered,
+    )  # fmt: skip
+    return [
+        PlannedReading(
+            leg, direction, displacement, Contact(contact), gauge_at=at, part=part, turned=turned,
+            entered=(x, y, z),
+        )
+        for leg, direction, displacement, contact, at, part, turned, (x, y, z) in zip(
+            *(column.tolist() for column in columns), strict=True
+        )
+    ]  # fmt: skip
+
+
+def _grouped(rows: Sequence[int], *keys: Ints) -> list[int]:
+    """Bring rows with equal keys together, in the order in which the keys first appear."""
+    first: dict[object, int] = {}
+    return sorted(rows, key=lambda i: first.setdefault(tuple(key[i] for key in keys), len(first)))
+
+
+def with_set_ups(
+    chosen: Sequence[SessionStep],
+    here: int,
+    steps: Sequence[SessionStep],
+    accepted: Collection[int],
+) -> list[SessionStep]:
+    """Steps, with all that must be read again with them while the stands are in set-up `here`.
+
+    For other set-ups the stands are moved: the zeros are then new ones, also those of the set-up
+    in hand, to which they come back. `accepted` are the numbers of the steps that were read.
+    """
+    numbers, setups = {step.number for step in chosen}, {step.setup for step in chosen}
+    moved = set() if setups <= {here} else setups | {here}
+    return [
+        step
+        for step in steps
+        if step.number in numbers or (step.setup in moved and step.number in accepted)
+    ]
+
+
+def gauge_moves(steps: Sequence[SessionStep]) -> int:
+    """How often a stand has to be put to another place, the first time not counted."""
+    places: dict[int, object] = {}
+    moves = 0
+    for step in steps:
+        here = (step.zero, step.contact)
+        moves += places.get(step.stand, here) != here
+        places[step.stand] = here
+    return moves
+
+
+def minutes_left(steps: Sequence[SessionStep], pace_min: float | None = None) -> float:
+    """Time that these steps will take [min]; `pace_min` is the time per visit seen so far."""
+    if not steps:
+        return 0.0
+    visits = 1 + sum(a.visit != b.visit for a, b in pairwise(steps))
+    setups = sum(a.setup != b.setup for a, b in pairwise(steps))
+    pace = MINUTES_PER_POSTURE if pace_min is None else pace_min
+    turns = len({(step.planned.part, step.leg) for step in steps if step.planned.turned})
+    return visits * pace + setups * MINUTES_PER_SETUP + turns * MINUTES_PER_TURN
+
+
+def step_name(step: SessionStep) -> str:
+    """The step in a few words, e.g. "leg X, MAX, cycle 2, gauge Z"."""
+    end = f", {step.end} end" if step.end else ""
+    return (
+        f"leg {AXES[step.leg].upper()}, {posture_name(step)}, cycle {step.cycle},"
+        f" gauge {AXES[step.direction].upper()}{end}"
+    )
+
+
+def posture_name(step: SessionStep) -> str:
+    """The posture as it is spoken of: "MAX", "+30 mm"."""
+    named = isinstance(step.posture, Posture)
+    return step.posture.upper() if named else f"{step.displacement_mm:+g} mm"

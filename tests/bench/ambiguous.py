@@ -1,0 +1,221 @@
+"""Ambiguous sessions, and whether the measurement that is recommended decides them.
+
+The truth goes on measuring at the same machine exactly what is recommended; both records are
+written to one file, read and diagnosed as any other.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
+from orthoglide_cal.model import Plan
+from orthoglide_cal.planning import Next, Option, ranked
+from tests.diagnosis.sessions import known
+from tests.truth import (
+    GAUGES,
+    MACHINES,
+    Gauge,
+    Machine,
+    Session,
+    continue_session,
+    make_session,
+    separation,
+)
+from tests.truth.plan import SETUPS
+
+from .cases import SLOW, SLOW_PACE, STANDS_OUT
+
+ONE_READING = frozenset({"gauge_drift", "stand_shift", "misread", "gauge_slip"})
+"""Faults of one stand or one reading: where the stand is gone, nobody can tell one from another."""
+NOT_OF_A_READING = ("contact", "setup")
+
+
+@dataclass(frozen=True, eq=False)
+class Ambiguous:
+    """A session whose cause the program leaves open, and what it says should be measured next."""
+
+    session: Session
+    found: Diagnosis
+    following: tuple[Next, ...]
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """What is accepted, and what it cannot be told from."""
+        accepted = "+".join(sorted(cause.id for cause in self.found.causes))
+        return accepted, ", ".join(sorted(self.found.ambiguous_with))
+
+    @property
+    def recommended(self) -> Next | None:
+        """The best; None where no measurement tells anything of what is open."""
+        best = self.following[0]
+        return None if best.separates is None else best
+
+
+def continued(session: Session, option: Option, seed: int, rest_min: float = 0.0) -> Session:
+    """The session with an option measured by the truth, some minutes later than planned."""
+    arrays = {
+        item.name: getattr(option.plan, item.name)
+        for item in fields(Plan)
+        if item.name not in NOT_OF_A_READING
+    }
+    arrays["hours"] = arrays["hours"] + rest_min / 60.0
+    return continue_session(session, seed, **arrays)
+
+
+def joined_diagnosis(session: Session, option: Option, seed: int) -> Diagnosis:
+    """What is said of a session together with an option, measured by the truth."""
+    return diagnose(*known(continued(session, option, seed)))
+
+
+def is_named(session: Session, found: Diagnosis) -> bool:
+    """Whether causes are named, all of them real, and none is left out that shows."""
+    named = {cause.id for cause in found.causes}
+    return found.verdict is Verdict.NAMED and showing(session) <= named <= set(session.causes)
+
+
+def is_right(session: Session, found: Diagnosis) -> bool:
+    """The same; one of `ONE_READING` at stands that are gone may be left open among its kind."""
+    named = {cause.id for cause in found.causes}
+    shown, open_ = showing(session), set(found.ambiguous_with)
+    if gone(session):
+        kind = shown & ONE_READING
+        return (
+            found.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
+            and shown - ONE_READING <= named <= set(session.causes) | ONE_READING
+            and open_ <= ONE_READING
+            and kind <= named | open_
+        )
+    return is_named(session, found)
+
+
+def showing(session: Session) -> set[str]:
+    """The hidden causes without which the other alone would be far from the record."""
+    if len(session.causes) == 1:
+        return set(session.causes)
+    distances = separation(session).distances
+    first, second = session.causes
+    others = ((first, second), (second, first))
+    return {cause for cause, other in others if distances[other] >= STANDS_OUT}
+
+
+def gone(session: Session) -> bool:
+    """Whether a hidden fault of one reading or stand is where no stand is any more.
+
+    Or changes but the first reading of a set-up, from which a knock after it differs in nothing.
+    """
+    for effect in session.effects:
+        if effect.id in ONE_READING and effect.setup is not None:
+            rows = np.flatnonzero(session.plan.setup == effect.setup)
+            first = rows[1] if effect.id == "stand_shift" else rows[0]
+            if SETUPS[effect.setup][0] != session.plan.leg[-1] or effect.row == first:
+                return True
+    return False
+
+
+def draw(
+    seed: int, hidden: Iterable[tuple[str, ...]], count: int, machines: Iterable[Machine],
+    gauges: Sequence[Gauge],
+) -> Iterator[Ambiguous]:  # fmt: skip
+    """Those of `count` sessions per set of hidden causes, machine and gauge that are ambiguous."""
+    sets = tuple(hidden)
+    for machine in machines:
+        for gauge in gauges:
+            for causes in sets:
+                for n in range(count):
+                    slow = len(causes) == 1 and causes[0] in SLOW and n % 2
+                    pace = SLOW_PACE if slow else 0.4
+                    session = make_session(100_000 * seed + n, machine, gauge, causes, pace=pace)
+                    found = diagnose(*known(session))
+                    if found.verdict is Verdict.AMBIGUOUS:
+                        yield Ambiguous(session, found, ranked(found))
+
+
+@dataclass
+class Tally:
+    """How often the recommendation decides, and one from the bottom half of the ranking."""
+
+    asked: Counter[tuple[str, str]]
+    named: Counter[tuple[str, str]]
+    """The right name, and nothing open."""
+    right: Counter[tuple[str, str]]
+    """Or a fault of one reading left open among its kind where its stand is gone."""
+    bottom: Counter[tuple[str, str]]
+    silent: Counter[tuple[str, str]]
+    """Nothing is recommended, because nothing would tell."""
+    decidable: int = 0
+    """Recommendations where every fault is one that later readings can meet again; see `gone`."""
+    decided: int = 0
+    """Of these, those that lead to the right name."""
+    chance: float = 0.0
+    """Sum of what the program foretells."""
+
+    @property
+    def share(self) -> float:
+        """Of the recommendations that lead to the right name."""
+        return self.named.total() / self.asked.total()
+
+    @property
+    def decided_share(self) -> float:
+        """Of the recommendations that lead to the right name, where readings can."""
+        return self.decided / self.decidable
+
+    @property
+    def wider_share(self) -> float:
+        """Of the recommendations after which nothing is open that readings could still decide."""
+        return self.right.total() / self.asked.total()
+
+    @property
+    def bottom_share(self) -> float:
+        """Of the options from the bottom half that decide."""
+        return self.bottom.total() / self.asked.total()
+
+    def __str__(self) -> str:
+        rows = [
+            f"{self.asked[pair]:5d} {self.named[pair]:5d} {self.right[pair]:5d}"
+            f" {self.bottom[pair]:6d}"
+            f" {self.silent[pair]:6d}  {' / '.join(pair)}"
+            for pair in sorted({*self.asked, *self.silent}, key=lambda p: -self.asked[p])
+        ]
+        total = (
+            f"{self.asked.total()} recommendations: {self.share:.1%} lead to the right name alone,"
+            f" {self.decided_share:.1%} of the {self.decidable} whose stands are not all gone;"
+            f" {self.wider_share:.1%} leave nothing open that readings could decide (foretold"
+            f" {self.chance / self.asked.total():.1%}), {self.bottom_share:.1%} from the bottom"
+            f" half name it; {self.silent.total()} sessions without one: no reading can tell"
+        )
+        return "\n".join(("asked named right bottom silent  accepted / open with", *rows, total))
+
+
+def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = print) -> Tally:
+    """Let the truth measure what is recommended, and an option drawn from the bottom half."""
+    found = Tally(Counter(), Counter(), Counter(), Counter(), Counter())
+    rng = np.random.default_rng([seed, 6])
+    for n, case in enumerate(cases):
+        best, ranking = case.recommended, case.following
+        if best is None:
+            found.silent[case.pair] += 1
+            continue
+        low = ranking[int(rng.integers(len(ranking) // 2, len(ranking)))]
+        found.asked[case.pair] += 1
+        found.chance += best.chance
+        after, bottom = (joined_diagnosis(case.session, each.option, n) for each in (best, low))
+        named = is_named(case.session, after)
+        found.named[case.pair] += named
+        found.decidable += not gone(case.session)
+        found.decided += named and not gone(case.session)
+        found.right[case.pair] += is_right(case.session, after)
+        found.bottom[case.pair] += is_named(case.session, bottom)
+        if not named:
+            said = [each.id for each in after.causes], after.ambiguous_with
+            tell(
+                f"{case.session.label} {case.pair}: {best.option.what} ({best.chance:.2f});"
+                f" then {said}, gone {gone(case.session)}"
+            )
+    return found
+
+
+EVERYWHERE = (tuple(MACHINES.values()), tuple(GAUGES.values()))
+"""Both machines, both gauges."""

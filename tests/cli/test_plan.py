@@ -1,0 +1,213 @@
+"""`orthocal plan`: what it promises is what `measure` and `solve` do then."""
+
+import html
+import json
+import re
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from orthoglide_cal.causes import CAUSES
+from tests.cli.program import lines, modules_after, process, run
+from tests.machines import ROOT
+
+SHIPPED = ROOT / "configs" / "orthoglide_prototype.yaml"
+SESSION = str(ROOT / "sample_data" / "double_posture_session.csv")
+KEYS = {
+    "schema_version", "machine", "protocol", "gauges", "cycles", "by_cycles", "budget", "limits",
+    "target", "compare", "separation", "invisible", "design",
+}  # fmt: skip
+
+
+def machine(folder: Path, **changes: object) -> str:
+    given = {**yaml.safe_load(SHIPPED.read_text("utf-8")), **changes}
+    path = folder / "machine.yaml"
+    path.write_text(yaml.safe_dump(given), encoding="utf-8")
+    return str(path)
+
+
+def test_the_json_is_that_of_the_contract() -> None:
+    (data,) = lines(run("plan", "--json"))
+    assert set(data) >= KEYS
+    row = next(each for each in data["by_cycles"] if each["cycles"] == 3)
+    assert row["readings"] == 60
+    for key in ("noise_std_mm", "expanded_mm"):
+        assert list(row[key]) == ["x", "y", "z"]
+    assert row["minutes"] > 0.0
+    count = len(CAUSES)
+    assert len(data["separation"]) == count * (count - 1) // 2
+    assert {id for each in data["separation"] for id in each["causes"]} == set(CAUSES)
+    assert "leg_length" in data["invisible"]
+    design = data["design"]
+    assert set(design) >= {"readings", "minutes", "gauge_at", "noise_std_mm"}
+    assert design["share_of_readings"] <= 0.65
+    assert data["limits"]["source"] == "leg_length"
+    assert {each["method"] for each in data["compare"]} == {
+        "single", "single-sequential", "six-linear", "twelve-linear", "six", "twelve", "readings",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("protocol", ["double", "single"])
+def test_measure_takes_the_readings_and_the_minutes_that_were_planned(
+    protocol: str, tmp_path: Path
+) -> None:
+    (data,) = lines(run("plan", "--protocol", protocol, "--cycles", "2", "--json"))
+    row = next(each for each in data["by_cycles"] if each["cycles"] == 2)
+    done = process(
+        "measure", "--gauge", "simulated", "--seed", "1", "--protocol", protocol, "--cycles", "2",
+        cwd=tmp_path, environment={"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    said = re.search(r"(\d+) readings .* (\d+) gauge\s+moves,\s+about (\d+) min", done.stdout)
+    assert said, done.stdout
+    expected = [row["readings"], row["gauge_moves"], round(row["minutes"])]
+    assert [int(number) for number in said.groups()] == expected
+
+
+def test_solve_then_finds_what_was_planned(tmp_path: Path) -> None:
+    """U of one session scatters by a few per cent about the planned one."""
+    (data,) = lines(run("plan", "--json"))
+    row = next(each for each in data["by_cycles"] if each["cycles"] == 3)
+    path = tmp_path / "session.csv"
+    offsets = ("--offsets", "0.4", "-0.5", "0.6")
+    run("simulate", "--seed", "5", *offsets, "--output", str(path))
+    (found,) = lines(run("solve", str(path), "--json"))
+    for axis, reach in row["expanded_mm"].items():
+        assert found["expanded_mm"][axis] == pytest.approx(reach, rel=0.12)
+
+
+def test_a_target_takes_as_many_cycles_as_it_needs() -> None:
+    (data,) = lines(run("plan", "--target", "0.022", "--json"))
+    assert data["target"] == {"expanded_mm": 0.022, "reached": True, "cycles": data["cycles"]}
+    reach = {each["cycles"]: max(each["expanded_mm"].values()) for each in data["by_cycles"]}
+    assert reach[data["cycles"]] <= 0.022 < reach[6]
+    shown = run("plan", "--target", "0.022").stdout
+    assert f"± 0.022 mm takes {data['cycles']} cycles" in shown
+
+
+def test_a_target_below_what_cannot_be_seen_says_what_would_mend_it(tmp_path: Path) -> None:
+    shown = run("plan", "--target", "0.01").stdout
+    assert "✘ ± 0.01 mm cannot be reached so" in shown
+    words = " ".join(shown.replace("│", " ").split())
+    assert "No number of cycles helps." in words
+    assert "legs differ from the nominal length. Measure the legs" in words
+    coarse = {"resolution_mm": 0.5, "range_mm": 10.0, "repeatability_mm": 5.0}
+    noisy = " ".join(run("plan", "--target", "0.1", "--machine", machine(tmp_path, gauge=coarse))
+                     .stdout.replace("│", " ").split())  # fmt: skip
+    assert "More than 50 cycles would do, because of the scatter" in noisy
+
+
+def test_a_target_beyond_all_reason_is_repeated_as_it_was_asked() -> None:
+    words = " ".join(run("plan", "--target", "1e-9").stdout.replace("│", " ").split())
+    assert "± 1e-09 mm cannot be reached so" in words
+    headline = words.partition("What to do next")[0]
+    assert headline.count("the legs differ from the nominal length. Measure the legs") == 1
+
+
+def test_facts_fit_two_lines_of_a_telephone(tmp_path: Path) -> None:
+    """A heading of 360 px shows two lines of about 27 characters of each."""
+    page = tmp_path / "plan.html"
+    assert run("plan", "--html", str(page)).exit_code == 0
+    header = page.read_text("utf-8").partition("<header>")[2].partition("</header>")[0]
+    facts = [re.sub("<[^>]*>", "", fact) for fact in re.findall("<dd>(.*?)</dd>", header)]
+    assert len(facts) >= 3
+    assert all(len(textwrap.wrap(html.unescape(fact), 27)) <= 2 for fact in facts), facts
+
+
+def test_more_cycles_are_said_to_help_where_they_do(tmp_path: Path) -> None:
+    known = {"leg_length": 0.0}
+    exact = {"resolution_mm": 0.01, "range_mm": 10, "repeatability_mm": 0.006,
+             "placement_mm": 0.01, "scale_u": 1e-6}  # fmt: skip
+    path = machine(tmp_path, tolerances=known, gauge=exact)
+    assert "more cycles help" in run("plan", "--machine", path).stdout
+    assert "More cycles help little" in run("plan").stdout
+    assert "More cycles hardly help" in run("plan", "--cycles", "10").stdout
+
+
+@pytest.mark.parametrize("protocol", ["double", "single", "best"])
+@pytest.mark.parametrize("cycles", ["1", "50"])
+def test_every_protocol_has_its_plan(protocol: str, cycles: str) -> None:
+    (data,) = lines(run("plan", "--protocol", protocol, "--cycles", cycles, "--json"))
+    assert data["cycles"] == int(cycles)
+    assert all(max(each["expanded_mm"].values()) < 0.06 for each in data["by_cycles"])
+
+
+def test_a_machine_file_without_tolerances_has_the_usual_ones(tmp_path: Path) -> None:
+    given = yaml.safe_load(SHIPPED.read_text("utf-8"))
+    del given["tolerances"]
+    path = tmp_path / "bare.yaml"
+    path.write_text(yaml.safe_dump(given), encoding="utf-8")
+    (bare,), (full,) = (
+        lines(run("plan", "--json", "--machine", str(path))),
+        lines(run("plan", "--json", "--machine", str(SHIPPED))),
+    )
+    assert bare["by_cycles"] == full["by_cycles"]
+    assert bare["separation"] == full["separation"]
+
+
+def test_a_machine_without_possible_causes_is_planned_for(tmp_path: Path) -> None:
+    none = machine(tmp_path, tolerances=dict.fromkeys(CAUSES, 0.0))
+    shown = run("plan", "--machine", none)
+    assert shown.exit_code == 0
+    assert "No cause leaves a trace." in shown.stdout
+    only = machine(tmp_path, tolerances={**dict.fromkeys(CAUSES, 0.0), "axis_gap": 0.5})
+    assert "A axis_gap" in run("plan", "--machine", only).stdout
+    (data,) = lines(run("plan", "--machine", only, "--json"))
+    assert data["separation"] == []
+
+
+def test_limits_of_nothing_are_refused(tmp_path: Path) -> None:
+    shown = run("plan", "--machine", machine(tmp_path, joint_limits_mm=[0, 0]))
+    assert shown.exit_code == 3
+    assert shown.stdout == ""
+    assert "joint_limits_mm" in shown.stderr
+
+
+def test_what_it_says_to_type_can_be_typed(tmp_path: Path) -> None:
+    path = machine(tmp_path)
+    shown = run("plan", "--gauges", "1", "--machine", path).stdout
+    assert f"orthocal measure --machine {path} --cycles 3 --gauges 1" in shown
+
+
+def test_it_fits_a_narrow_terminal_and_a_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = run("plan").stdout
+    assert max(map(len, (each for each in shown.splitlines() if "orthocal" not in each))) <= 80
+    for sign in ("█<1", "▒ 2", "A axis_gap"):
+        assert sign in shown
+    page = tmp_path / "plan.html"
+    assert run("plan", "--html", str(page)).exit_code == 0
+    text = page.read_text("utf-8")
+    assert '<rect x="' in text
+    assert "heat h5" in text
+    assert run("plan", "--html", str(page)).exit_code == 2
+    assert run("plan", "--html", str(page), "--overwrite").exit_code == 0
+
+
+def test_the_usual_plan_takes_less_than_two_seconds() -> None:
+    """About 0.6 s of one processor inside this process, 1 s with the start of a new one."""
+    start = time.process_time()
+    assert run("plan").exit_code == 0
+    assert time.process_time() - start < 2.0
+    assert not {"scipy.optimize", "scipy.stats", "matplotlib"} & modules_after("plan")
+
+
+@pytest.mark.parametrize("command", [("plan",), ("report", SESSION)])
+@pytest.mark.parametrize("target", ["-", "page.html"])
+def test_a_page_and_json_are_asked_for_apart(
+    command: tuple[str, ...], target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(*command, "--html", target, "--json")
+    assert done.exit_code == 2
+    assert "Leave out --html" in " ".join((done.stdout + done.stderr).split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_json_is_one_line() -> None:
+    assert json.loads(run("plan", "--json").stdout)
+    assert run("plan", "--json").stdout.count("\n") == 1

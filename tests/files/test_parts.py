@@ -1,0 +1,155 @@
+"""Readings of several parts in files: read, refused where they are wrong, written as they were."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.errors import InvalidFileError
+from orthoglide_cal.files import (
+    check_file,
+    read_input,
+    readings_csv,
+    session_of_readings,
+    write_session,
+)
+from orthoglide_cal.model import Model, Plan, Readings
+from tests.machines import PROTOTYPE
+
+HEADER = "leg,posture,direction,reading_mm,part,bar,entered,gauge_at\n"
+ROWS = [
+    "x,iso,y,0.10,,,,",
+    "x,max,y,0.09,,,,",
+    "x,min,y,0.19,1,,0.5 0 -0.25,",
+    "x,iso,y,0.11,2,turned,,0.25",
+    "x,max,y,0.12,2,Turned,0.5 0 -0.25,0.25",
+]
+
+
+def read(path: Path, rows: list[str] = ROWS) -> Readings:
+    path.write_text(HEADER + "\n".join(rows) + "\n")
+    found = read_input(str(path), Model(PROTOTYPE)).measured
+    assert isinstance(found, Readings)
+    return found
+
+
+def refused(path: Path, row: int, text: str) -> tuple[str, str]:
+    """What is said, in one line, of a file with one other row."""
+    rows = [*ROWS[:row], text, *ROWS[row + 1 :]]
+    with pytest.raises(InvalidFileError) as error:
+        read(path, rows)
+    (fault,) = error.value.problems
+    assert fault.line == row + 2
+    return fault.what, fault.column
+
+
+def test_the_columns_are_read(tmp_path: Path) -> None:
+    plan = read(tmp_path / "r.csv").plan
+    assert plan.part.tolist() == [0, 0, 0, 1, 1]
+    assert plan.turned.tolist() == [False, False, False, True, True]
+    assert plan.entered.tolist() == [[0, 0, 0]] * 2 + [[0.5, 0, -0.25], [0, 0, 0], [0.5, 0, -0.25]]
+    assert plan.setup.tolist() == [0, 0, 0, 1, 1]
+
+
+def test_a_new_part_has_new_zeros_whatever_its_gauges_are_called(tmp_path: Path) -> None:
+    rows = [f"{row},A" for row in ("x,iso,y,0.1,1", "x,max,y,0.2,1", "x,iso,y,0.3,2")]
+    path = tmp_path / "r.csv"
+    path.write_text("leg,posture,direction,reading_mm,part,gauge\n" + "\n".join(rows))
+    measured = read_input(str(path), Model(PROTOTYPE)).measured
+    assert measured.plan.setup.tolist() == [0, 0, 1]
+    assert measured.cycle.tolist() == [1, 1, 1]
+    assert not any("came back" in remark for remark in measured.remarks)
+
+
+def test_decimal_commas_are_read_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("leg;posture;direction;reading_mm;entered\nx;iso;y;0,1;0,5 0 -0,25\n")
+    measured = read_input(str(path), Model(PROTOTYPE)).measured
+    assert measured.plan.entered.tolist() == [[0.5, 0.0, -0.25]]
+
+
+@pytest.mark.parametrize(
+    ("row", "text", "column", "said"),
+    [
+        (1, "x,max,y,0.09,0,,,", "part", "whole number from 1"),
+        (1, "x,max,y,0.09,b,,,", "part", "whole number from 1"),
+        (4, "x,max,y,0.12,1,turned,,0.25", "part", "Part 1 does not follow part 2."),
+        (4, "x,max,y,0.12,4,turned,,0.25", "part", "Part 4 does not follow part 2."),
+        (3, "x,iso,y,0.11,2,yes,,0.25", "bar", "does not say how the bar was"),
+        (2, "x,min,y,0.19,1,,0.5 0,", "entered", "Three numbers are wanted"),
+        (2, "x,min,y,0.19,1,,0.5 0 one,", "entered", "not a number"),
+        (2, "x,min,y,0.19,1,,0 0 500,", "entered", "larger than the leg"),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path: Path, row: int, text: str, column: str, said: str) -> None:
+    what, where = refused(tmp_path / "r.csv", row, text)
+    assert said in what
+    assert where == column
+
+
+def test_a_bar_that_is_turned_within_a_part_gets_new_zeros(tmp_path: Path) -> None:
+    """Even where gauges are labelled: nobody turns a bar under a plunger."""
+    rows = [
+        f"x,{posture},{axis},0.1,1,{bar},,"
+        for bar in ("", "turned")
+        for posture in ("iso", "max")
+        for axis in "yz"
+    ]
+    plan = read(tmp_path / "r.csv", rows).plan
+    assert plan.setup.tolist() == [0, 1, 0, 1, 2, 3, 2, 3]
+
+
+@pytest.mark.parametrize("other", ["y,max,x,0.1,1,,,", "x,iso,y,0.1,1,turned,,"])
+def test_a_bar_is_turned_for_both_directions(tmp_path: Path, other: str) -> None:
+    rows = [
+        "x,iso,z,0.1,1,,,",
+        "y,iso,x,0.1,1,,,",
+        "x,max,y,0.1,1,turned,,",
+        *filter(None, [other]),
+    ]
+    path = tmp_path / "r.csv"
+    with pytest.raises(InvalidFileError) as error:
+        read(path, rows)
+    (fault,) = error.value.problems
+    assert (fault.line, fault.column) == (2, "bar")
+    assert "The bar of leg x is turned for direction y alone" in fault.what
+    assert not check_file(str(path), Model(PROTOTYPE)).valid
+    # In parts of their own they were read one after the other.
+    read(path, [rows[0], rows[1], "x,max,y,0.1,2,turned,,"])
+
+
+@pytest.mark.parametrize("name", ["again.csv", "again.yaml"])
+def test_files_give_back_what_was_read(tmp_path: Path, name: str) -> None:
+    before, path = read(tmp_path / "r.csv"), tmp_path / name
+    before = replace(before, timed=True)
+    if name.endswith("csv"):
+        path.write_text(readings_csv(before))
+    else:
+        write_session(session_of_readings(before, Model(PROTOTYPE), {}), path)
+    assert check_file(str(path), Model(PROTOTYPE)).valid
+    after = read_input(str(path), Model(PROTOTYPE)).measured
+    for item in fields(Plan):
+        given, found = (getattr(each.plan, item.name) for each in (before, after))
+        assert np.allclose(given, found, rtol=0, atol=1e-9), item.name
+
+
+def test_a_usual_file_has_no_such_column(tmp_path: Path) -> None:
+    usual = read(tmp_path / "r.csv", ["x,iso,y,0.10,1,,0 0 0,0.5"])
+    assert not {"part", "bar", "entered", "gauge_at"} & set(
+        readings_csv(usual).splitlines()[0].split(",")
+    )
+
+
+def test_readings_that_were_replaced_are_checked_for_it_too(tmp_path: Path) -> None:
+    session = session_of_readings(read(tmp_path / "r.csv"), Model(PROTOTYPE), {})
+    retaken = {**session["readings"][4], "reason": "slipped"}
+    path = tmp_path / "s.yaml"
+    write_session({**session, "retaken": [retaken]}, path)
+    assert check_file(str(path), None).valid
+    assert "bar: turned" in path.read_text().split("retaken:")[1]
+    write_session({**session, "retaken": [{**retaken, "entered": "0.5 0"}]}, path, overwrite=True)
+    (problem,) = check_file(str(path), None).problems
+    assert "Three numbers are wanted" in problem.what

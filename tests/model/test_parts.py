@@ -1,0 +1,152 @@
+"""Readings of several sittings: a turned bar, offsets entered in between, other gauge places."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation import Problem
+from orthoglide_cal.model import (
+    Contact,
+    Model,
+    Plan,
+    differentiate,
+    double_posture,
+    simulate,
+    simulate_with_jacobian,
+    zero_free,
+)
+from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from tests.machines import PROTOTYPE
+
+PLAN = double_posture(PROTOTYPE, cycles=1)
+OFFSETS = np.array([0.4, -0.3, 0.7])
+STEP = np.array([0.5, 0.0, -0.2])
+SKEW = np.array([1.0, -2.0, 0.5, 1.5, -1.0, 0.7]) * 1e-3
+WRONG = (
+    CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.1])),
+    CAUSES["encoder_scale"].at(np.array([1e-3, -2e-3, 5e-4])),
+)
+
+
+def stepped_within(plan: Plan) -> Plan:
+    """The closing readings of each leg are taken after a step was entered, stands untouched."""
+    closing = np.array([np.flatnonzero(plan.setup == k)[-1] for k in range(plan.setups)])
+    entered = np.zeros((len(plan), 3))
+    entered[closing] = STEP
+    return replace(plan, entered=entered)
+
+
+def test_what_is_not_said_is_as_before() -> None:
+    assert not any(values.any() for values in (PLAN.part, PLAN.turned, PLAN.entered))
+    assert PLAN.entered.shape == PLAN.stood.shape == (len(PLAN), 3)
+    assert (PLAN.parts, PLAN.state) == (1, ())
+    with pytest.raises(ValueError, match="entered has shape"):
+        replace(PLAN, entered=np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("wrong", [(), WRONG])
+def test_offsets_entered_before_a_set_up_are_gone(wrong: tuple) -> None:
+    model = Model(PROTOTYPE, wrong)
+    entered = replace(PLAN, entered=STEP)
+    values, slope = simulate_with_jacobian(model, OFFSETS, entered)
+    expected, expected_slope = simulate_with_jacobian(model, OFFSETS - STEP, PLAN)
+    assert values == pytest.approx(expected, abs=1e-12)
+    assert slope == pytest.approx(expected_slope, abs=1e-12)
+
+
+@pytest.mark.parametrize("wrong", [(), WRONG])
+def test_a_stand_does_not_follow_what_is_entered_later(wrong: tuple) -> None:
+    """The touched place stays where the leg's middle was, so the leg's slope shows."""
+    model, step, offsets = Model(PROTOTYPE, wrong), (3.0, 0.0, 0.0), np.array([1.0, -3.0, 2.0])
+    nothing = (0.0, 0.0, 0.0)
+    states = ((0.0, nothing), (60.0, step), (60.0, nothing))
+    plan = plan_of([PlannedReading(0, 1, d, Contact.FIXED, entered=e) for d, e in states])
+    assert plan.setups == 1
+    assert not plan.stood.any()
+    first, stepped, back = simulate(model, offsets, plan)
+    usual = replace(plan, entered=0.0)
+    assert [first, back] == pytest.approx(simulate(model, offsets, usual)[[0, 2]], abs=1e-12)
+    left = offsets - step
+    joint, tool, followed = (
+        simulate(model, left, replace(usual, contact=[contact] * 3))[1]
+        for contact in (Contact.JOINT, Contact.TOOL, Contact.FIXED)
+    )
+    # The leg slid back under the stand by the step: it is touched that much nearer the carriage.
+    nearer = -step[0] / PROTOTYPE.leg_length_mm * (tool - joint)
+    assert abs(nearer) > 0.01
+    assert stepped - followed == pytest.approx(nearer, rel=0.02)
+
+
+@pytest.mark.parametrize("wrong", [(), WRONG])
+def test_derivatives_are_those_of_the_readings(wrong: tuple) -> None:
+    model, plan = Model(PROTOTYPE, wrong), stepped_within(PLAN)
+    many = OFFSETS + np.random.default_rng(1).normal(scale=0.3, size=(4, 3))
+    values, slope = simulate_with_jacobian(model, many, plan)
+    assert values == pytest.approx(np.stack([simulate(model, one, plan) for one in many]))
+    h = 1e-4
+    for k in range(3):
+        ahead, behind = (simulate(model, many + s * h * np.eye(3)[k], plan) for s in (1, -1))
+        assert slope[..., k] == pytest.approx((ahead - behind) / (2 * h), abs=1e-7)
+    effect = CAUSES["bar_skew"].at(SKEW)
+    _, columns = differentiate(model, many[0], plan, [effect])
+    full = Model(PROTOTYPE, (*wrong, effect))
+    assert columns[:, :3] == pytest.approx(
+        simulate_with_jacobian(full, many[0], plan)[1], abs=1e-10
+    )
+
+
+def test_a_turned_bar_rises_where_it_fell() -> None:
+    straight = simulate(Model(PROTOTYPE), OFFSETS, PLAN)
+    model = Model(PROTOTYPE, (CAUSES["bar_skew"].at(SKEW),))
+    rise, fall = (simulate(model, OFFSETS, replace(PLAN, turned=t)) for t in (False, True))
+    assert np.abs(rise - straight).min() > 0.01
+    assert fall - straight == pytest.approx(straight - rise, abs=1e-12)
+
+
+def test_readings_that_differ_in_it_are_no_repeats() -> None:
+    joined = [
+        PlannedReading(0, 1, d, Contact.FIXED, part=part, turned=turned, entered=entered)
+        for part, turned, entered in (
+            (0, False, (0.0, 0.0, 0.0)),
+            (1, True, (0.0, 0.0, 0.0)),
+            (2, False, (0.5, 0.0, 0.0)),
+        )
+        for d in (0.0, 60.0)
+    ]
+    plan = plan_of(joined)
+    assert plan.setup.tolist() == [0, 0, 1, 1, 2, 2]
+    assert plan.parts == 3
+    assert len(set(plan.cells.tolist())) == len(plan.distinct[0]) == 6
+    assert len(plan.moments[0]) == 4
+    plain = replace(plan, turned=False, entered=0.0)
+    assert len(set(plain.cells.tolist())) == len(plain.distinct[0]) == 2
+
+
+def test_repeats_are_folded_only_where_they_are_some() -> None:
+    """Predicting each kind of reading once changes nothing."""
+    model = Model(PROTOTYPE, (CAUSES["bar_skew"].at(SKEW),))
+    mixed = replace(
+        double_posture(PROTOTYPE, cycles=3),
+        turned=np.arange(60) % 20 > 9,
+        entered=np.outer(np.arange(60) % 20 > 14, STEP),
+    )
+    between = replace(mixed, setup=mixed.setup + 6 * (mixed.entered.any(axis=1)))
+    for plan in (mixed, between):
+        matrix = zero_free(plan)
+        problem = Problem(model, plan, matrix)
+        assert problem.predict(OFFSETS) == pytest.approx(matrix @ simulate(model, OFFSETS, plan))
+
+
+def test_a_carriage_comes_from_where_it_stood_before_the_step() -> None:
+    """A step that is entered moves a carriage: it comes from the other side."""
+    rows = [
+        PlannedReading(0, 1, 60.0, Contact.FIXED),
+        PlannedReading(0, 1, 0.0, Contact.FIXED),
+        PlannedReading(0, 1, 0.0, Contact.FIXED, entered=(-0.5, 0.0, 0.0)),
+    ]
+    command = Model(PROTOTYPE).kind.command(PROTOTYPE, plan_of(rows))
+    assert command.approach[:, 0].tolist() == [0.0, -1.0, 1.0]

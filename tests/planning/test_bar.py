@@ -1,0 +1,103 @@
+"""The plunger stays on the bar: what is planned says so, and what cannot be is not measured."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from orthoglide_cal.errors import PostureError
+from orthoglide_cal.model import Contact, Machine, double_posture, single_posture
+from orthoglide_cal.planning.bar import (
+    MARGIN,
+    bar_warning,
+    places,
+    reach_mm,
+    require_on_bar,
+    worst_touch,
+)
+from orthoglide_cal.planning.options import joined, options
+from tests.cli.program import run
+from tests.machines import LARGE, PROTOTYPE, ROOT, both_machines
+
+SHORT = replace(PROTOTYPE, leg_length_mm=100.0, joint_limits_mm=(-90.0, 60.0))
+NEAR = replace(PROTOTYPE, joint_limits_mm=(-130.0, 60.0))
+LONG_WAY = replace(PROTOTYPE, joint_limits_mm=(-200.0, 0.0))
+
+
+@both_machines
+def test_the_usual_machines_need_no_word(machine: Machine) -> None:
+    assert bar_warning(double_posture(machine), machine) is None
+    assert reach_mm(machine, 0.5) == machine.joint_limits_mm
+    assert require_on_bar(double_posture(machine), machine) is None
+
+
+def test_the_touch_is_where_the_leg_has_gone() -> None:
+    worst = worst_touch(double_posture(SHORT), SHORT)
+    assert worst is not None
+    assert (worst.displacement_mm, worst.at, worst.keeps) == pytest.approx((-90.0, -0.4, -0.4))
+    assert worst_touch(single_posture(SHORT), SHORT) is None
+
+
+def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
+    with pytest.raises(PostureError, match=r"40 mm beyond the carriage joint.*\n?.*--design best"):
+        require_on_bar(double_posture(SHORT), SHORT)
+    warning = require_on_bar(double_posture(NEAR), NEAR)
+    assert warning is not None
+    assert "25.1 mm from it with carriage x at -130 mm" in warning[0]
+    assert "[-124, 60]" in warning[1]
+    # What it advises is safe.
+    safe = replace(NEAR, joint_limits_mm=(-124.0, 60.0))
+    assert bar_warning(double_posture(safe), safe) is None
+
+
+@pytest.mark.parametrize("machine", [SHORT, NEAR, LONG_WAY, PROTOTYPE, LARGE])
+@pytest.mark.parametrize("at", [0.5, 0.2, 0.9])
+def test_options_never_leave_the_bar(machine: Machine, at: float) -> None:
+    """Whatever was read, and wherever the gauges stand."""
+    for first in (None, double_posture(machine, gauge_at=at)):
+        found = options(first, machine)
+        assert found
+        for option in found:
+            plan = option.plan if first is None else joined(option.plan)
+            touched = plan.gauge_at + plan.displacement / machine.leg_length_mm
+            assert np.all(plan.contact == Contact.FIXED)
+            assert np.all((touched >= -1e-9) & (touched <= 1.0 + 1e-9))
+            if not option.continues:
+                assert np.all((touched >= MARGIN - 1e-9) & (touched <= 1.0 - MARGIN + 1e-9))
+
+
+def test_gauge_places_are_round_numbers() -> None:
+    assert places(PROTOTYPE) == (0.45, 0.7)
+    assert places(SHORT) is None
+
+
+def file_of(folder: Path, limits: list[int], length: float) -> str:
+    given = yaml.safe_load((ROOT / "configs" / "orthoglide_prototype.yaml").read_text("utf-8"))
+    given |= {"joint_limits_mm": limits, "leg_length_mm": length, "workspace_mm": 50}
+    path = folder / "machine.yaml"
+    path.write_text(yaml.safe_dump(given), encoding="utf-8")
+    return str(path)
+
+
+def test_no_command_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = file_of(tmp_path, [-90, 60], 100.0)
+    shown = run("plan", "--machine", path)
+    assert "\u2718 This cannot be measured so" in shown.stdout
+    assert f"orthocal measure --machine {path} --design best" in shown.stdout
+    assert "will be known within" not in shown.stdout
+    for arguments in (
+        ["plan", "--program", "posture.csv", "--machine", path],
+        ["measure", "--gauge", "simulated", "--seed", "1", "--yes", "--machine", path],
+    ):
+        refused = run(*arguments)
+        assert refused.exit_code == 3
+        assert "The plunger leaves the bar" in refused.stderr
+    assert [each.name for each in tmp_path.iterdir()] == ["machine.yaml"]
+    near = file_of(tmp_path, [-130, 60], 310.0)
+    assert "! 60 readings" in run("plan", "--machine", near).stdout
+    written = run("plan", "--program", "posture.csv", "--machine", near)
+    assert written.exit_code == 0
+    assert "comes near the end of the bar" in written.stderr

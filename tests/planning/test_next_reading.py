@@ -1,0 +1,279 @@
+"""Which causes these data cannot tell apart, and the measurement that can."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import Diagnosis, diagnose
+from orthoglide_cal.diagnosis.assess import Assessment, assess
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.diagnosis.explanations import Whitened
+from orthoglide_cal.files.input import input_from_document
+from orthoglide_cal.files.text import document_from_bytes
+from orthoglide_cal.model import Effect, Floats, Plan, Posture, Readings, double_posture
+from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.planning import Next, best_next, joined, ranked
+from orthoglide_cal.planning.options import options
+from orthoglide_cal.planning.outlook import outlooks
+from orthoglide_cal.results import calibrate
+from tests import truth
+from tests.bench.ambiguous import continued
+from tests.diagnosis.sessions import known, model_of, readings_of
+from tests.readings import some
+from tests.truth.effects import state_with
+from tests.truth.forward import signals
+
+MODEL = model_of(truth.PROTOTYPE, truth.MICRON)
+MACHINE = MODEL.machine
+OFFSETS = np.array([0.4, -0.7, 0.3])
+SIZES = {
+    "axis_gap": (0.3, -0.4, 0.5),
+    "bar_skew": (1.1, -0.6, 0.4, 0.9, -1.3, 0.5),
+    "axis_squareness": (1.3, -0.8, 1.7),
+}
+# Only the two limits: what slopes and gaps add is then the same difference.
+ENDS = (Posture.MAX, Posture.MIN)
+LIMITS = double_posture(MACHINE, postures=ENDS, closing=False)
+
+
+def acting(cause: str) -> Effect:
+    kind = CAUSES[cause]
+    return kind.at(np.array(SIZES[cause]) * kind.scale)
+
+
+def chosen(found: Diagnosis, *words: str) -> Next:
+    """The best option whose instruction holds these words."""
+    return next(each for each in ranked(found) if all(w in each.option.what for w in words))
+
+
+def measured(plan: Plan, cause: str, seed: int = 3) -> Readings:
+    rng = np.random.default_rng(seed)
+    return synthetic_session(MODEL.extended([acting(cause)]), plan, OFFSETS, rng)
+
+
+def mentioned(found: Diagnosis) -> set[str]:
+    return {*(cause.id for cause in found.causes), *found.ambiguous_with}
+
+
+ALIASES = [("axis_gap", "bar_skew"), ("bar_skew", "axis_gap"), ("axis_squareness", "axis_gap")]
+
+
+@pytest.mark.parametrize(("cause", "rival"), ALIASES)
+def test_aliases_are_those_of_the_data_set(cause: str, rival: str) -> None:
+    """The same machine: open from two postures, closed by a third or by a second gauge place."""
+    found = diagnose(measured(LIMITS, cause), MODEL)
+    assert found.verdict == "ambiguous"
+    assert mentioned(found) >= {cause, rival}
+    far = chosen(found, "mm from the carriage joint", "one cycle").option.plan
+    for plan in (double_posture(MACHINE, cycles=2), joined(LIMITS, far)):
+        found = diagnose(measured(plan, cause), MODEL)
+        assert set(found.ambiguous_with) <= {"swapped_gauges"}
+        assert [c.id for c in found.causes] == [cause]
+
+
+@pytest.mark.parametrize(("cause", "rival"), ALIASES)
+def test_each_says_who_could_stand_in_its_place(cause: str, rival: str) -> None:
+    found = diagnose(measured(LIMITS, cause), MODEL)
+    first = found.causes[0]
+    # Beside a skew an exchange is open as well, but stands in nobody's place.
+    assert {rival} <= set(first.aliases) | {first.id}
+    assert set(found.ambiguous_with) - set(first.aliases) <= {"sign_flip", "swapped_gauges"}
+    assert first.id not in first.aliases
+    named = diagnose(measured(double_posture(MACHINE), cause), MODEL)
+    assert named.causes[0].aliases == ()
+    following = best_next(named)
+    if following is not None:
+        # What is still open adds to the cause; it is named together with it.
+        assert following.separates == ((cause,), (cause, *named.ambiguous_with))
+        assert following.separation_sigma > 5.0
+
+
+def assessed(readings: Readings) -> Assessment:
+    return assess(Whitened.of(readings, MODEL))
+
+
+def log_odds(found: Assessment, first: str, second: str) -> float:
+    """With the gauge's stated noise: a rival that fits badly cannot call the gauge worse."""
+    stated = NoiseGrid(np.array([MACHINE.gauge.noise_mm]), np.zeros(1))
+    logs = []
+    for cause in (first, second):
+        fit = found.fit((cause,))
+        density = Gaussian(fit.columns * fit.sizes, stated)
+        logs.append(float(density.by_noise(fit.linear)[0]))
+    return logs[0] - logs[1]
+
+
+@pytest.mark.parametrize(("cause", "rival"), ALIASES)
+def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str) -> None:
+    """Taken on a machine as either explanation has it, and judged with the first data.
+
+    For two explanations s standard deviations apart the new readings change the log odds by
+    s²/2 on average, each in favour of the machine they were taken on.
+    """
+    readings = measured(LIMITS, cause)
+    before = assessed(readings)
+    found = diagnose(readings, MODEL)
+    # With new zeros, as the later readings below have them.
+    afresh = [each for each in ranked(found) if not each.option.continues]
+    following = max(afresh, key=lambda each: each.separation_sigma)
+    assert following.separates is not None
+    assert set(following.separates) == {(cause,), (rival,)}
+    plan = joined(LIMITS, following.option.plan)
+    gained = []
+    for true, other in ((cause, rival), (rival, cause)):
+        fit = before.fit((true,))
+        rng = np.random.default_rng(8)
+        later = synthetic_session(MODEL.extended(fit.effects), plan, fit.offsets, rng)
+        value = np.concatenate((readings.value, later.value[len(readings) :]))
+        after = assessed(replace(later, value=value))
+        assert after.judgement.accepted == (true,)
+        assert other not in after.judgement.ambiguous_with
+        gained.append(log_odds(after, true, other) - log_odds(before, true, other))
+    stated = 0.5 * following.separation_sigma**2
+    assert stated > 50.0
+    assert 0.8 * stated < np.mean(gained) < 1.5 * stated
+
+
+def with_a_last_reading(step: float) -> Readings:
+    """Healthy but for the very last reading."""
+    rng = np.random.default_rng(4)
+    readings = synthetic_session(MODEL, double_posture(MACHINE), OFFSETS, rng)
+    value = readings.value.copy()
+    value[-1] += step
+    return replace(readings, value=value)
+
+
+@pytest.mark.parametrize("shifted", [True, False], ids=["knocked", "misread"])
+def test_one_more_reading_tells_a_knock_from_a_wrong_reading(shifted: bool) -> None:
+    readings = with_a_last_reading(0.06)
+    following = best_next(diagnose(readings, MODEL))
+    assert following is not None
+    assert following.separates is not None
+    assert set(following.separates) == {("misread",), ("stand_shift",)}
+    assert following.option.continues
+    assert "leg z" in following.option.what
+    assert following.separation_sigma > 10.0
+    assert following.option.minutes < 1.0
+    plan, last = joined(readings.plan, following.option.plan), len(readings) - 1
+    both = [int(np.flatnonzero(readings.plan.setup == k)[-1]) for k in following.option.plan.setup]
+    again = readings.value[both] + 0.002
+    again[[row == last for row in both]] -= 0.0 if shifted else 0.06
+    more = replace(
+        some(readings, np.array([*range(len(readings)), *both])),
+        plan=plan,
+        value=np.concatenate((readings.value, again)),
+    )
+    found = diagnose(more, MODEL)
+    assert found.verdict == "named"
+    assert [c.id for c in found.causes] == ["stand_shift" if shifted else "misread"]
+
+
+def test_nothing_is_asked_for_where_nothing_is_open() -> None:
+    rng = np.random.default_rng(6)
+    healthy = synthetic_session(MODEL, double_posture(MACHINE), OFFSETS, rng)
+    found = diagnose(healthy, MODEL)
+    assert found.verdict == "consistent"
+    assert best_next(found) is None
+
+
+def ends_only(readings: Readings, count: int) -> Readings:
+    """Without the isotropic posture in the first `count` readings."""
+    iso = (readings.plan.displacement == 0.0) & (np.arange(len(readings)) < count)
+    return some(readings, np.flatnonzero(~iso))
+
+
+@pytest.mark.parametrize("cause", ["axis_gap", "bar_skew"])
+@pytest.mark.parametrize("hidden", [truth.PROTOTYPE, truth.LARGE], ids=lambda machine: machine.name)
+def test_a_gap_and_a_skewed_bar_are_told_apart_in_minutes(
+    cause: str, hidden: truth.Machine
+) -> None:
+    """With the parts they have: the independent truth decides between them in each session."""
+    model, asked = model_of(hidden, truth.MICRON), 0
+    for seed in range(1, 6):
+        session = truth.make_session(seed, hidden, truth.MICRON, (cause,))
+        count = session.plan.count
+        found = diagnose(ends_only(readings_of(session), count), model)
+        if not mentioned(found) >= {"axis_gap", "bar_skew"}:
+            continue
+        asked += 1
+        following = best_next(found)
+        assert following is not None
+        assert following.option.minutes < 35.0
+        # The last isotropic reading, which was left out, took its time.
+        whole = readings_of(continued(session, following.option, seed, rest_min=1.0))
+        after = diagnose(ends_only(whole, count), model)
+        (rival,) = {"axis_gap", "bar_skew"} - {cause}
+        assert [named.id for named in after.causes] == [cause]
+        assert rival not in after.ambiguous_with
+    assert asked >= 3
+
+
+SESSIONS = [
+    (5, truth.MICRON, ()),
+    (5, truth.DIAL, ()),
+    (3, truth.MICRON, ("backlash",)),
+    (9, truth.MICRON, ("stand_shift",)),
+    (8, truth.DIAL, ("axis_gap",)),
+    (7_100_003, truth.DIAL, ("bar_skew",)),
+]
+
+
+@pytest.mark.parametrize(("seed", "gauge", "causes"), SESSIONS)
+def test_what_u_will_be_is_what_solve_prints(
+    seed: int, gauge: truth.Gauge, causes: tuple[str, ...]
+) -> None:
+    """Of all readings together, on average over sittings that the truth measures.
+
+    Sound machines, causes that bar the offsets, and causes that are only a part of their U.
+    """
+    session = truth.make_session(seed, truth.PROTOTYPE, gauge, causes)
+    ranking = ranked(diagnose(*known(session)))
+    for following in ranking[:: len(ranking) // 3]:
+        became = [printed_u(continued(session, following.option, n)) for n in range(4)]
+        largest = np.mean(became, axis=0).max()
+        assert following.expanded_mm.max() == pytest.approx(largest, rel=0.05)
+
+
+def printed_u(session: truth.Session) -> Floats:
+    """U of the offsets that `solve` gives out, shape (3,) [mm]."""
+    document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
+    model = model_of(session.machine, session.gauge)
+    adjustment = calibrate(input_from_document(document, model)).adjustment
+    assert adjustment is not None
+    return adjustment.expanded_mm
+
+
+def test_the_first_decides_and_the_last_does_not() -> None:
+    session = truth.make_session(7_100_016, truth.PROTOTYPE, truth.MICRON, ("bar_skew",))
+    found = diagnose(*known(session))
+    assert found.verdict == "ambiguous"
+    first, *_, last = ranked(found)
+    assert first.chance > 0.95
+    assert last.chance < 0.2
+
+
+def test_readings_are_expected_as_the_truth_has_them() -> None:
+    """After a lost motion the carriages come from where they stood: so far the readings differ.
+
+    How far the expectations of two explanations are apart does not depend on the combinations in
+    which they are looked at; the truth reads both machines.
+    """
+    session = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("backlash",), exact=True)
+    readings, model = known(session)
+    found = assess(Whitened.of(readings, model))
+    fits = [found.fit(("backlash",)), found.fit(())]
+    going_on = [each for each in options(readings.plan, model.machine) if each.continues]
+    for option, seen in zip(going_on, outlooks(model, readings.plan, going_on, fits), strict=True):
+        plan = continued(session, option, 1).plan
+        lost, none = state_with(fits[0].offsets, session.effects), state_with(fits[1].offsets, ())
+        read = signals(plan, session.machine, np.stack((lost, none)))
+        gap, n = read[0] - read[1], len(readings)
+        same = (option.plan.setup[:, None] == readings.plan.setup).astype(float)
+        mean = same / same.sum(axis=1, keepdims=True)
+        root = np.linalg.cholesky(np.eye(len(mean)) + mean @ mean.T)
+        apart = np.linalg.solve(root, gap[n:] - mean @ gap[:n])
+        # The fit knows the lost motion, and the gauge its noise, to some per cent.
+        expected = np.linalg.norm(seen.mean[0] - seen.mean[1])
+        assert expected == pytest.approx(np.linalg.norm(apart), rel=0.1, abs=truth.MICRON.noise)

@@ -1,0 +1,132 @@
+"""What can be done next: it can be done, and takes as long as its steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.model import Contact, Plan, double_posture, single_posture
+from orthoglide_cal.model.kinds import MINUTES_PER_SETUP
+from orthoglide_cal.planning.bar import MARGIN
+from orthoglide_cal.planning.design import best_design
+from orthoglide_cal.planning.options import WAIT_MIN, Option, joined, options
+from orthoglide_cal.planning.steps import Order, minutes_left, steps_of
+from tests import truth
+from tests.diagnosis.sessions import model_of
+from tests.machines import PROTOTYPE
+
+MACHINE = model_of(truth.LARGE, truth.MICRON).machine
+FIRST = double_posture(MACHINE, cycles=2)
+ALL = options(FIRST, MACHINE)
+GOING_ON = [option for option in ALL if option.continues]
+AFRESH = [option for option in ALL if not option.continues]
+
+
+def after(option: Option) -> slice:
+    return slice(len(FIRST), len(FIRST) + len(option.plan))
+
+
+@pytest.mark.parametrize("option", ALL, ids=lambda option: option.what)
+def test_it_can_be_done(option: Option) -> None:
+    """Within the limits, on the bar, after what was read, in one step after the other."""
+    plan = option.plan
+    low, high = MACHINE.joint_limits_mm
+    assert plan.displacement.min() >= low
+    assert plan.displacement.max() <= high
+    # The leg moves under the gauge by the displacement of its carriage.
+    touched = plan.gauge_at + plan.displacement / MACHINE.leg_length_mm
+    assert touched.min() > MARGIN - 1e-9
+    assert touched.max() < 1.0 - MARGIN + 1e-9
+    whole = joined(FIRST, plan)
+    assert np.all(np.diff(whole.order) > 0)
+    assert np.all(np.diff(whole.hours) >= 0.0)
+    assert option.what.endswith(".")
+
+
+@pytest.mark.parametrize("option", ALL, ids=lambda option: option.what)
+def test_it_takes_as_long_as_its_steps(option: Option) -> None:
+    minutes = minutes_left(steps_of(option.plan, MACHINE, Order.PAPER, stands=2))
+    if not option.continues:
+        minutes += MINUTES_PER_SETUP  # the first, which those of a session do not count
+    if "quarter of an hour" in option.what:
+        minutes += WAIT_MIN
+    assert option.minutes == pytest.approx(minutes)
+
+
+def test_stands_that_stay_keep_their_zeros_and_others_get_new_ones() -> None:
+    for option in GOING_ON:
+        assert set(option.plan.part) == {0}
+        assert set(option.plan.leg) == {2}
+        assert set(option.plan.setup) <= set(FIRST.setup[FIRST.leg == 2])
+    for option in AFRESH:
+        assert set(option.plan.part) == {1}
+        assert option.plan.setup.min() == FIRST.setups
+        assert joined(FIRST, option.plan).setups == FIRST.setups + 2 * len(set(option.plan.leg))
+
+
+def test_each_teaches_something_else() -> None:
+    """No two are the same readings, under any words."""
+    seen = {
+        tuple(np.concatenate([np.ravel(value) for value in vars(option.plan).values()]))
+        for option in ALL
+    }
+    assert len(seen) == len(ALL)
+    assert len({option.what for option in ALL}) == len(ALL)
+
+
+def test_what_is_entered_for_a_step_stays_in_what_was_entered_before() -> None:
+    entered = Plan(**{**vars_of(FIRST), "entered": np.tile((0.2, 0.0, -0.1), (len(FIRST), 1))})
+    for option in options(entered, MACHINE):
+        more = option.plan.entered - (0.2, 0.0, -0.1)
+        stepped = "mm short" in option.what
+        assert np.all(np.count_nonzero(more, axis=1) == stepped)
+
+
+def test_a_step_that_was_read_has_been_taken_back() -> None:
+    (stepped, *_) = (option for option in GOING_ON if "mm short" in option.what)
+    both = joined(FIRST, stepped.plan)
+    assert both.entered[both.in_time[-1]].any()
+    for option in options(both, MACHINE):
+        more = "mm short" in option.what
+        assert np.all(np.count_nonzero(option.plan.entered, axis=1) == more)
+
+
+@pytest.mark.parametrize(("low", "way"), [(-100.0, "short"), (-13.2, "too far"), (-12.8, None)])
+def test_a_step_stays_inside_the_limits(low: float, way: str | None) -> None:
+    """Displaced by 100 mm, leg z takes carriages x and y down by √(L² − 100²) − L = −13.16 mm."""
+    machine = replace(PROTOTYPE, leg_length_mm=386.5, joint_limits_mm=(low, 100.0))
+    steps = [o for o in options(double_posture(machine), machine) if "drive as before" in o.what]
+    assert len(steps) == (0 if way is None else 2)
+    for k, option in enumerate(steps):
+        assert f"carriage {'xy'[k]} 0.3 mm {way}, as the screen shows" in option.what
+        wanted = 0.3 if way == "short" else -0.3
+        assert {tuple(e) for e in option.plan.entered.tolist()} == {
+            tuple(wanted * (axis == k) for axis in range(3))
+        }
+        others = np.sqrt(386.5**2 - option.plan.displacement**2) - 386.5 - wanted
+        assert others.min() >= low
+
+
+def test_after_other_places_of_the_gauges_theirs_is_named() -> None:
+    for first in (best_design(MACHINE, 2), FIRST):
+        for option in options(first, MACHINE):
+            named = "with the gauges half-way" in option.what
+            half_way = set(option.plan.gauge_at) == {0.5}
+            assert named == (first is not FIRST and not option.continues and half_way)
+
+
+def test_gauge_places_are_short_numbers() -> None:
+    for option in options(FIRST, PROTOTYPE):
+        assert all(len(f"{at!r}") <= 4 for at in option.plan.gauge_at.tolist())
+
+
+def test_without_stands_in_space_all_are_set_up() -> None:
+    single = single_posture(MACHINE)
+    assert not any(option.continues for option in options(single, MACHINE))
+    unknown = options(None, MACHINE)
+    assert all(set(option.plan.contact) == {Contact.FIXED} for option in unknown)
+    assert not any(option.continues for option in unknown)
+
+
+def vars_of(plan: Plan) -> dict[str, np.ndarray]:
+    return {name: getattr(plan, name) for name in Plan.__dataclass_fields__}

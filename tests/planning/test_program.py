@@ -1,0 +1,165 @@
+"""The posture program, run by an independent controller and compared with an independent machine.
+
+Where the carriages belong and where the tool then is comes from `tests.truth`.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from orthoglide_cal.errors import PostureError, UsageError
+from orthoglide_cal.model import Model
+from orthoglide_cal.planning.program import posture_program
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence
+from tests.machines import LARGE, NOMINAL, PROTOTYPE, both_models
+from tests.planning.programs import SESSION, gcode, ran, steps_of, true_tool, visits_of
+from tests.truth.forward import PARTS, SIZE, signals
+from tests.truth.machines import MACHINES
+from tests.truth.plan import joints_at, standard_plan
+
+MICROMETRE = 1e-3
+WIDE = (-150.0, 100.0)  # travel with room behind every posture of both machines
+protocols = pytest.mark.parametrize(
+    ("protocol", "order", "stands"),
+    [
+        (MeasuringProtocol.DOUBLE, Order.PAPER, 2),
+        (MeasuringProtocol.DOUBLE, Order.PAPER, 1),
+        (MeasuringProtocol.SINGLE, Order.PAPER, 1),
+        (MeasuringProtocol.SINGLE, Order.FEWEST_MOVES, 1),
+    ],
+)
+
+
+@both_models
+@protocols
+def test_every_block_stops_at_its_posture(
+    model: Model, protocol: MeasuringProtocol, order: Order, stands: int, tmp_path: Path
+) -> None:
+    steps = steps_of(model, protocol, order, stands)
+    length = model.machine.leg_length_mm
+    done = ran(gcode(tmp_path, model, steps), length)
+    visits = visits_of(steps)
+    assert [wait.block for wait in done.readings] == [10 * k + 10 for k in range(len(visits))]
+    assert [step.block for step in visits] == [wait.block for wait in done.readings]
+    for wait, step in zip(done.readings, visits, strict=True):
+        wanted = joints_at(length, step.leg, step.displacement_mm)
+        np.testing.assert_allclose(wait.at, wanted, rtol=0.0, atol=MICROMETRE)
+        assert wait.seconds is None
+    # The gauges are put up at the isotropic posture.
+    assert len(done.set_ups) == len({step.setup for step in steps})
+    for wait in done.set_ups:
+        np.testing.assert_allclose(wait.at, length, rtol=0.0, atol=MICROMETRE)
+
+
+@both_models
+@pytest.mark.parametrize("travel", [None, WIDE])
+def test_no_point_is_outside_the_limits(
+    model: Model, travel: tuple[float, float] | None, tmp_path: Path
+) -> None:
+    low, high = travel or model.machine.joint_limits_mm
+    length = model.machine.leg_length_mm
+    done = ran(gcode(tmp_path, model, travel_mm=travel), length)
+    moved = np.array([move.end for move in done.controller.moves]) - length
+    rounding = 0.5e-4
+    assert low - rounding <= moved.min()
+    assert moved.max() <= high + rounding
+
+
+@both_models
+@pytest.mark.parametrize("distance", [0.5, 1.0, 3.0])
+def test_carriages_arrive_slowly_from_below(model: Model, distance: float, tmp_path: Path) -> None:
+    """All of them where the travel allows it; else all but the one at its lower limit."""
+    length, low = model.machine.leg_length_mm, model.machine.joint_limits_mm[0]
+    for travel in (None, WIDE):
+        folder = tmp_path / str(travel)
+        folder.mkdir()
+        text = gcode(folder, model, approach_mm=distance, travel_mm=travel)
+        for wait in ran(text, length).readings:
+            way = wait.arrival.end - wait.arrival.start
+            at_limit = np.isclose(wait.at - length, low) if travel is None else np.zeros(3, bool)
+            expected = np.where(at_limit, -distance, distance)
+            np.testing.assert_allclose(way, expected, rtol=0.0, atol=MICROMETRE)
+            assert wait.arrival.feed == 100.0
+        assert ("above" in text) == (travel is None)
+        fast = {move.feed for move in ran(text, length).controller.moves}
+        assert fast == {100.0, 1000.0}
+
+
+def test_the_leg_stays_under_the_plunger_on_the_way(tmp_path: Path) -> None:
+    """Joints that move evenly over the whole travel would take the tool 10 mm off the axis."""
+    approach = 1.0
+    for model in (NOMINAL, Model(LARGE)):
+        length = model.machine.leg_length_mm
+        folder = tmp_path / model.machine.name.replace(" ", "_")
+        folder.mkdir()
+        done = ran(gcode(folder, model, approach_mm=approach), length)
+        shares = np.linspace(0.0, 1.0, 9)[:, None]
+        for move in done.controller.moves:
+            joints = move.start + shares * (move.end - move.start)
+            tool = np.sort(np.abs(true_tool(length, joints)), axis=0)
+            assert tool[1].max() < 0.25 + 1.5 * approach
+
+
+@pytest.mark.parametrize("name", ["prototype", "large"])
+def test_lost_motion_leaves_no_trace_but_half_of_it_in_the_offsets(
+    name: str, tmp_path: Path
+) -> None:
+    """With room behind every posture. The machine is the independent one of the bench."""
+    machine = MACHINES[name]
+    nominal = {"prototype": PROTOTYPE, "large": LARGE}[name]
+    nominal = replace(
+        nominal, leg_length_mm=machine.leg, joint_limits_mm=(machine.lower, machine.upper)
+    )
+    model = Model(nominal)
+    plan = standard_plan(machine, np.random.default_rng(5))
+    steps = sequence(nominal, MeasuringProtocol.DOUBLE, 3, Order.PAPER, 2)
+    assert [step.leg for step in steps] == plan.leg.tolist()
+    assert [step.displacement_mm for step in steps] == plan.displacement.tolist()
+
+    def read(travel: tuple[float, float] | None) -> NDArray[np.float64]:
+        folder = tmp_path / str(travel)
+        folder.mkdir()
+        done = ran(gcode(folder, model, steps, travel_mm=travel), machine.leg)
+        side = {w.block: np.sign(w.arrival.end - w.arrival.start) for w in done.readings}
+        approach = np.array([side[step.block] for step in steps])
+        worn, shifted = np.zeros((2, 1, SIZE))
+        worn[0, PARTS["offsets"]] = shifted[0, PARTS["offsets"]] = (0.3, -0.4, 0.5)
+        worn[0, 15:18] = widths = np.array((0.05, 0.02, 0.08))
+        shifted[0, PARTS["offsets"]] -= widths / 2.0
+        driven = replace(plan, approach=approach)
+        return signals(driven, machine, worn)[0] - signals(driven, machine, shifted)[0]
+
+    def trace(difference: NDArray[np.float64]) -> float:
+        zeros = [difference[plan.setup == k].mean() for k in range(6)]
+        return float(np.abs(difference - np.array(zeros)[plan.setup]).max())
+
+    assert trace(read(WIDE)) < 1e-9
+    assert trace(read(None)) > 0.002
+
+
+def test_limits_that_are_too_narrow_are_named() -> None:
+    steps = steps_of(NOMINAL)
+    with pytest.raises(PostureError, match=r"N10: carriage X has no room for an approach of 100"):
+        posture_program(NOMINAL, steps, SESSION, 100.5, (-100.0, 60.0))
+    with pytest.raises(PostureError, match=r"N20: carriage X would be driven to \+60 mm"):
+        posture_program(NOMINAL, steps, SESSION, travel_mm=(-100.0, 50.0))
+    for wrong in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(UsageError, match="approach"):
+            posture_program(NOMINAL, steps, SESSION, wrong)
+
+
+def test_the_best_design_has_a_program_too(tmp_path: Path) -> None:
+    """Its postures need not begin at the isotropic one, where the gauges are put up."""
+    steps = steps_of(NOMINAL, MeasuringProtocol.BEST)
+    done = ran(gcode(tmp_path, NOMINAL, steps), PROTOTYPE.leg_length_mm)
+    visits = visits_of(steps)
+    assert [wait.block for wait in done.readings] == [step.block for step in visits]
+    for wait, step in zip(done.readings, visits, strict=True):
+        wanted = joints_at(PROTOTYPE.leg_length_mm, step.leg, step.displacement_mm)
+        np.testing.assert_allclose(wait.at, wanted, rtol=0.0, atol=MICROMETRE)
+    assert len(done.set_ups) == 3
+    for wait in done.set_ups:
+        np.testing.assert_allclose(wait.at, PROTOTYPE.leg_length_mm, rtol=0.0, atol=MICROMETRE)

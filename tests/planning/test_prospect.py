@@ -1,0 +1,74 @@
+"""A plan as a whole: other ways on equal terms, targets, what limits."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.estimation import Method
+from orthoglide_cal.model import Model
+from orthoglide_cal.planning.expected import Expected, expected
+from orthoglide_cal.planning.prospect import METHODS, SHOWN_CYCLES, prospect
+from orthoglide_cal.planning.steps import MeasuringProtocol
+from tests.machines import NOMINAL, both_models, sure
+
+DOUBLE, SINGLE, BEST = MeasuringProtocol
+
+
+def worst(found: Expected) -> float:
+    return float(found.expanded_mm.max())
+
+
+@both_models
+def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
+    plan = prospect(model, cycles=2)
+    assert {(way.protocol, way.method) for way in plan.compared} == {
+        (protocol, method) for protocol, methods in METHODS.items() for method in methods
+    }
+    assert {method for methods in METHODS.values() for method in methods} == set(Method)
+    for way in plan.compared:
+        assert way.same_cycles.session.cycles == 2
+        assert way.as_sure is not None
+        cycles = way.as_sure.session.cycles
+        assert worst(way.as_sure) <= worst(plan.chosen) * (1.0 + 1e-6)
+        if cycles > 1:
+            assert worst(expected(model, way.protocol, cycles - 1, way.method)) > worst(plan.chosen)
+    own = next(way for way in plan.compared if (way.protocol, way.method) == (DOUBLE, "readings"))
+    assert own.as_sure is not None
+    assert own.as_sure.session.cycles == 2
+
+
+def test_all_readings_are_worth_most() -> None:
+    """Of one protocol no method leaves less uncertainty than all readings at once."""
+    for protocol, methods in METHODS.items():
+        found = {method: worst(expected(NOMINAL, protocol, 3, method)) for method in methods}
+        assert min(found, key=lambda method: found[method]) is Method.READINGS
+
+
+@pytest.mark.parametrize("protocol", list(MeasuringProtocol))
+def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
+    plan = prospect(NOMINAL, protocol)
+    assert [each.session.cycles for each in plan.by_cycles] == list(SHOWN_CYCLES)
+    for fewer, more in pairwise(plan.by_cycles):
+        assert np.all(more.expanded_mm < fewer.expanded_mm)
+        assert more.session.minutes > fewer.session.minutes
+        assert plan.tool_mm(more) < plan.tool_mm(fewer)
+    assert plan.floor is not None
+    assert plan.floor.largest.source == "leg_length"
+
+
+def test_the_tool_is_off_by_what_the_offsets_leave() -> None:
+    """At the isotropic posture the tool moves as the carriages do; elsewhere it moves more."""
+    plan = prospect(sure(NOMINAL))
+    assert plan.floor is None
+    middle = float(plan.chosen.budget.k * np.sqrt(np.trace(plan.chosen.budget.covariance_mm2)))
+    assert middle < plan.tool_mm(plan.chosen) < 2.0 * middle
+
+
+def test_a_target_that_is_met_gives_its_session() -> None:
+    met = prospect(NOMINAL, target_mm=0.03)
+    assert met.reached
+    assert worst(met.chosen) <= 0.03
+    missed = prospect(NOMINAL, cycles=3, target_mm=0.001)
+    assert not missed.reached
+    assert missed.cycles == 3

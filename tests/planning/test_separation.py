@@ -1,0 +1,158 @@
+"""Separations of causes before a reading is taken, against those of the independent truth."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.model import Model
+from orthoglide_cal.planning.expected import OFFSET_MM, Session
+from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
+from orthoglide_cal.planning.steps import MeasuringProtocol
+from tests import truth
+from tests.diagnosis.sessions import known
+from tests.machines import NOMINAL, both_models, sure
+from tests.truth.effects import Effect
+from tests.truth.forward import PARTS, prior_sd
+from tests.truth.machines import TOLERANCES
+from tests.truth.plan import SETUPS, standard_plan
+
+DOUBLE, SINGLE, BEST = MeasuringProtocol
+HIDDEN = (truth.PROTOTYPE, truth.MICRON)
+
+
+def sigma(found: Separations, a: str, b: str) -> float:
+    ids = [cause.id for cause in found.causes]
+    return float(found.sigma[ids.index(a), ids.index(b)])
+
+
+def effects(cause: str, plan: truth.Plan, rng: np.random.Generator, count: int) -> list[Effect]:
+    """Of plausible size: sizes of random signs, places drawn from all; in the truth's own terms."""
+    found = []
+    for _ in range(count):
+        if cause in PARTS:
+            size = prior_sd(cause) * rng.choice([-1.0, 1.0], len(prior_sd(cause)))
+            if cause == "backlash":
+                size[:3] = np.abs(size[:3])
+            found.append(Effect(cause, parameters=tuple(size.tolist())))
+            continue
+        setup = int(rng.integers(6))
+        rows = np.flatnonzero(plan.setup == setup)
+        row = int(rng.choice(rows[1:] if cause == "stand_shift" else rows))
+        size_one = (TOLERANCES[cause],)
+        found.append(Effect(cause, "", size_one, setup=setup, row=row, leg=SETUPS[setup][0]))
+    return found
+
+
+def of_truth(a: str, b: str, plan: truth.Plan, count: int) -> float:
+    """How much worse b explains what a does, than a itself; typically [σ]."""
+    rng = np.random.default_rng(5)
+    margins = []
+    for effect in effects(a, plan, rng, count):
+        offsets = OFFSET_MM * rng.choice([-1.0, 1.0], 3)
+        session = truth.measure(*HIDDEN, plan, offsets, (effect,), rng)
+        distances = truth.separation(session).distances
+        # The truth has no sign flip of the whole table: that is what opposite offsets give.
+        rival = min(distances[b], distances[truth.HEALTHY] if b == "sign_flip" else np.inf)
+        margins.append(max(rival**2 - distances[a] ** 2, 0.0))
+    return float(np.sqrt(np.mean(margins)))
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        ("axis_gap", "bar_skew"),
+        ("axis_gap", "axis_squareness"),
+        ("encoder_scale", "backlash"),
+        ("stand_shift", "misread"),
+        ("misread", "axis_gap"),
+        ("sign_flip", "swapped_gauges"),
+        ("bar_skew", "swapped_gauges"),
+    ],
+)
+def test_separations_are_those_of_the_truth(a: str, b: str) -> None:
+    """60 draws of a cause in each direction: a mean of squares is met within 35 %, its root in 17.
+
+    The truth's distances come from fits with another forward model at the sizes drawn.
+    """
+    plan = standard_plan(HIDDEN[0], np.random.default_rng(1))
+    rng = np.random.default_rng(2)
+    session = truth.measure(*HIDDEN, plan, np.zeros(3), (), rng)
+    readings, model = known(session)
+    found = sigma(separations(sure(model), readings.plan), a, b)
+    expected = min(of_truth(a, b, plan, 60), of_truth(b, a, plan, 60))
+    assert found == pytest.approx(expected, rel=0.17, abs=0.1)
+
+
+def test_a_trace_is_how_far_a_cause_is_from_nothing() -> None:
+    plan = standard_plan(HIDDEN[0], np.random.default_rng(1))
+    session = truth.measure(*HIDDEN, plan, np.zeros(3), (), np.random.default_rng(2))
+    readings, model = known(session)
+    found = separations(sure(model), readings.plan)
+    traces = dict(zip([cause.id for cause in found.causes], found.trace.tolist(), strict=True))
+    for cause in ("encoder_scale", "thermal_drift", "gauge_drift", "backlash"):
+        expected = of_truth(cause, truth.HEALTHY, plan, 60)
+        assert traces[cause] == pytest.approx(expected, rel=0.17)
+
+
+@both_models
+@pytest.mark.parametrize("protocol", [DOUBLE, SINGLE, BEST])
+def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -> None:
+    found = separations(model, Session.of(model, protocol, 3).plan)
+    assert CAUSES["leg_length"] in found.invisible
+    assert CAUSES["leg_length"] not in found.visible.causes
+    assert CAUSES["axis_gap"] in found.visible.causes
+    assert np.all(found.visible.trace >= TRACE_SIGMA)
+
+
+def test_the_table_is_symmetric_and_its_pairs_are_sorted() -> None:
+    found = separations(NOMINAL, Session.of(NOMINAL, DOUBLE, 3).plan)
+    count = len(found.causes)
+    assert found.sigma == pytest.approx(found.sigma.T)
+    assert np.all(np.diag(found.sigma) == 0.0)
+    assert len(found.pairs) == count * (count - 1) // 2
+    sigmas = [pair[2] for pair in found.pairs]
+    assert sigmas == sorted(sigmas)
+    for a, b, between in found.pairs:
+        assert between == sigma(found, a.id, b.id)
+
+
+def test_turning_the_bar_tells_its_skew_from_rails_that_do_not_meet() -> None:
+    """More readings of another kind separate what the first left together."""
+    plan = Session.of(NOMINAL, BEST, 5).plan
+    turned = replace(plan, turned=np.arange(len(plan)) // 4 % 2 == 1)
+    parted = [sigma(separations(NOMINAL, each), "axis_gap", "bar_skew") for each in (plan, turned)]
+    assert parted[0] < 0.1
+    assert parted[1] > 10.0
+
+
+def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
+    machine = NOMINAL.machine
+    without = replace(machine, tolerances={**machine.tolerances, "backlash": 0.0})
+    plan = Session.of(NOMINAL, DOUBLE, 3).plan
+    ids = [cause.id for cause in separations(Model(without), plan).causes]
+    assert "backlash" not in ids
+    assert set(ids) == set(CAUSES) - {"backlash"}
+
+
+def test_the_whole_table_takes_less_than_half_a_second() -> None:
+    """About 0.04 s of one processor."""
+    plan = Session.of(NOMINAL, DOUBLE, 3).plan
+    start = time.process_time()
+    separations(NOMINAL, plan)
+    assert time.process_time() - start < 0.5
+
+
+def test_a_machine_on_which_nothing_can_be_wrong_has_no_pairs() -> None:
+    sound = replace(NOMINAL.machine, tolerances=dict.fromkeys(CAUSES, 0.0))
+    found = separations(Model(sound), Session.of(NOMINAL, DOUBLE, 3).plan)
+    assert found.causes == found.invisible == found.pairs == ()
+
+
+def test_every_cause_says_what_shows_it() -> None:
+    for cause in CAUSES.values():
+        assert cause.instrument[0].islower()
+        assert not cause.instrument.endswith(".")
+        assert len(cause.instrument) <= 62

@@ -1,0 +1,200 @@
+"""The sequences of steps: every cell, in the right order, with the right targets."""
+
+import math
+from collections import Counter
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from orthoglide_cal.model import Contact, Machine, Model
+from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.planning.steps import (
+    MINUTES_PER_TURN,
+    MeasuringProtocol,
+    Order,
+    SessionStep,
+    gauge_moves,
+    minutes_left,
+    sequence,
+    step_name,
+    steps_of,
+)
+from tests.machines import PROTOTYPE
+from tests.session.virtual import DOUBLE, SINGLE, both_protocols
+
+SMALL: Machine = replace(PROTOTYPE, leg_length_mm=200.0, joint_limits_mm=(-70.0, 45.0))
+
+
+def usual(
+    protocol: MeasuringProtocol,
+    cycles: int,
+    order: Order = Order.PAPER,
+    stands: int = 2,
+    machine: Machine = PROTOTYPE,
+) -> tuple[SessionStep, ...]:
+    return sequence(machine, protocol, cycles, order, stands)
+
+
+def test_the_double_posture_session_is_that_of_section_4_1() -> None:
+    steps = usual(DOUBLE, 3)
+    assert [s.number for s in steps] == list(range(1, 61))
+    visited = [s.posture for s in steps[:20:2]]
+    assert visited == ["iso", "max", "min"] * 3 + ["iso"]
+    assert [s.leg for s in steps] == [0] * 20 + [1] * 20 + [2] * 20
+    assert [(s.leg, s.direction) for s in steps[18:22]] == [(0, 1), (0, 2), (1, 0), (1, 2)]
+    assert {s.setup for s in steps} == {1, 2, 3}
+    assert [s.stand for s in steps[:4]] == [0, 1, 0, 1]
+    assert [s.cycle for s in steps[18:20]] == [4, 4]
+    assert all(s.contact is Contact.FIXED for s in steps)
+
+
+def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
+    steps = usual(SINGLE, 2, stands=1)
+    assert len(steps) == 2 * (2 * 3 * 2 + 2)
+    assert {(s.leg, s.direction) for s in steps} == {(0, 2), (1, 2)}
+    assert [s.end for s in steps[:4]] == ["joint", "tool", "joint", "tool"]
+    assert [s.posture for s in steps[12:14]] == ["iso", "iso"]  # the closing posture
+    assert {s.stand for s in steps} == {0}
+
+
+@both_protocols
+@pytest.mark.parametrize("order", list(Order))
+@pytest.mark.parametrize("stands", [1, 2])
+@pytest.mark.parametrize("cycles", [1, 3])
+def test_orders_hold_the_same_readings(
+    protocol: MeasuringProtocol, order: Order, stands: int, cycles: int
+) -> None:
+    paper = usual(protocol, cycles)
+    other = usual(protocol, cycles, order, stands)
+    assert Counter((*s.cell, s.cycle) for s in other) == Counter((*s.cell, s.cycle) for s in paper)
+    assert [s.number for s in other] == list(range(1, len(other) + 1))
+    for cell in {s.cell for s in other}:
+        assert [s.cycle for s in other if s.cell == cell] == sorted(
+            s.cycle for s in other if s.cell == cell
+        )
+
+
+def test_fewest_moves_moves_the_gauge_less() -> None:
+    paper = usual(SINGLE, 3, Order.PAPER, 1)
+    fewest = usual(SINGLE, 3, Order.FEWEST_MOVES, 1)
+    assert gauge_moves(paper) == 39
+    assert gauge_moves(fewest) == 3
+    # Two gauges stay at their places for a whole leg anyway; one gauge has six places.
+    assert gauge_moves(usual(DOUBLE, 3)) == 4
+    assert gauge_moves(usual(DOUBLE, 3, stands=1)) == 5
+
+
+def test_one_gauge_has_six_set_ups() -> None:
+    steps = usual(DOUBLE, 2, stands=1)
+    assert {s.setup for s in steps} == set(range(1, 7))
+    for setup in range(1, 7):
+        assert len({s.series for s in steps if s.setup == setup}) == 1
+
+
+def test_where_to_drive_puts_the_tool_on_the_axis_of_the_leg() -> None:
+    """The nominal legs then reach the same point: (d, 0, 0) for leg x (sec. 2.5)."""
+    for step in usual(DOUBLE, 1, machine=SMALL):
+        joints = Model(SMALL).kind.joints_at(SMALL, step.leg, step.displacement_mm)
+        tool = [0.0, 0.0, 0.0]
+        tool[step.leg] = {"iso": 0.0, "max": 45.0, "min": -70.0}[step.posture]
+        for axis in range(3):
+            carriage = [0.0, 0.0, 0.0]
+            carriage[axis] = joints[axis]
+            assert math.dist(carriage, tool) == pytest.approx(200.0, abs=1e-9)
+
+
+def test_the_plan_of_steps_keeps_their_order() -> None:
+    steps = usual(DOUBLE, 1)
+    plan = plan_of([s.planned for s in steps])
+    assert plan.leg.tolist() == [s.leg for s in steps]
+    assert plan.direction.tolist() == [s.direction for s in steps]
+    assert plan.displacement.tolist() == [s.displacement_mm for s in steps]
+    assert plan.in_time.tolist() == list(range(len(steps)))
+    assert plan.setups == 6
+
+
+def test_time_left_counts_postures_and_moves_of_the_stand() -> None:
+    steps = usual(DOUBLE, 3)
+    assert minutes_left(steps) == pytest.approx(30 * 0.4 + 2 * 4.0)
+    assert minutes_left(steps[-2:]) == pytest.approx(0.4)
+    assert minutes_left(steps[-2:], pace_min=1.5) == pytest.approx(1.5)
+    assert minutes_left([]) == 0.0
+
+
+def of_readings(
+    *readings: PlannedReading, order: Order = Order.PAPER, stands: int = 2
+) -> tuple[SessionStep, ...]:
+    return steps_of(plan_of(readings), PROTOTYPE, order, stands)
+
+
+def both(leg: int, displacement: float, **other: object) -> list[PlannedReading]:
+    """A leg's two readings at a posture."""
+    return [
+        PlannedReading(leg, direction, displacement, Contact.FIXED, **other)  # type: ignore[arg-type]
+        for direction in range(3)
+        if direction != leg
+    ]
+
+
+def test_steps_of_any_plan_carry_what_is_read() -> None:
+    readings = [
+        *both(0, 30.0, gauge_at=0.3),
+        *both(0, -100.0, gauge_at=0.3),
+        *both(0, 30.0, gauge_at=0.3, entered=(0.5, 0.0, 0.0)),
+        *both(0, 30.0, gauge_at=0.7),
+        *both(1, 0.0, part=1, turned=True),
+        *both(0, 30.0, gauge_at=0.3, part=1),
+    ]
+    steps = of_readings(*readings)
+    assert [s.planned for s in steps] == readings
+    assert [s.posture for s in steps[::2]] == ["30", "min", "30", "30", "iso", "30"]
+    # Another place along the leg, and another part, are new set-ups; what is entered is not.
+    assert [s.setup for s in steps[::2]] == [1, 1, 1, 2, 3, 4]
+    assert {s.cycle for s in steps} == {1}
+    assert [s.block for s in steps] == [10, 10, 20, 20, 30, 30, 40, 40, 50, 50, 60, 60]
+    assert step_name(steps[0]) == "leg X, +30 mm, cycle 1, gauge Y"
+    # Turn one bar; three moves to another set-up. What is commanded short takes no time.
+    assert minutes_left(steps) == pytest.approx(6 * 0.4 + 3 * 4.0 + MINUTES_PER_TURN)
+
+
+def test_repeats_are_counted_among_what_is_alike() -> None:
+    steps = of_readings(*both(0, 0.0), *both(0, 0.0), *both(0, 0.0, entered=(0.0, 0.1, 0.0)))
+    assert [s.cycle for s in steps] == [1, 1, 2, 2, 1, 1]
+    assert len({s.visit for s in steps}) == 3
+    assert {s.zero for s in steps} == {(1, (0, 1)), (1, (0, 2))}
+
+
+def test_one_gauge_takes_each_set_up_of_any_plan_alone() -> None:
+    readings = [*both(0, 30.0), *both(0, 0.0), *both(0, 30.0, part=1), *both(0, 0.0, part=1)]
+    steps = of_readings(*readings, stands=1)
+    assert [(s.planned.part, s.direction) for s in steps[::2]] == [(0, 1), (0, 2), (1, 1), (1, 2)]
+    assert [s.setup for s in steps] == [1, 1, 2, 2, 3, 3, 4, 4]
+    again = of_readings(*(s.planned for s in steps), stands=1)
+    assert again == steps
+
+
+@both_protocols
+@pytest.mark.parametrize("order", list(Order))
+@pytest.mark.parametrize("stands", [1, 2])
+def test_steps_are_those_of_their_own_readings(
+    protocol: MeasuringProtocol, order: Order, stands: int
+) -> None:
+    """What a journal holds of a plan gives the same steps again."""
+    steps = usual(protocol, 2, order, stands)
+    assert steps_of(plan_of([s.planned for s in steps]), PROTOTYPE, order, stands) == steps
+
+
+@both_protocols
+@pytest.mark.parametrize("order", list(Order))
+@pytest.mark.parametrize("stands", [1, 2])
+def test_blocks_are_numbered_by_visits(
+    protocol: MeasuringProtocol, order: Order, stands: int
+) -> None:
+    """Every drive has its block, in the order of the steps."""
+    steps = usual(protocol, 2, order, stands)
+    driven = [(s.setup, s.leg, s.posture, s.cycle) for s in steps]
+    changes = sum(one != other for one, other in pairwise(driven))
+    assert sorted({s.block for s in steps}) == [10 * (k + 1) for k in range(changes + 1)]
+    assert [s.block for s in steps] == sorted(s.block for s in steps)
+    assert usual(DOUBLE, 3)[-1].block == 300

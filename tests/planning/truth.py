@@ -1,0 +1,72 @@
+"""Readings of any plan by the independent truth, also with postures that it does not know."""
+
+import numpy as np
+
+from orthoglide_cal.model import Contact, Floats, Ints, Machine, Plan
+from tests import truth
+from tests.truth.effects import state_with
+from tests.truth.forward import carriages_and_tool, signals
+from tests.truth.plan import SETUPS, frozen, frozen_ints, joints_at
+
+
+def machine_of(machine: Machine) -> truth.Machine:
+    """The truth's form of a machine."""
+    low, high = machine.joint_limits_mm
+    return truth.Machine(
+        machine.name,
+        machine.leg_length_mm,
+        machine.parallelogram_width_mm,
+        machine.tool_offset_mm,
+        low,
+        high,
+        machine.workspace_mm,
+    )
+
+
+def standing(
+    gauge: Ints, along: Floats, joints: Floats, gauge_at: Floats, hours: Floats | None = None
+) -> truth.Plan:
+    """The truth's form of n readings, each gauge set up at the isotropic posture.
+
+    Args:
+        gauge: index into `SETUPS`, shape (n,).
+        along: displacement of the tool along the touched leg, shape (n,) [mm].
+        joints: indicated joints, shape (n, 3) [mm].
+        gauge_at: place of the gauge along the leg, shape (n,).
+        hours: when; all at once if None, shape (n,) [h].
+    """
+    count, nothing = len(gauge), np.zeros(len(gauge))
+    leg, direction = np.array(SETUPS)[gauge].T
+    return truth.Plan(
+        leg=frozen_ints(leg),
+        direction=frozen_ints(direction),
+        posture=("",) * count,
+        displacement=frozen(along),
+        cycle=frozen_ints(np.ones(count)),
+        minutes=frozen(nothing if hours is None else 60.0 * hours),
+        indicated=frozen(joints),
+        approach=frozen(np.zeros((count, 3))),
+        setup=frozen_ints(gauge),
+        stand=frozen_ints([gauge.tolist().index(own) for own in gauge.tolist()]),
+        zero=frozen_ints(gauge),
+        gauge_at=frozen(gauge_at),
+        part=frozen_ints(nothing),
+        turned=frozen_ints(nothing),
+        entered=frozen(np.zeros((count, 3))),
+    )
+
+
+def true_readings(plan: Plan, machine: Machine, offsets: Floats) -> Floats:
+    """What perfect gauges read, shape (n,) [mm], of a plan of one part."""
+    pairs = zip(plan.leg.tolist(), plan.displacement.tolist(), strict=True)
+    joints = np.array([joints_at(machine.leg_length_mm, leg, moved) for leg, moved in pairs])
+    gauge = np.array([SETUPS.index(tuple(series)) for series in plan.series])
+    there = standing(gauge, plan.displacement, joints, plan.gauge_at, plan.hours)
+    real, state = machine_of(machine), state_with(offsets, ())[None]
+    if plan.fixed:
+        return np.asarray(signals(there, real, state)[0])
+    carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
+    rows = np.arange(len(plan))
+    at_joint = carriages[plan.leg, plan.direction, 0, rows]
+    at_tool = tool[plan.direction, 0, rows]
+    return np.asarray(np.where(plan.contact == Contact.TOOL, at_tool, at_joint))

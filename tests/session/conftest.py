@@ -1,0 +1,17 @@
+"""A session that others go on from."""
+
+from pathlib import Path
+
+import pytest
+
+from .going_on import SIMULATED
+from .terminal import run_program
+
+
+@pytest.fixture(scope="session")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated session of one cycle."""
+    folder = tmp_path_factory.mktemp("first")
+    done = run_program(folder, "a.yaml", "--cycles", "1", *SIMULATED)
+    assert done.returncode == 0, done.stderr
+    return folder / "a.yaml"

@@ -1,0 +1,63 @@
+"""Sessions that go on from others: what is chosen, and what is then in the files."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from orthoglide_cal.diagnosis import diagnose
+from orthoglide_cal.files import read_document, read_input
+from orthoglide_cal.model import Readings
+from orthoglide_cal.planning import Option, ranked
+from orthoglide_cal.session.events import Following
+from orthoglide_cal.session.journal import decode
+
+SIMULATED = ("--gauge", "simulated", "--seed", "7", "--yes")
+
+
+def read(path: Path) -> Readings:
+    measured = read_input(str(path)).measured
+    assert isinstance(measured, Readings)
+    return measured
+
+
+def choice(path: Path, wanted: Callable[[Option], object]) -> tuple[str, ...]:
+    """The options of the command that carry out the first recommendation that is wanted."""
+    given = read_input(str(path))
+    options = [each.option for each in ranked(diagnose(given.measured, given.model))]
+    number = next(k for k, option in enumerate(options, start=1) if wanted(option))
+    return ("--then", str(path), "--choice", str(number), "--yes")
+
+
+def is_step(option: Option) -> bool:
+    return option.continues and bool(option.plan.entered[:, 0].any())
+
+
+def is_turn(option: Option) -> bool:
+    anew = not option.continues and set(option.plan.leg) == {1}
+    return anew and bool(option.plan.turned.all())
+
+
+def is_usual(option: Option) -> bool:
+    return not (option.continues or option.plan.turned.any()) and set(option.plan.leg) == {1}
+
+
+def content(path: Path) -> dict[str, Any]:
+    """A session file as plain values."""
+    values: dict[str, Any] = yaml.safe_load(path.read_text())
+    return values
+
+
+def without_times(text: str) -> str:
+    return re.sub(r"(minutes|timestamp|finished|started): [^,}\n]+", r"\1: -", text)
+
+
+def events_of(path: Path) -> tuple[object, ...]:
+    return decode(path.read_bytes(), "j").events
+
+
+def alone(path: Path) -> Following:
+    """What goes on from a file, with nothing entered since."""
+    return Following(read_document(str(path)), "", 1.0, False, (0.0, 0.0, 0.0))

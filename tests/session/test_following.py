@@ -1,0 +1,313 @@
+"""Going on from readings: recommended, guided, and written together with the first ones."""
+
+import contextlib
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from orthoglide_cal.cli.app import app
+from orthoglide_cal.diagnosis import diagnose
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.files import default_machine, read_input, read_machine
+from orthoglide_cal.planning import Option, ranked
+from orthoglide_cal.session.events import Planned, Taken
+from orthoglide_cal.session.following import first_of
+
+from .going_on import (
+    SIMULATED,
+    alone,
+    choice,
+    content,
+    events_of,
+    is_step,
+    is_turn,
+    is_usual,
+    read,
+)
+from .terminal import run_program
+
+HERE = Path(__file__).parent
+SAMPLES = HERE.parents[1] / "sample_data"
+
+
+def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_path: Path) -> None:
+    before = first.read_bytes()
+    given = read_input(str(first))
+    best = ranked(diagnose(given.measured, given.model))[0].option
+    done = run_program(tmp_path, "b.yaml", "--then", str(first), "--yes")
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split())
+    assert f"Next, about {best.minutes:.0f} min: {best.what}" in words
+    assert f"about {best.minutes:.0f} min. ? is help." in words
+    assert "With the 24 readings from before, in one file." in done.stdout
+    assert first.read_bytes() == before
+    old, new = read(first), read(tmp_path / "b.yaml")
+    n = len(old)
+    assert len(new) == n + len(best.plan)
+    assert new.value[:n].tolist() == old.value.tolist()
+    assert new.plan.hours[:n] == pytest.approx(old.plan.hours, abs=1e-7)
+    for name in ("leg", "direction", "displacement", "gauge_at", "part", "turned", "entered"):
+        wanted = getattr(best.plan, name)[best.plan.in_time]
+        assert getattr(new.plan, name)[n:].tolist() == wanted.tolist()
+    assert np.all(np.diff(new.plan.hours[new.plan.in_time]) >= 0.0)
+    assert new.plan.order.tolist() == list(range(len(new)))
+    # The zeros are new ones, and all that is known of the first readings is still there.
+    assert not set(new.plan.setup[:n]) & set(new.plan.setup[n:])
+    rows = content(first)["readings"]
+    assert content(tmp_path / "b.yaml")["readings"][:n] == rows
+
+
+def test_the_hidden_machine_is_the_same_and_its_offsets_are_known_better(
+    first: Path, tmp_path: Path
+) -> None:
+    """Hidden offsets, found with 5 standard deviations to spare: false once in 500,000."""
+    assert run_program(tmp_path, "b.yaml", "--then", str(first), "--yes").returncode == 0
+    alone, together = (
+        solve((given := read_input(str(path))).measured, given.model)
+        for path in (first, tmp_path / "b.yaml")
+    )
+    hidden = np.random.default_rng([7, 0]).uniform(-1.5, 1.5, 3)
+    assert np.all(np.abs(together.offsets_mm - hidden) < 5.0 * together.std_mm)
+    assert np.all(together.std_mm < alone.std_mm)
+    values = read(tmp_path / "b.yaml").value
+    # Nothing but the machine is repeated: other noise, other zeros.
+    assert values[24:26].tolist() != values[:2].tolist()
+
+
+def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None:
+    """At the isotropic posture the legs are at right angles: a carriage x that is commanded short
+    moves the tool by as much along x, and a gauge half-way along leg z sees half of it.
+
+    The true joint is the commanded one and the offset: nothing is entered, nothing put back.
+    """
+    done = run_program(tmp_path, "s.yaml", *choice(first, is_step))
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split())
+    assert "drive as before but with carriage x 0.3 mm short, as the screen shows" in words
+    assert "leg Z, ISO, carriage X 0.3 mm short, cycle 1 of 1." in words
+    # At the isotropic posture, and at the highest one, of the prototype.
+    assert "joints X 309.950 Y 310.250 Z 310.250 mm tool X -0.300 Y 0.000 Z 0.000 mm" in words
+    assert "joints X 304.093 Y 304.393 Z 370.250 mm tool" in words
+    guided = done.stdout.partition("Session complete")[0]
+    assert "Enter" not in guided
+    assert "Put the old offset back" not in done.stdout
+    assert "block N" not in done.stdout.lower()
+    assert "Do not touch the stands: they must stand as they stood" in done.stdout
+    new = read(tmp_path / "s.yaml")
+    assert new.plan.parts == 1
+    assert new.plan.entered[24:].tolist() == [[0.3, 0.0, 0.0]] * (len(new) - 24)
+    assert new.plan.setups == 6
+    iso = (new.plan.leg == 2) & (new.plan.direction == 0) & (new.plan.displacement == 0.0)
+    stepped = new.plan.entered[:, 0] > 0.0
+    seen = new.value[iso & stepped].mean() - new.value[iso & ~stepped].mean()
+    assert seen == pytest.approx(-0.15, abs=0.03)
+    # The repeats go on counting.
+    assert new.cycle[iso].tolist() == [1, 2, 1, 2]
+
+
+def test_the_tool_is_shown_where_these_joints_take_it(first: Path, tmp_path: Path) -> None:
+    """By the spheres of the independent truth."""
+    done = run_program(tmp_path, "s.yaml", *choice(first, is_step))
+    places = re.findall(r"Drive to  joints(.*)\n +tool (.*)", done.stdout)
+    assert len(places) >= 4
+    for joints, tool in places:
+        j, t = (np.array(re.findall(r"-?[0-9.]+", text), float) for text in (joints, tool))
+        spheres = np.diag(j) - t
+        assert np.linalg.norm(spheres, axis=1) == pytest.approx([310.25] * 3, abs=2e-3)
+
+
+def test_a_wait_counts_among_the_minutes(first: Path, tmp_path: Path) -> None:
+    """Half a minute of readings after a quarter of an hour."""
+    waits = choice(first, lambda option: option.continues and "quarter of an hour" in option.what)
+    done = run_program(tmp_path, "w.yaml", *waits)
+    assert done.returncode == 0, done.stderr
+    assert "Next, about 15 min" in done.stdout
+    assert "about 15 min. ? is help." in done.stdout
+
+
+def test_a_bar_is_turned_by_words_of_its_leg(first: Path, tmp_path: Path) -> None:
+    done = run_program(tmp_path, "t.yaml", *choice(first, is_turn))
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split())
+    assert "Turn the bar of leg Y, unless it is turned already: loosen both ends" in words
+    assert "(what faced +X and +Z then faces away)" in words
+    assert "Before the next session, turn the bar of leg Y back." in done.stdout
+    assert max(map(len, done.stdout.split("\n"))) <= 80
+    new = read(tmp_path / "t.yaml")
+    assert new.plan.turned.tolist() == [False] * 24 + [True] * (len(new) - 24)
+    assert new.plan.part.tolist() == [0] * 24 + [1] * (len(new) - 24)
+
+
+def test_a_joined_session_is_gone_on_with_as_part_three(first: Path, tmp_path: Path) -> None:
+    """A bar turned in part 2 is turned back for part 3; every command takes all three parts."""
+    done = run_program(tmp_path, "b.yaml", *choice(first, is_turn))
+    assert done.returncode == 0, done.stderr
+    done = run_program(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
+    assert done.returncode == 0, done.stderr
+    assert "0. Turn the bar of leg Y back" in done.stdout
+    b, c = read(tmp_path / "b.yaml"), read(tmp_path / "c.yaml")
+    assert c.plan.part.tolist() == [0] * 24 + [1] * (len(b) - 24) + [2] * (len(c) - len(b))
+    assert c.value[: len(b)].tolist() == b.value.tolist()
+    assert c.plan.order.tolist() == list(range(len(c)))
+    assert np.all(np.diff(c.plan.hours) >= 0.0)
+    origins = str(content(tmp_path / "c.yaml")["environment"])
+    assert all(f"{name}.yaml (" in origins for name in "ab")
+    entered = [f"{offset:.3f}" for offset in solve(c, default_machine()).offsets_mm]
+    left = ("after.yaml", "--cycles", "1", *SIMULATED, "--offsets-active", *entered)
+    assert run_program(tmp_path, *left).returncode == 0
+    ways = [(name, "c.yaml") for name in ("solve", "diagnose", "report", "validate")]
+    for command in (*ways, ("verify", "c.yaml", "after.yaml")):
+        with contextlib.chdir(tmp_path):
+            said = CliRunner().invoke(app, command)
+        assert said.exit_code == 0, said.output
+
+
+def test_a_table_is_gone_on_with(tmp_path: Path) -> None:
+    """Typed readings of another part behind those of a CSV; times only if the CSV has some."""
+    sample = SAMPLES / "double_posture_session.csv"
+    (tmp_path / "a.csv").write_bytes(sample.read_bytes())
+    done = run_program(tmp_path, "b.yaml", *choice(tmp_path / "a.csv", is_turn),
+                       stdin="0.1\nk\n0.2\nk\ns all enough\n")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    old, new = read(tmp_path / "a.csv"), read(tmp_path / "b.yaml")
+    n = len(old)
+    assert new.value.tolist() == [*old.value.tolist(), 0.1, 0.2]
+    assert new.plan.setup[:n].tolist() == old.plan.setup.tolist()
+    assert new.timed == old.timed
+    assert new.plan.part[n:].tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("finished", "began", "wanted"),
+    [
+        ("2025-03-01T09:00:00+01:00", "2025-03-01T09:30:00+01:00", 30.0),
+        ("2025-03-01T08:00:00+00:00", "2025-03-01T09:30:00+01:00", 30.0),
+        ("2025-03-01T09:00:00", "2025-03-01T09:30:00+01:00", 30.0),
+        ("2025-03-01T09:00:00+01:00", "2025-03-01T08:30:00+01:00", 0.0),  # a clock set back
+        ("2025-02-28T09:00:00+01:00", "2025-03-01T09:30:00+01:00", 0.0),  # another day
+        (None, "2025-03-01T09:30:00+01:00", 0.0),
+    ],
+)
+def test_the_clock_runs_on_the_same_day(
+    first: Path, tmp_path: Path, finished: str | None, began: str, wanted: float
+) -> None:
+    line = f"finished: {finished!r}" if finished else "finished: null"
+    path = tmp_path / "a.yaml"
+    path.write_text(re.sub("(?m)^finished: .*$", line, first.read_text()))
+    joined = first_of(alone(path), default_machine())
+    last = float(joined.readings.plan.hours.max()) * 60.0
+    assert joined.minutes(began, 1.5) == pytest.approx(last + wanted + 1.5, abs=2e-4)
+    least = joined.minutes(began, 0.0)
+    assert least is not None
+    assert least >= last
+
+
+def test_readings_without_times_are_not_given_any(tmp_path: Path) -> None:
+    rows = [
+        f"{leg},{posture},{direction},{0.1 * k:.2f}"
+        for leg, directions in (("x", "yz"), ("y", "xz"), ("z", "xy"))
+        for direction in directions
+        for k, posture in enumerate(("iso", "max", "min", "iso"))
+    ]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["leg,posture,direction,reading_mm", *rows]))
+    joined = first_of(alone(path), default_machine())
+    assert joined.minutes("2025-03-01T09:30:00+01:00", 1.5) is None
+    assert all(row["minutes"] is None for row in joined.rows)
+
+
+def test_the_live_offsets_wait_for_the_end(first: Path, tmp_path: Path) -> None:
+    done = run_program(tmp_path, "b.yaml", "--then", str(first), "--yes")
+    assert "Offsets so far" not in done.stdout
+    assert "Joint offsets, mm" in done.stdout
+
+
+def test_the_best_design_says_what_it_gives_up_and_keeps_its_steps(tmp_path: Path) -> None:
+    done = run_program(tmp_path, "b.yaml", "--design", "best", "--cycles", "2", *SIMULATED)
+    assert done.returncode == 0, done.stderr
+    assert "What that gives up" in done.stdout
+    new = read(tmp_path / "b.yaml")
+    assert content(tmp_path / "b.yaml")["protocol"] == "best-design"
+    at = set(new.plan.gauge_at.tolist())
+    assert len(at) == 1
+    place = at.pop() * 310.25
+    assert f"{place:.0f} mm from the carriage" in done.stdout
+    _, planned, *taken = events_of(tmp_path / "b.journal")
+    assert isinstance(planned, Planned)
+    assert planned.following is None
+    assert len(planned.readings) == sum(isinstance(event, Taken) for event in taken)
+
+
+NEW = "X +0.5  Y -0.3  Z +0.2 mm"
+
+
+@pytest.mark.parametrize("wanted", [is_usual, is_turn, None])
+def test_offsets_that_were_applied_meanwhile_are_no_error(
+    first: Path, tmp_path: Path, wanted: Callable[[Option], object] | None
+) -> None:
+    """Measure, enter something, go on: `solve` finds the offsets of before, from all readings."""
+    active = ("--offsets-active", "0.5", "-0.3", "0.2")
+    chosen = choice(first, wanted) if wanted else ("--then", str(first), "--yes")
+    done = run_program(tmp_path, "b.yaml", *chosen, *active)
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split())
+    assert f"{' '.join(NEW.split())}: the new readings are written with that" in words
+    assert "X +0.5 Y -0.3 Z +0.2 mm are in the controller now" in words
+    new = read(tmp_path / "b.yaml")
+    assert new.plan.entered[:24].tolist() == [[0.0] * 3] * 24
+    assert new.plan.entered[24:].tolist() == [[0.5, -0.3, 0.2]] * (len(new) - 24)
+    assert new.plan.parts == 2
+    # Nothing is driven otherwise for it.
+    assert "joints   X 310.250   Y 310.250   Z 310.250" in done.stdout
+    given = read_input(str(tmp_path / "b.yaml"))
+    assert given.model.machine.offsets_mm == (0.0, 0.0, 0.0)
+    found = solve(given.measured, given.model)
+    hidden = np.random.default_rng([7, 0]).uniform(-1.5, 1.5, 3)
+    assert np.all(np.abs(found.offsets_mm - hidden) < 5.0 * found.std_mm)
+    # And what goes on from there takes it for what the controller still holds.
+    done = run_program(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
+    assert done.returncode == 0, done.stderr
+    assert "X +0.5  Y -0.3  Z +0.2 mm are in the controller now" in done.stdout
+    assert "were changed by" not in done.stdout
+    assert read(tmp_path / "c.yaml").plan.entered[-1].tolist() == [0.5, -0.3, 0.2]
+
+
+def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> None:
+    """And, once that is taken back, the other way round."""
+    (tmp_path / "machine.yaml").write_text(
+        (SAMPLES.parent / "configs/orthoglide_prototype.yaml").read_text()
+    )
+    assert run_program(tmp_path, "a.yaml", "--cycles", "1", *SIMULATED).returncode == 0
+    with contextlib.chdir(tmp_path):
+        assert CliRunner().invoke(app, ("apply", "a.yaml", "--yes")).exit_code == 0
+        entered = read_machine(str(tmp_path / "machine.yaml")).machine.offsets_mm
+        assert any(entered)
+    done = run_program(tmp_path, "b.yaml", *choice(tmp_path / "a.yaml", is_usual))
+    assert done.returncode == 0, done.stderr
+    assert "Since" in done.stdout
+    assert read(tmp_path / "b.yaml").plan.entered[-1] == pytest.approx(entered)
+    with contextlib.chdir(tmp_path):
+        undone = CliRunner().invoke(app, ("apply", "--undo"))
+        assert undone.exit_code == 0, undone.output
+    done = run_program(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
+    assert done.returncode == 0, done.stderr
+    assert "changed by" in " ".join(done.stdout.split())
+    new = read(tmp_path / "c.yaml")
+    assert new.plan.entered[-1].tolist() == [0.0, 0.0, 0.0]
+    found = solve(new, default_machine())
+    hidden = np.random.default_rng([7, 0]).uniform(-1.5, 1.5, 3)
+    assert np.all(np.abs(found.offsets_mm - hidden) < 5.0 * found.std_mm)
+
+
+def test_blocks_are_named_only_where_a_program_has_them(first: Path, tmp_path: Path) -> None:
+    done = run_program(tmp_path, "a.yaml", "--cycles", "2", "--gauges", "1", *SIMULATED)
+    words = " ".join(done.stdout.split())
+    assert "this machine's orthocal plan --program FILE.nc --cycles 2 --gauges 1" in words
+    assert "Block N30 of plan --program" in done.stdout
+    done = run_program(tmp_path, "b.yaml", "--then", str(first), "--yes")
+    assert "block n" not in done.stdout.lower()
+    assert "plan --program" not in done.stdout

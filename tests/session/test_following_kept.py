@@ -1,0 +1,105 @@
+"""Sessions that go on from others, interrupted anywhere: nothing is lost."""
+
+import signal
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.session.events import Opened, Planned, from_dict, to_dict
+from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.state import replay
+
+from .going_on import alone, choice, content, events_of, is_step, is_turn, without_times
+from .terminal import Terminal, refused, run_program
+from .virtual import opened
+
+HERE = Path(__file__).parent
+
+
+def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: Path) -> None:
+    """Killed in the program before any reading, and after several; FILE is gone meanwhile."""
+    copy = tmp_path / "a.yaml"
+    copy.write_bytes(first.read_bytes())
+    arguments = choice(copy, is_step)
+    whole = run_program(tmp_path, "whole.yaml", *arguments)
+    assert whole.returncode == 0
+    options: tuple[str, ...] = arguments[:-1]
+    for kill_at in (1, 2, 4, 7):
+        with Terminal(tmp_path, "k.yaml", *options) as terminal:
+            while terminal.step() != kill_at:
+                terminal.type("")
+            terminal.child.kill(signal.SIGKILL)
+        copy.unlink(missing_ok=True)
+        options = ("--resume",)
+    done = run_program(tmp_path, "k.yaml", "--resume")
+    assert done.returncode == 0, done.stderr
+    expected = without_times((tmp_path / "whole.yaml").read_text())
+    assert without_times((tmp_path / "k.yaml").read_text()) == expected
+
+
+def test_the_journal_of_every_moment_goes_on_to_the_same_session(
+    first: Path, tmp_path: Path
+) -> None:
+    done = run_program(tmp_path, "whole.yaml", *choice(first, is_turn))
+    assert done.returncode == 0
+    expected = without_times((tmp_path / "whole.yaml").read_text())
+    lines = (tmp_path / "whole.journal").read_bytes().splitlines(keepends=True)
+    for cut in (2, 3, 6, len(lines) - 1):
+        (tmp_path / f"{cut}.journal").write_bytes(b"".join(lines[:cut]))
+        assert run_program(tmp_path, f"{cut}.yaml", "--resume").returncode == 0
+        assert without_times((tmp_path / f"{cut}.yaml").read_text()) == expected
+    # Without the record that says what is read, nothing is read.
+    (tmp_path / "1.journal").write_bytes(lines[0])
+    code, said = refused(tmp_path, "1.yaml", "--resume")
+    assert code == 3
+    assert "does not say what is to be read" in said
+
+
+def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) -> None:
+    assert run_program(tmp_path, "s.yaml", *choice(first, is_step)).returncode == 0
+    begun, planned, *_ = events_of(tmp_path / "s.journal")
+    assert isinstance(begun, Opened)
+    assert begun.version == 2
+    assert isinstance(planned, Planned)
+    assert from_dict(to_dict(planned)) == planned
+    assert planned.following is not None
+    assert planned.following.data.text == first.read_text()
+    assert {reading.entered for reading in planned.readings} == {(0.3, 0.0, 0.0)}
+    record = to_dict(planned)
+    for spoilt in ({"leg": "x"}, {"contact": 9}, {"entered": [0.3, 0.0]}, {"turned": 1}):
+        readings = [{**record["readings"][0], **spoilt}]
+        with pytest.raises(ValueError, match=r"\w"):
+            from_dict({**record, "readings": readings})
+
+
+def test_both_first_records_are_there_or_none(tmp_path: Path, first: Path) -> None:
+    path = tmp_path / "s.journal"
+    planned = Planned(opened().at, (), alone(first))
+    journal = Journal.create(path, opened(), planned)
+    journal.close()
+    assert events_of(path) == (opened(), planned)
+
+
+def test_undo_retake_and_notes_are_those_of_any_session(first: Path, tmp_path: Path) -> None:
+    lines = ["", "", "u", "", "r 1 dust", "", "n door", *[""] * 20]
+    done = run_program(tmp_path, "s.yaml", *choice(first, is_step), stdin="\n".join(lines) + "\n")
+    assert done.returncode == 0, done.stderr
+    values = content(tmp_path / "s.yaml")
+    assert [row["reason"] for row in values["retaken"]] == ["taken back", "dust"]
+    assert {row["entered"] for row in values["retaken"]} == {"0.3 0 0"}
+    assert sum("note" in row for row in values["readings"]) == 1
+
+
+@pytest.mark.parametrize("cut", [1, 2, 12, 25, 26])
+def test_journals_of_version_1_go_on_to_the_session_that_their_program_wrote(
+    tmp_path: Path, cut: int
+) -> None:
+    """Written, whole, by the last program that knew version 1 only; its simulated gauge, too."""
+    lines = (HERE / "whole_version_1.journal").read_bytes().splitlines(keepends=True)
+    (tmp_path / "s.journal").write_bytes(b"".join(lines[:cut]))
+    assert run_program(tmp_path, "s.yaml", "--resume").returncode == 0
+    expected = without_times((HERE / "whole_version_1.yaml").read_text())
+    assert without_times((tmp_path / "s.yaml").read_text()) == expected
+    first = events_of(tmp_path / "s.journal")[0]
+    assert isinstance(first, Opened)
+    assert replay([first]).planned is None

@@ -1,0 +1,108 @@
+"""What no session can go on from, and what is asked before one does."""
+
+from pathlib import Path
+
+import pytest
+
+from .going_on import choice, is_step, is_usual, read
+from .terminal import Terminal, refused
+
+HERE = Path(__file__).parent
+SAMPLES = HERE.parents[1] / "sample_data"
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        (("--protocol", "single"), 2, "--then and --protocol or --design do not go together"),
+        (("--design", "best"), 2, "--then and --protocol or --design do not go together"),
+        (("--cycles", "2"), 2, "--then and --cycles do not go together"),
+        (("--order", "paper"), 2, "--then and --order do not go together"),
+        (("--until", "0.1"), 2, "--then and --until do not go together"),
+        (("--resume",), 2, "Leave out --then: what was begun is known"),
+        (("--choice", "999"), 2, "There is no recommendation 999"),
+        (("--seed", "8"), 2, "was not measured on this simulated machine"),
+        (("--offsets-active", "1000", "0", "0"), 2, "These are not three joint offsets"),
+        (("--machine", "LARGE"), 2, "was measured on another machine than that of --machine"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    first: Path, tmp_path: Path, options: tuple[str, ...], code: int, said: str
+) -> None:
+    large = str(HERE.parents[1] / "configs" / "orthoglide_large.yaml")
+    given = tuple(large if option == "LARGE" else option for option in options)
+    found = refused(tmp_path, "n.yaml", "--then", str(first), *given, "--yes")
+    assert found[0] == code
+    assert said in found[1]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "said"),
+    [
+        ("experiment1.csv", 2, "holds differences; new readings cannot be joined"),
+        ("single_posture_session.csv", 2, "was measured with the single-posture protocol"),
+        ("none.csv", 3, "There is no such file"),
+        ("-", 2, "standard input is the keyboard"),
+    ],
+)
+def test_files_that_cannot_be_gone_on_with(tmp_path: Path, name: str, code: int, said: str) -> None:
+    path = name if name == "-" else str(SAMPLES / name)
+    found = refused(tmp_path, "n.yaml", "--then", path, "--yes")
+    assert found[0] == code
+    assert said in found[1]
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_first_file_is_never_the_new_one(first: Path, tmp_path: Path) -> None:
+    before = first.read_bytes()
+    for name in ("a.yaml", "a"):
+        code, said = refused(first.parent, name, "--then", "a.yaml", "--yes")
+        assert code == 2
+        assert "never changed" in said
+    assert first.read_bytes() == before
+    code, said = refused(tmp_path, "--choice", "2")
+    assert code == 2
+    assert "--then FILE" in said
+
+
+def test_in_a_terminal_it_is_confirmed(first: Path, tmp_path: Path) -> None:
+    arguments = choice(first, is_step)[:-1]
+    with Terminal(tmp_path, "n.yaml", *arguments, agreed=False) as terminal:
+        terminal.expect(r"shall this be")
+        terminal.expect(r"three offsets > ")
+        assert "Next, about 2 min: Without touching the stands" in " ".join(terminal.seen.split())
+        terminal.type("n")
+        assert terminal.finish() == 2
+    assert not list(tmp_path.iterdir())
+    with Terminal(tmp_path, "y.yaml", *arguments, agreed=False) as terminal:
+        terminal.expect(r"three offsets > ")
+        terminal.type("")
+        assert terminal.step() == 1
+        assert "carriage X 0.3 mm short" in terminal.seen
+        for number in range(1, 9):
+            terminal.type("")
+            if number < 8:
+                assert terminal.step() == number + 1
+        assert terminal.finish() == 0
+    assert len(read(tmp_path / "y.yaml")) == 32
+
+
+def test_other_offsets_are_typed_at_the_question(first: Path, tmp_path: Path) -> None:
+    arguments = choice(first, is_usual)[:-1]
+    with Terminal(tmp_path, "n.yaml", *arguments, agreed=False) as terminal:
+        terminal.expect(r"three offsets > ")
+        terminal.type("0.1 0 -0.2")
+        terminal.expect(r"changed by X \+0.1  Y \+0  Z -0.2 mm")
+        terminal.expect(r"three offsets > ")
+        terminal.type("n")
+        assert terminal.finish() == 2
+
+
+def test_stands_that_were_pushed_are_not_gone_on_with(first: Path, tmp_path: Path) -> None:
+    """New offsets act once the machine was homed."""
+    active = ("--offsets-active", "0.5", "0", "0")
+    code, said = refused(tmp_path, "n.yaml", *choice(first, is_step), *active)
+    assert code == 2
+    assert "changed since the last reading" in said
+    assert not list(tmp_path.iterdir())
