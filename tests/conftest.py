@@ -12,6 +12,10 @@ ROOT = Path(__file__).parents[1]
 # Whatever else is installed in this environment, and wherever a test runs the program.
 os.environ["PYTHONPATH"] = str(ROOT)
 
+# One thread for each worker: the tests share two processors.
+for library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
 # A shell starts background jobs with this signal ignored, and children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

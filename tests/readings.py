@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.model import Floats, Ints, Machine, Plan, Readings, Source
+from orthoglide_cal.model import Floats, GaugePlan, Ints, Machine, Readings, Source
 
 
-def readings_of(machine: Machine, plan: Plan, value: Floats, path: str = "made.csv") -> Readings:
+def readings_of(
+    machine: Machine, plan: GaugePlan, value: Floats, path: str = "made.csv"
+) -> Readings:
     """Readings (n,) [mm] as a file would give them."""
     n, seen, cycle = len(plan), Counter(), []
     for key in zip(plan.setup, plan.displacement, plan.contact, strict=True):

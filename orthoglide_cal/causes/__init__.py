@@ -3,7 +3,11 @@
 A new cause is a class in the `CAUSES` of its file, or of a new file here; it is found there.
 """
 
-from orthoglide_cal.causes.base import PatternCause, RelabelCause, onwards, reading_label
+from orthoglide_cal.causes.base import PatternCause, RelabelCause
 from orthoglide_cal.causes.registry import CAUSES
 
-__all__ = ["CAUSES", "PatternCause", "RelabelCause", "onwards", "reading_label"]
+__all__ = [
+    "CAUSES",
+    "PatternCause",
+    "RelabelCause",
+]

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import AXES, Bools, Floats, Ints, Numbers, Plan, Series
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan
+from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
 class PatternCause(Cause):
@@ -31,7 +32,7 @@ class PatternCause(Cause):
     counts: Mapping[int, float] = MappingProxyType({})
     hides_reading: bool = False
 
-    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
         """Those that were written down wrongly."""
         if self.stage is not Stage.RECORD:
             return ()
@@ -41,11 +42,11 @@ class PatternCause(Cause):
         """One unit of its size in what the patterns are multiplied by."""
         return 1.0
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
         """Readings added by one internal unit at each place, shape (n, places)."""
         raise NotImplementedError
 
-    def spoiled(self, place: Place, plan: Plan) -> Ints:
+    def spoiled(self, place: Place, plan: GaugePlan) -> Ints:
         """Those that its pattern changes."""
         return np.flatnonzero(self.patterns(plan, (place,))[:, 0])
 
@@ -54,9 +55,9 @@ class PatternCause(Cause):
         heights: Numbers,
         theta: Numbers,
         place: Place,
-        fraction: Numbers,
-        plan: Plan,
-        machine: Machine,
+        where: Numbers,
+        plan: Any,
+        machine: Any,
     ) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
         if self.stage is not Stage.CONTACT:
@@ -64,7 +65,7 @@ class PatternCause(Cause):
         return heights + self._added(theta, place, plan, machine)
 
     def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine
+        self, readings: Numbers, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine
     ) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
         if self.stage is not Stage.RECORD:
@@ -72,12 +73,12 @@ class PatternCause(Cause):
         return readings + self._added(theta, place, plan, machine)
 
     def undone(
-        self, readings: Floats, theta: Floats, place: Place, plan: Plan, machine: Machine
+        self, readings: Floats, theta: Floats, place: Place, plan: GaugePlan, machine: Machine
     ) -> Floats:
         """Readings − pattern · theta."""
         return readings - self._added(theta, place, plan, machine)
 
-    def _added(self, theta: Numbers, place: Place, plan: Plan, machine: Machine) -> Numbers:
+    def _added(self, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine) -> Numbers:
         unit = self.millimetres(machine)
         return np.asarray(unit * (theta * self.patterns(plan, (place,))[:, 0]))
 
@@ -97,33 +98,33 @@ class RelabelCause(Cause):
         """The unit that was written down [mm]."""
         return 1.0
 
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
         raise NotImplementedError
 
-    def reversible(self, plan: Plan, place: Place) -> bool:
+    def reversible(self, plan: GaugePlan, place: Place) -> bool:
         """Whether `relabel` can express it: each reading was written down in place of another."""
         return True
 
-    def really_read(self, plan: Plan, place: Place) -> Plan:
+    def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
         """The plan with each reading under the leg and direction that was really read."""
         return plan
 
-    def spoiled(self, place: Place, plan: Plan) -> Ints:
+    def spoiled(self, place: Place, plan: GaugePlan) -> Ints:
         """Those that were written down with another sign or label."""
         index, sign = self.relabel(plan, place)
         moved = (index != np.arange(len(plan))) | (sign != 1.0)
         return np.flatnonzero(moved | (self.really_read(plan, place).direction != plan.direction))
 
     def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine
+        self, readings: Numbers, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine
     ) -> Numbers:
         """Readings as they were written down."""
         index, sign = self.relabel(plan, place)
         return np.asarray(sign * readings[..., index] / self.unit_mm(place))
 
     def undone(
-        self, readings: Floats, theta: Floats, place: Place, plan: Plan, machine: Machine
+        self, readings: Floats, theta: Floats, place: Place, plan: GaugePlan, machine: Machine
     ) -> Floats:
         """Relabelled once more, in mm."""
         index, sign = self.relabel(plan, place)
@@ -138,7 +139,7 @@ class ExchangeCause(RelabelCause):
     another plan.
     """
 
-    def concerned(self, plan: Plan, place: Place) -> Bools:
+    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
         """In which readings labels were exchanged, shape (n,)."""
         return np.full(len(plan), True)
 
@@ -146,23 +147,23 @@ class ExchangeCause(RelabelCause):
         """What was read where this was written down; twice is not at all."""
         raise NotImplementedError
 
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Exchange the readings; nothing where they do not pair up."""
         index = self._partners(plan, place)
         return np.arange(len(plan)) if index is None else index, np.ones(len(plan))
 
-    def reversible(self, plan: Plan, place: Place) -> bool:
+    def reversible(self, plan: GaugePlan, place: Place) -> bool:
         """Whether every reading has its partner."""
         return self._partners(plan, place) is not None
 
-    def really_read(self, plan: Plan, place: Place) -> Plan:
+    def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
         """Each reading under the leg and direction that was read, at the posture of that leg."""
         really = np.array([self.really(series, place) for series in plan.series])
         asked = np.stack((plan.leg, plan.direction), axis=1)
         leg, direction = np.where(self.concerned(plan, place)[:, None], really, asked).T
         return replace(plan, leg=leg, direction=direction)
 
-    def _partners(self, plan: Plan, place: Place) -> np.ndarray | None:
+    def _partners(self, plan: GaugePlan, place: Place) -> np.ndarray | None:
         """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
         index, concerned = np.arange(len(plan)), self.concerned(plan, place)
         for series in set(plan.series):
@@ -179,20 +180,9 @@ class ExchangeCause(RelabelCause):
         return index if changed and len(zeros) == plan.setups else None
 
 
-def _step(plan: Plan, readings: np.ndarray) -> np.ndarray:
+def _step(plan: GaugePlan, readings: np.ndarray) -> np.ndarray:
     """What some readings must agree in to be the same step but for the labels, shape (q, k)."""
     return np.stack([key[readings] for key in (plan.displacement, plan.contact, *plan.state)])
-
-
-def reading_label(plan: Plan, machine: Machine, index: int) -> str:
-    """One reading in words: "leg x, direction y, min, cycle 2 (reading 12)"."""
-    moved = float(plan.displacement[index])
-    posture = machine.posture_at(moved) or f"{moved:g} mm"
-    same = (plan.setup == plan.setup[index]) & (plan.displacement == moved)
-    cycle = int(np.sum(same & (plan.order <= plan.order[index])))
-    number = int(np.sum(plan.order <= plan.order[index]))
-    part = _part_words(plan, int(plan.part[index]))
-    return f"{plan.series[index].words}, {posture}, cycle {cycle}{part} (reading {number})"
 
 
 class InPart(NamedTuple):
@@ -215,22 +205,18 @@ class InPart(NamedTuple):
         """The place that means this."""
         return Place((*self.where, self.part) if self.part else self.where)
 
-    def words(self, plan: Plan) -> str:
+    def words(self, plan: GaugePlan) -> str:
         """For people: "leg x, direction y"; with the part where the plan has several."""
         where = Series(*self.where).words if len(self.where) == 2 else f"leg {AXES[self.where[0]]}"
-        return where + _part_words(plan, self.part)
+        return where + part_words(plan, self.part)
 
-    def readings(self, plan: Plan) -> Bools:
+    def readings(self, plan: GaugePlan) -> Bools:
         """Which readings are there, shape (n,)."""
         there = np.stack((plan.leg, plan.direction), axis=1)[:, : len(self.where)] == self.where
         return np.asarray(there.all(axis=1) & (plan.part == self.part))
 
 
-def _part_words(plan: Plan, part: int) -> str:
-    return f", part {part + 1}" if plan.parts > 1 else ""
-
-
-def series_places(plan: Plan) -> tuple[Place, ...]:
+def series_places(plan: GaugePlan) -> tuple[Place, ...]:
     """One place for each (leg, direction) that was read, in each part."""
     found = sorted(set(zip(plan.part.tolist(), plan.series, strict=True)))
     return tuple(InPart(tuple(series), part).place for part, series in found)
@@ -241,14 +227,7 @@ def series_at(place: Place) -> InPart:
     return InPart.of(place, 2)
 
 
-def onwards(plan: Plan) -> Floats:
-    """Column i is 1 at reading i and all later ones of its set-up, shape (n, n)."""
-    same = plan.setup[:, None] == plan.setup
-    return np.asarray(same & (plan.order[:, None] >= plan.order), dtype=np.float64)
-
-
 def later_readings(plan: Plan) -> list[int]:
     """Readings that have an earlier one in their set-up."""
-    same = plan.setup[:, None] == plan.setup
-    earlier = same & (plan.order[:, None] > plan.order)
+    earlier = plan.same & (plan.order[:, None] > plan.order)
     return np.flatnonzero(earlier.any(axis=1)).tolist()

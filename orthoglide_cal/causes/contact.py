@@ -9,15 +9,14 @@ import numpy as np
 from orthoglide_cal.causes.base import (
     PatternCause,
     later_readings,
-    onwards,
-    reading_label,
     series_at,
     series_places,
 )
 from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.kinds import Orthoglide
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import Floats, Numbers, Plan, Series, other_axes
+from orthoglide_cal.model.plan import Floats, Numbers
+from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
 _SERIES = tuple(Series(leg, k) for leg in range(3) for k in other_axes(leg))
@@ -46,15 +45,15 @@ class BarSkew(Cause):
         heights: Numbers,
         theta: Numbers,
         place: Place,
-        fraction: Numbers,
-        plan: Plan,
+        where: Numbers,
+        plan: GaugePlan,
         machine: Machine,
     ) -> Numbers:
         """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
         own = np.array([plan.of(series) for series in _SERIES])
         # Turned half round, a bar rises where it fell.
         slope: Numbers = theta @ (own * np.where(plan.turned, -1.0, 1.0))
-        return heights + slope * fraction * machine.leg_length_mm
+        return heights + slope * where * machine.leg_length_mm
 
 
 class GaugeDrift(PatternCause):
@@ -71,15 +70,15 @@ class GaugeDrift(PatternCause):
     instrument = "the gauge left on its bar for an hour, machine standing"
     advice = "Clamp the stand of {where} afresh on a clean surface, and repeat this leg."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every (leg, direction)."""
         return series_places(plan)
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The leg and direction."""
         return series_at(place).words(plan)
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
         """Hours since the session began, in the series."""
         return np.stack([series_at(at).readings(plan) * plan.hours for at in places], axis=1)
 
@@ -101,17 +100,17 @@ class StandShift(PatternCause):
         " isotropic reading."
     )
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """From every reading on but the first of each set-up."""
         return tuple(Place((i,)) for i in later_readings(plan))
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The first reading after the knock."""
-        return f"from {reading_label(plan, machine, place.index[0])} on"
+        return f"from {plan.words(machine, place.index[0])} on"
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
         """1 from the place on, within its set-up."""
-        return onwards(plan)[:, [place.index[0] for place in places]]
+        return plan.onwards[:, [place.index[0] for place in places]]
 
 
 CAUSES = (BarSkew(), GaugeDrift(), StandShift())

@@ -7,9 +7,9 @@ from types import MappingProxyType
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Stage
-from orthoglide_cal.model.kinds import Orthoglide
+from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
 from orthoglide_cal.model.machine import Geometry
-from orthoglide_cal.model.readings import Numbers
+from orthoglide_cal.model.plan import Numbers
 
 # Shift of rail i in direction j per unit of gap: rails x and y are g_xy apart along z, y and z
 # are g_yz apart along x, z and x are g_zx apart along y, half of it each. This symmetry fixes
@@ -90,7 +90,7 @@ class LegLength(Cause):
     title = "the legs differ from the nominal length"
     stage = Stage.GEOMETRY
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide.id: 0.01})
+    sizes = MappingProxyType({Orthoglide.id: 0.01, LinearDelta.id: 0.3})
     size_reason = "the paper states ±0.01 mm for machined links and joints"
     names = ("x", "y", "z")
     lasting = True

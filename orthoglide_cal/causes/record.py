@@ -12,22 +12,21 @@ from orthoglide_cal.causes.base import (
     PatternCause,
     RelabelCause,
     later_readings,
-    onwards,
-    reading_label,
     series_at,
     series_places,
 )
 from orthoglide_cal.model.cause import EVERYWHERE, Place, Stage
 from orthoglide_cal.model.gauge_doubts import UNITS
-from orthoglide_cal.model.kinds import Orthoglide
+from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.readings import Bools, Floats, Plan, Series
+from orthoglide_cal.model.plan import Bools, Floats
+from orthoglide_cal.model.readings import GaugePlan, Series
 
 # A fault of a whole table is this likely beside that of one gauge: it shows at once, mostly.
 CLERICAL = 0.1
 
 
-def whole_table(plan: Plan) -> tuple[Place, ...]:
+def whole_table(plan: GaugePlan) -> tuple[Place, ...]:
     """The whole table, as the place of a slip in writing it; none where parts were joined."""
     return () if plan.parts > 1 else (EVERYWHERE,)
 
@@ -39,21 +38,21 @@ class Misread(PatternCause):
     title = "one reading is wrong"
     stage = Stage.RECORD
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide.id: 0.1})
+    sizes = MappingProxyType({Orthoglide.id: 0.1, LinearDelta.id: 0.1})
     size_reason = "a slip of one numbered division"
     hides_reading = True
     instrument = "every reading taken twice"
     advice = "Take this reading again: {where}."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every reading."""
         return tuple(Place((i,)) for i in range(len(plan)))
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The reading."""
-        return reading_label(plan, machine, place.index[0])
+        return plan.words(machine, place.index[0])
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
         """1 at the reading."""
         return np.eye(len(plan))[:, [place.index[0] for place in places]]
 
@@ -83,20 +82,20 @@ class GaugeSlip(PatternCause):
         """One revolution of the dial [mm]."""
         return machine.gauge.revolution_mm or 0.0
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every reading alone, and every reading but the first of a set-up with all after it."""
-        followed = onwards(plan).sum(axis=0) > 1
+        followed = plan.onwards.sum(axis=0) > 1
         kept = [i for i in later_readings(plan) if followed[i]]
         return (*(Place((i, 0)) for i in range(len(plan))), *(Place((i, 1)) for i in kept))
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The reading, or the first of several."""
-        reading = reading_label(plan, machine, place.index[0])
+        reading = plan.words(machine, place.index[0])
         return f"from {reading} on" if place.index[1] else reading
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
         """1 where turns were miscounted (to be multiplied by the length of a revolution)."""
-        both = np.stack((np.eye(len(plan)), onwards(plan)))
+        both = np.stack((np.eye(len(plan)), plan.onwards))
         reading, onward = np.array([place.index for place in places]).T
         return both[onward, :, reading].T
 
@@ -114,7 +113,7 @@ class SignFlip(RelabelCause):
     instrument = "a feeler gauge under each plunger: its reading must grow"
     advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every (leg, direction), then all readings of a table of one part."""
         return (*series_places(plan), *whole_table(plan))
 
@@ -122,11 +121,11 @@ class SignFlip(RelabelCause):
         """All gauges are the wrong way round, or a spreadsheet turned them: rare."""
         return CLERICAL if place == EVERYWHERE else 1.0
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The leg and direction."""
         return "all readings" if place == EVERYWHERE else series_at(place).words(plan)
 
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Same readings, sign −1 in the series."""
         turned = True if place == EVERYWHERE else series_at(place).readings(plan)
         return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
@@ -149,18 +148,18 @@ class SwappedGauges(ExchangeCause):
         " were right, the two other legs were written for each other."
     )
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every leg that was read in two directions in a part."""
         legs = (InPart((leg,), part) for part in range(plan.parts) for leg in range(3))
         return tuple(
             leg.place for leg in legs if np.unique(plan.direction[leg.readings(plan)]).size == 2
         )
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The leg."""
         return InPart.of(place, 1).words(plan)
 
-    def concerned(self, plan: Plan, place: Place) -> Bools:
+    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
         """Those of the leg in the part."""
         return InPart.of(place, 1).readings(plan)
 
@@ -181,7 +180,7 @@ class ExchangedColumns(ExchangeCause):
     instrument = "one plunger pushed at a time: its own row must change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """A table of one part."""
         return whole_table(plan)
 
@@ -201,11 +200,11 @@ class WrongUnit(RelabelCause):
     instrument = "a gauge block under the plunger"
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every unit that is taken for mm, in a table of one part."""
         return tuple(Place((k,)) for _ in whole_table(plan) for k in range(len(UNITS)))
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The unit."""
         return UNITS[place.index[0]].mistake
 
@@ -213,7 +212,7 @@ class WrongUnit(RelabelCause):
         """Of the unit."""
         return UNITS[place.index[0]].mm
 
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         """The same readings."""
         return np.arange(len(plan)), np.ones(len(plan))
 

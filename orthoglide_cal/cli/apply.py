@@ -11,7 +11,7 @@ import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.results import Application
@@ -62,6 +62,13 @@ def apply(
             source = read_input(path, file.model).measured.source if path else None
             found = results.take_back(file, source.sha256 if source else None)
         else:
+            if not file.model.kind.recorded:
+                form = f"--format {file.model.kind.formats[0]}"
+                raise UsageError(
+                    "The firmware of a printer keeps what it is given; nothing is recorded here.",
+                    "See what to give it: "
+                    + command("export", path, machine=machine, options=form),
+                )
             own = read_input(path)
             found = results.apply(
                 released(path, machine, forcible=False),

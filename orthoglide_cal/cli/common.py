@@ -12,6 +12,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
 
@@ -26,6 +27,13 @@ if TYPE_CHECKING:
     from orthoglide_cal.files import Input, StoredMachine
     from orthoglide_cal.model import Entered, Model
     from orthoglide_cal.report.document import Document
+
+
+class Stored(StrEnum):
+    """What of a printer.cfg is taken as the readings."""
+
+    CALIBRATION = "calibration"
+    MESH = "mesh"
 
 
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
@@ -83,6 +91,13 @@ MethodName = Annotated[
         " without it the best one for the data.",
     ),
 ]
+Data = Annotated[
+    Stored | None,
+    option(
+        "--data",
+        help="What of a printer.cfg is meant; without it the calibration if it stores one.",
+    ),
+]
 Offsets = tuple[float, float, float]
 Limit = Annotated[
     float | None,
@@ -138,11 +153,11 @@ def for_each(
     raise typer.Exit(worst)
 
 
-def read_input(path: str, machine_file: Path | None = None) -> Input:
+def read_input(path: str, machine_file: Path | None = None, data: Stored | None = None) -> Input:
     """What was measured at `path` ("-": standard input), judged by the machine of --machine."""
     from orthoglide_cal import files
 
-    given = files.read_input(path, given_machine(machine_file), folder_machine)
+    given = files.read_input(path, given_machine(machine_file), folder_machine, data)
     try:
         return replace(given, keeper=read_machine_file(own_machine_file(machine_file)))
     except OrthocalError:

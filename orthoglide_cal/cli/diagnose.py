@@ -16,6 +16,7 @@ from orthoglide_cal.errors import OrthocalError, UsageError, command
 def diagnose(
     files: common.Files,
     machine: common.MachineFile = None,
+    data: common.Data = None,
     holdout: Annotated[
         str | None, common.option(metavar="FILE", help="Later readings that no fit may see.")
     ] = None,
@@ -51,13 +52,14 @@ def diagnose(
     _check_options(files, holdout, applied, accept, to)
 
     def judge(path: str) -> int:
-        given = common.read_input(path, machine)
-        later = written.read_input(holdout, given.model).measured if holdout else None
+        given = common.read_input(path, machine, data)
+        later = written.read_input(holdout, given.model, stored=data) if holdout else None
         diagnosed = diagnosis.diagnose(
             given.measured,
             given.model,
-            holdout=later,
+            holdout=later.measured if later else None,
             applied=np.array(applied),
+            then=later.model if later else None,
             sensitivity=frozenset(diagnosis.Verdict),
         )
         found = results.calibrate(given, diagnosed=diagnosed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -24,6 +24,9 @@ class Format(StrEnum):
     JSON = "json"
     YAML = "yaml"
     TABLE = "table"
+    KLIPPER = "klipper"
+    REPRAPFIRMWARE = "reprapfirmware"
+    MARLIN = "marlin"
 
 
 def export(
@@ -38,7 +41,8 @@ def export(
     format: Annotated[
         Format,
         typer.Option(
-            help="table: joint corrections over the workspace, for causes that were accepted."
+            help="table: joint corrections over the workspace, for causes that were accepted;"
+            " klipper, reprapfirmware, marlin: the lines of a printer's firmware."
         ),
     ] = Format.TEXT,
     target: Annotated[
@@ -51,6 +55,7 @@ def export(
         ),
     ] = None,
     machine: common.MachineFile = None,
+    data: common.Data = None,
     method: common.MethodName = None,
     force: Annotated[
         bool, typer.Option("--force", help="Export what must not be used; it is marked as forced.")
@@ -67,6 +72,7 @@ def export(
     from orthoglide_cal.files import write_text
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
+    from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
 
     if json and format not in (Format.TEXT, Format.JSON):
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
@@ -78,11 +84,13 @@ def export(
     }
 
     def judge(path: str) -> None:
-        found = released(path, machine, method, force)
+        found = released(path, machine, method, force, data=data, format=format)
         if format is Format.TABLE:
             text = controller.as_table(compensation(found.calibration.input.model, points), found)
         elif format is Format.CSV:
             text = controller.as_csv(found)
+        elif format in FIRMWARES:
+            text = as_firmware(format, found, machine)
         else:
             text = formats[Format.JSON if json else format](found, machine)
         if found.forced:
@@ -91,7 +99,8 @@ def export(
             print(text, end="")
         else:
             write_text(target, text)
-            common.tell(f"Joint offsets {found.calibration.identity.number} written to {target}")
+            title = found.adjustment.kind.speech.title
+            common.tell(f"{title} {found.calibration.identity.number} written to {target}")
 
     common.for_each([file], judge, as_json=json)
 
@@ -102,6 +111,8 @@ def released(
     method: str | None = None,
     force: bool = False,
     forcible: bool = True,
+    data: common.Stored | None = None,
+    format: Format = Format.TEXT,
 ) -> Export:
     """The offsets of an input, if they may be used or are forced to.
 
@@ -111,9 +122,24 @@ def released(
     from orthoglide_cal import results
     from orthoglide_cal.report.controller import remedy_words
 
-    found = results.calibrate(common.read_input(path, machine), method)
+    given = common.read_input(path, machine, data)
+    _require_format(format, given.model.kind)
+    found = results.calibrate(given, method)
     try:
         return results.export(found, force)
     except UnusableResultError as error:
         remedies = [*remedy_words(found, machine), *([error.remedy] if forcible else [])]
         raise UnusableResultError(error.what, "\n".join(filter(None, remedies))) from error
+
+
+def _require_format(format: Format, kind: Any) -> None:
+    """Refuse what the controller of another kind of machine reads. Raises UsageError."""
+    from orthoglide_cal.model.model import KINDS
+
+    others = {each: other.id for other in KINDS.values() for each in other.formats}
+    if format in others and format not in kind.formats:
+        raise UsageError(
+            f"--format {format} is for the controller of kind {others[format]}; this machine is of"
+            f" kind {kind.id}.",
+            f"Choose one of {', '.join(kind.formats)}, or text, csv, json, yaml.",
+        )

@@ -14,8 +14,8 @@ from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 if TYPE_CHECKING:
     from orthoglide_cal.report.document import Document
 
-# Key of the file → what is asked, why, and how the answer is told apart from the others.
-_QUESTIONS = {
+# Key of the file → what is asked, why, and how the answer is told apart from the others; by kind.
+_ORTHOGLIDE = {
     "name": ("Name of the machine", "stands on every report"),
     "leg_length_mm": ("L, length of a leg, mm", "centre to centre of its joints"),
     "parallelogram_width_mm": ("d, width of a leg, mm", "between its two bars"),
@@ -28,6 +28,47 @@ _QUESTIONS = {
     "gauge.repeatability_mm": ("Gauge: repeatability, mm", "standard deviation of one reading"),
 }
 
+_LINEAR_DELTA = {
+    "name": ("Name of the machine", "stands on every report"),
+    "arm_length_mm": ("Length of an arm, mm", "centre to centre of its joints"),
+    "delta_radius_mm": ("Delta radius, mm", "from upper to lower joint of an arm, seen from above"),
+    "bed_radius_mm": ("Radius of the bed, mm", "as far as the probe may touch"),
+    "endstops_mm.a": ("Endstop a, mm", "height of the nozzle, in the middle, where it triggers"),
+    "endstops_mm.b": ("Endstop b, mm", "the same"),
+    "endstops_mm.c": ("Endstop c, mm", "the same"),
+    "probe.resolution_mm": ("Probe: resolution, mm", "the smallest step that it tells apart"),
+    "probe.repeatability_mm": ("Probe: repeatability, mm", "standard deviation of one touch"),
+    "probe.calliper_mm": ("Calliper, mm", "standard deviation of a distance on a printed object"),
+}
+_KINDS = {"orthoglide": _ORTHOGLIDE, "linear_delta": _LINEAR_DELTA}
+# What an option is called in the file, where kinds differ; None where a kind has no such thing.
+_OPTIONS: dict[str, dict[str, str | None]] = {
+    "orthoglide": {"radius": None, "bed_radius": None, "endstop": None},
+    "linear_delta": {
+        "leg_length": "arm_length_mm",
+        "width": None,
+        "tool_offset": None,
+        "limits": None,
+        "workspace": None,
+        "resolution": "probe.resolution_mm",
+        "range": None,
+        "revolution": None,
+        "repeatability": "probe.repeatability_mm",
+        "radius": "delta_radius_mm",
+        "bed_radius": "bed_radius_mm",
+    },
+}
+_USUAL = {
+    "leg_length": "leg_length_mm",
+    "width": "parallelogram_width_mm",
+    "tool_offset": "tool_offset_mm",
+    "limits": "joint_limits_mm",
+    "workspace": "workspace_mm",
+    "resolution": "gauge.resolution_mm",
+    "range": "gauge.range_mm",
+    "revolution": "gauge.revolution_mm",
+    "repeatability": "gauge.repeatability_mm",
+}
 _TOLERANCES = "tolerances"
 
 machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
@@ -41,7 +82,10 @@ def new(
             "--output", "-o", metavar="FILE", help="File to write; an existing one stays as it is."
         ),
     ] = Path("machine.yaml"),
-    kind: Annotated[str | None, common.option(metavar="KIND", help="Kind of machine.")] = None,
+    kind: Annotated[
+        str | None,
+        common.option(metavar="KIND", help="Kind of machine: orthoglide or linear_delta."),
+    ] = None,
     name: Annotated[str | None, common.option(metavar="NAME", help="For people.")] = None,
     leg_length: Annotated[float | None, common.option(metavar="MM", help="L.")] = None,
     width: Annotated[float | None, common.option(metavar="MM", help="d of a leg.")] = None,
@@ -68,6 +112,15 @@ def new(
     repeatability: Annotated[
         float | None, common.option(metavar="MM", help="Standard deviation of one reading.")
     ] = None,
+    radius: Annotated[
+        float | None, common.option(metavar="MM", help="Of a linear delta: its delta radius.")
+    ] = None,
+    bed_radius: Annotated[
+        float | None, common.option(metavar="MM", help="Of a linear delta: of its bed.")
+    ] = None,
+    endstop: Annotated[
+        float | None, common.option(metavar="MM", help="Of a linear delta: height of all three.")
+    ] = None,
     tolerance: Annotated[
         list[str] | None,
         common.option(
@@ -86,19 +139,22 @@ def new(
     from orthoglide_cal.files import write_text
 
     given = {
-        "kind": kind,
-        "name": name,
-        "leg_length_mm": leg_length,
-        "parallelogram_width_mm": width,
-        "tool_offset_mm": tool_offset,
-        "joint_limits_mm": list(limits) if limits else None,
-        "workspace_mm": workspace,
-        "gauge.resolution_mm": resolution,
-        "gauge.range_mm": range_,
-        "gauge.revolution_mm": revolution,
-        "gauge.repeatability_mm": repeatability,
+        "leg_length": leg_length,
+        "width": width,
+        "tool_offset": tool_offset,
+        "limits": list(limits) if limits else None,
+        "workspace": workspace,
+        "resolution": resolution,
+        "range": range_,
+        "revolution": revolution,
+        "repeatability": repeatability,
+        "radius": radius,
+        "bed_radius": bed_radius,
+        "endstop": endstop,
     }
-    answers = {key: value for key, value in given.items() if value is not None}
+    answers: dict[str, Any] = {"kind": kind} if kind is not None else {}
+    answers |= {"name": name} if name is not None else {}
+    answers |= _given({key: value for key, value in given.items() if value is not None}, kind)
     answers |= dict(map(_tolerance, tolerance or ()))
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError("`machine new` asks for what is not given.", "In a script, give --yes.")
@@ -110,14 +166,14 @@ def new(
         raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in error.problems)) from error
     if not yes:
         common.tell("Return takes the value in brackets: the prototype's, or in its proportion.")
-        for key, (title, reason) in _QUESTIONS.items():
+        for key, (title, reason) in _questions(answers).items():
             if key not in answers:
                 text = _asked(answers, key, f"{title} ({reason})", target)
         text = _tolerances_asked(answers, target) or text
     write_text(target, text)
     common.deliver(_shown(target), as_json=json)
     common.tell(f"Written to {target}, with what is plausible on such a machine: look through it.")
-    common.tell("In this folder every command uses it. Next: orthocal measure")
+    common.tell(f"In this folder every command uses it. Next: orthocal {_next(answers)}")
 
 
 @machine.command(cls=common.Command)
@@ -152,20 +208,50 @@ def _shown(path: Path) -> Document:
 def _tolerances_asked(answers: dict[str, Any], target: Path) -> str | None:
     """Ask how large each error plausibly is, unless the usual will do: the file's text, or None."""
     from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.model import Machine
     from orthoglide_cal.report.words import unit_words
 
     common.tell("How large an error plausibly is tells `diagnose` what to expect and what not.")
     if typer.confirm("The usual tolerances", default=True, err=True):
         return None
     common.tell("Return keeps each; 0 rules it out. What they are: orthocal guide causes")
-    text = None
-    for cause in CAUSES.values():
+    text, kind = None, answers.get("kind", Machine.kind)
+    for cause in (each for each in CAUSES.values() if kind in each.sizes):
         key = f"{_TOLERANCES}.{cause.id}"
-        # What has no size happens or does not.
-        if cause.unit and key not in answers:
+        # What has no size happens or does not; some only happens on other kinds.
+        possible = answers.get("kind", "orthoglide") in cause.sizes
+        if cause.unit and possible and key not in answers:
             common.tell(f"{cause.title} ({cause.size_reason})")
             text = _asked(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
     return text
+
+
+def _questions(answers: dict[str, Any]) -> dict[str, tuple[str, str]]:
+    """What is asked of this kind of machine; of one that does not exist as of an Orthoglide."""
+    return _KINDS.get(answers.get("kind", "orthoglide"), _ORTHOGLIDE)
+
+
+def _next(answers: dict[str, Any]) -> str:
+    """What to type once the machine is known."""
+    return "guide delta" if _questions(answers) is _LINEAR_DELTA else "measure"
+
+
+def _given(options: dict[str, Any], kind: str | None) -> dict[str, Any]:
+    """Options as keys of the file. Raises UsageError for one that this kind does not have."""
+    own = _OPTIONS.get(kind or "orthoglide", _OPTIONS["orthoglide"])
+    answers: dict[str, Any] = {}
+    for name, value in options.items():
+        if name == "endstop" and name not in own:
+            answers |= {f"endstops_mm.{tower}": value for tower in "abc"}
+            continue
+        key = own.get(name, _USUAL.get(name))
+        if key is None:
+            raise UsageError(
+                f"--{name.replace('_', '-')} is not for a machine of kind {kind or 'orthoglide'}.",
+                "Leave it out; --help lists what there is.",
+            )
+        answers[key] = value
+    return answers
 
 
 def _tolerance(given: str) -> tuple[str, float]:
@@ -224,11 +310,13 @@ def _text(answers: dict[str, Any], target: Path) -> str:
     from orthoglide_cal.files import new_machine
 
     values: dict[str, Any] = {}
-    for key in (*_QUESTIONS, *(key for key in answers if key not in _QUESTIONS)):
+    questions = _questions(answers)
+    for key in (*questions, *(key for key in answers if key not in questions)):
         value = _plain(answers[key] if key in answers else _usual(key, answers))
         group, _, inner = key.rpartition(".")
         (values.setdefault(group, {}) if group else values)[inner] = value
-    values["gauge"]["revolution_mm"] = values["gauge"]["revolution_mm"] or None
+    if "gauge" in values:
+        values["gauge"]["revolution_mm"] = values["gauge"]["revolution_mm"] or None
     return new_machine(values, str(target))
 
 
@@ -241,12 +329,15 @@ def _plain(value: Any) -> Any:
 
 def _usual(key: str, answers: dict[str, Any]) -> Any:
     """What is proposed: the prototype's value, for travel and workspace in proportion to L."""
-    from orthoglide_cal.files import default_machine, machine_values
+    from orthoglide_cal.files import machine_values, read_machine_file, shipped_machine
 
-    value: Any = {**machine_values(default_machine()), "name": "my machine"}
-    length = value["leg_length_mm"]
+    shipped = read_machine_file(shipped_machine(answers.get("kind", "orthoglide"))).model
+    value: Any = {**machine_values(shipped), "name": "my machine"}
+    length = value.get("leg_length_mm", 1.0)
     for part in key.split("."):
         value = value[part]
+    if key == "arm_length_mm":
+        return value[0]  # one for all
     share = answers.get("leg_length_mm", length) / length
     if share != 1.0 and key == "joint_limits_mm":
         return [round(limit * share) for limit in value]

@@ -178,12 +178,15 @@ def measure(
         raise UsageError("--design is a protocol of its own.", "Leave out --protocol.")
     if design not in (None, "best"):
         raise UsageError(f"There is no design {design!r}.", "Write --design best.")
+    known = given_machine(machine) or (None if resume or then else remembered_machine())
+    if known is not None and known.kind.speech.probing is not None:
+        raise UsageError("A printer measures itself.", known.kind.speech.probing)
     request = guided.Request(
         path=session,
         resume=resume,
         agreed=yes,
         offsets_mm=offsets_active,
-        model=given_machine(machine) or (None if resume or then else remembered_machine()),
+        model=known,
         otherwise=folder_machine,
         keeper=keeper(machine) if then else None,
         following=then,

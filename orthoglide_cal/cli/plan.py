@@ -42,6 +42,12 @@ def plan(
     cycles: Annotated[
         int | None, common.option(min=1, max=50, help="Repeats of the postures on each leg (3).")
     ] = None,
+    layout: Annotated[
+        str | None,
+        common.option(
+            metavar="NAME", help="Of a printer: the layout to measure, as plan lists them."
+        ),
+    ] = None,
     target: Annotated[
         float | None,
         common.option(
@@ -76,6 +82,7 @@ def plan(
             " joint limits of the machine file.",
         ),
     ] = None,
+    data: common.Data = None,
     machine: common.MachineFile = None,
     html: common.HtmlFile = None,
     overwrite: common.Overwrite = False,
@@ -83,10 +90,12 @@ def plan(
     no_colour: common.NoColour = False,
 ) -> None:
     """Say what readings will be worth, which causes they can tell apart, and what to read next."""
+    from orthoglide_cal.cli.layouts import write_places
     from orthoglide_cal.cli.program import write_program
     from orthoglide_cal.model import Readings
     from orthoglide_cal.planning import ranked
     from orthoglide_cal.planning.bar import require_on_bar
+    from orthoglide_cal.planning.layouts import layout_prospect
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
     from orthoglide_cal.planning.prospect import prospect
     from orthoglide_cal.planning.steps import (
@@ -96,6 +105,7 @@ def plan(
         sequence,
         sequence_options,
     )
+    from orthoglide_cal.report.documents.layouts import layouts_document
     from orthoglide_cal.report.documents.plan import plan_document
 
     if target is not None and target <= 0.0:
@@ -104,11 +114,8 @@ def plan(
         raise UsageError("--target finds the number of cycles itself.", "Leave out --cycles.")
     if program is None and (template, order, approach, travel) != (None,) * 4:
         raise UsageError("These options are for a program.", "Name its file: --program FILE")
-    if program is not None and (json or html is not None or overwrite or file is not None):
-        raise UsageError(
-            "--program writes the program of a protocol alone.",
-            "Leave out --json, --html, --overwrite and FILE.",
-        )
+    if program is not None and (json or html is not None or overwrite):
+        raise _alone()
     turn = Order.PAPER if order is None else _turn(order)
     following: tuple[Next, ...] = ()
     go_on = None
@@ -117,11 +124,27 @@ def plan(
     else:
         from orthoglide_cal.diagnosis import diagnose
 
-        given = common.read_input(file, machine)
+        given = common.read_input(file, machine, data)
         measured, model = given.measured, given.model
-        following = ranked(diagnose(measured, model))
-        if isinstance(measured, Readings) and measured.plan.fixed and file != "-":
-            go_on = command("measure --then", file, machine=machine)
+        if program is None:
+            following = ranked(diagnose(measured, model))
+    if model.kind.layouts(model.machine):
+        beside = (cycles, target, template, order, approach, travel)
+        if beside != (None,) * 6 or protocol is not Protocol.DOUBLE or gauges != 2:
+            raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
+        laid = layout_prospect(model, layout)
+        if program is not None:
+            write_places(laid.chosen, program)
+            return
+        document = layouts_document(laid, file, machine, following)
+        common.deliver(document, as_json=json, html=html, overwrite=overwrite)
+        return
+    if layout is not None:
+        raise UsageError("--layout is for printers.", "Name a --protocol instead.")
+    if program is not None and file is not None:
+        raise _alone()
+    if file not in (None, "-") and isinstance(measured, Readings) and measured.plan.fixed:
+        go_on = command("measure --then", file, machine=machine)
     way = MeasuringProtocol[protocol.name]
     found = prospect(model, way, cycles or CYCLES, gauges, target)
     if program is not None:
@@ -136,6 +159,13 @@ def plan(
         return
     document = plan_document(found, machine, following, go_on)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite)
+
+
+def _alone() -> UsageError:
+    return UsageError(
+        "--program writes the program of a protocol alone.",
+        "Leave out --json, --html, --overwrite and FILE.",
+    )
 
 
 def _turn(order: str) -> Order:

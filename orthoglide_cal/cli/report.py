@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.report.document import Document
@@ -26,6 +26,7 @@ def report(
         ),
     ] = None,
     machine: common.MachineFile = None,
+    data: common.Data = None,
     method: common.MethodName = None,
     html: common.HtmlFile = None,
     markdown: common.MarkdownFile = None,
@@ -88,13 +89,19 @@ def report(
 
     from orthoglide_cal import diagnosis, results
     from orthoglide_cal.files import latest_session
+    from orthoglide_cal.model import View
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.verification import verify
 
     def judge(path: str) -> int:
-        given, verification = common.read_input(path, machine), None
+        given, verification = common.read_input(path, machine, data), None
         if after is not None:
-            later = common.read_input(after, machine)
+            later = common.read_input(after, machine, data)
+            if View.BED in {given.measured.view, later.measured.view}:
+                raise UsageError(
+                    "A report of a printer is of one file.",
+                    f"Compare them: {command('verify', path, after, machine=machine)}",
+                )
             known = functools.partial(common.entered, machine)
             verification = verify(given, later, applied, limit, known)
         found = results.calibrate(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,7 +23,7 @@ from orthoglide_cal.errors import InputError, UsageError
 if TYPE_CHECKING:
     import numpy as np
 
-    from orthoglide_cal.model import Cause, Effect, Machine, Place, Plan
+    from orthoglide_cal.model import Cause, Effect, Machine, Place
 
 
 class Protocol(StrEnum):
@@ -50,7 +50,9 @@ def simulate(
             metavar="MM", help="Smallest step of the gauge; 0: none; the gauge's own if not given."
         ),
     ] = None,
-    cycles: Annotated[int, typer.Option(min=1, max=1000, help="Repeats of the postures.")] = 3,
+    cycles: Annotated[
+        int | None, option(min=1, max=1000, help="Repeats of the postures (3), or touches (1).")
+    ] = None,
     gauge_at: Annotated[
         float,
         typer.Option(
@@ -59,6 +61,22 @@ def simulate(
             help="Place of the gauges along the leg: 0 carriage joint, 1 tool (double only).",
         ),
     ] = 0.5,
+    places: Annotated[
+        int, typer.Option(min=1, max=2000, help="Of a linear delta: places on its bed.")
+    ] = 41,
+    height: Annotated[
+        list[float] | None,
+        option(metavar="MM", help="Of what lies under the probe; again for more heights."),
+    ] = None,
+    more: Annotated[
+        tuple[float, float, float],
+        typer.Option(
+            "--radius-angles",
+            metavar="DR DA DB",
+            help="Of a linear delta: excess of its radius, mm, and of towers a and b, deg;"
+            " --offsets are those of its endstops.",
+        ),
+    ] = (0.0, 0.0, 0.0),
     cause: Annotated[
         list[str] | None,
         option(
@@ -93,25 +111,45 @@ def simulate(
         readings_csv,
         session_json,
         session_of_readings,
+        touches_csv,
         write_session,
         write_text,
     )
     from orthoglide_cal.model import double_posture, single_posture
     from orthoglide_cal.model.synthetic import synthetic_session
+    from orthoglide_cal.model.touches import bed_plan, synthetic_touches
 
     for name, size in (("--noise", noise), ("--resolution", resolution)):
         if size is not None and not 0.0 <= size < float("inf"):
             raise UsageError(f"{name} cannot be {size:g}.", "Give millimetres from 0.")
     chosen = secrets.randbelow(2**32) if seed is None else seed
     known = given_machine(machine) or folder_machine()
-    nominal = known.machine
+    nominal: Any = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
     gauge = replace(nominal.gauge, **{k: v for k, v in given.items() if v is not None})
-    if protocol is Protocol.DOUBLE:
-        plan = double_posture(nominal, cycles, gauge_at=gauge_at)
-    else:
-        plan = single_posture(nominal, cycles)
     rng = np.random.default_rng(chosen)
+    if known.kind.speech.probing is not None:
+        if json or (target is not None and target.suffix.lower() in (".yaml", ".yml")):
+            raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
+        touched = bed_plan(nominal, places, height or (0.0,), cycles or 1)
+        faults = [_effect_named(text, touched, nominal, rng) for text in cause or ()]
+        made = synthetic_touches(
+            known.extended(faults), touched, np.array((*offsets, *more)), rng, gauge
+        )
+        if target is None:
+            print(touches_csv(made), end="")
+        else:
+            write_text(target, touches_csv(made))
+            tell(f"{len(made)} touches written to {target}")
+        if seed is None:
+            tell(f"seed {chosen}")
+        return
+    if height is not None or any(more):
+        raise UsageError("--height and --radius-angles are of a linear delta.", "Leave them out.")
+    if protocol is Protocol.DOUBLE:
+        plan = double_posture(nominal, cycles or 3, gauge_at=gauge_at)
+    else:
+        plan = single_posture(nominal, cycles or 3)
     wrong = [_effect_named(text, plan, nominal, rng) for text in cause or ()]
     session = synthetic_session(known.extended(wrong), plan, np.array(offsets), rng, gauge)
     record = session_of_readings(session, known, {"source": f"simulated, seed {chosen}"})
@@ -129,7 +167,7 @@ def simulate(
         tell(f"seed {chosen}")
 
 
-def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
+def _effect_named(text: str, plan: Any, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect that `--cause ID[@PLACE]=VALUES` describes.
 
     `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit
@@ -183,7 +221,7 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     return np.concatenate([np.array(values) * cause.scale, hidden])
 
 
-def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
+def _place(cause: Cause, text: str, plan: Any, machine: Machine) -> Place:
     from orthoglide_cal.causes import RelabelCause
     from orthoglide_cal.model import Place
 

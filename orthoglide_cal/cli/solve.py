@@ -9,6 +9,7 @@ from orthoglide_cal.errors import UnusableResultError
 def solve(
     files: common.Files,
     machine: common.MachineFile = None,
+    data: common.Data = None,
     method: common.MethodName = None,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
@@ -18,7 +19,7 @@ def solve(
     from orthoglide_cal.report.documents.solution import solution_document
 
     def judge(path: str) -> int:
-        found = results.calibrate(common.read_input(path, machine), method)
+        found = results.calibrate(common.read_input(path, machine, data), method)
         common.deliver(solution_document(found, machine), as_json=json)
         return 0 if found.release.sound else UnusableResultError.exit_code
 

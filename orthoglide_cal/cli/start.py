@@ -10,7 +10,7 @@ from orthoglide_cal.errors import OrthocalError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.files import FoundSession
-    from orthoglide_cal.model import Machine
+    from orthoglide_cal.model import Machine, Model
     from orthoglide_cal.report import document as doc
 
 
@@ -21,13 +21,16 @@ def start() -> None:
     from orthoglide_cal.session import unfinished
 
     here = Path()
-    machine, sessions, waiting = None, sessions_in(here), unfinished(here)
+    model, sessions, waiting = None, sessions_in(here), unfinished(here)
     try:
         path = machine_in_folder(here)
         known = "none in this folder" if path is None else str(path)
         if path:
-            machine = common.read_machine_file(path).model.machine
-            known += f": {machine.name}, L = {machine.leg_length_mm:g} mm"
+            model = common.read_machine_file(path).model
+            size = f"L = {model.machine.leg_length_mm:g} mm"
+            if model.kind.absolute:
+                size = model.kind.geometry_words(model.machine)
+            known += f": {model.machine.name}, {size}"
     except OrthocalError as error:
         known = str(error)
     facts: list[tuple[str, doc.Blank]] = [("Machine file", doc.Given(known))]
@@ -35,9 +38,7 @@ def start() -> None:
     if sessions:
         others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
         facts.append(("Last session", doc.Given(f"{sessions[-1].path}{others}")))
-    section = doc.Section(
-        "What to type next", (doc.Instructions(_next(machine, sessions, waiting)),)
-    )
+    section = doc.Section("What to type next", (doc.Instructions(_next(model, sessions, waiting)),))
     page = doc.Page(
         kind="orthocal",
         title="calibration of an Orthoglide with a dial indicator",
@@ -49,7 +50,7 @@ def start() -> None:
 
 
 def _next(
-    machine: Machine | None, sessions: list[FoundSession], waiting: list[Path]
+    model: Model | None, sessions: list[FoundSession], waiting: list[Path]
 ) -> tuple[doc.Instruction, ...]:
     """What comes next in the round: machine, measure, solve, apply, measure again, verify."""
     from orthoglide_cal.files import read_input
@@ -60,7 +61,9 @@ def _next(
         name = str(waiting[0].with_suffix(".yaml"))
         return (Instruction("Go on measuring.", command("measure", name, options="--resume")),)
     if not sessions:
-        first = () if machine else (Instruction("Say what machine it is.", "orthocal machine new"),)
+        if model and model.kind.speech.probing:
+            return _probed()
+        first = () if model else (Instruction("Say what machine it is.", "orthocal machine new"),)
         practice = command("measure", "practice.yaml", options="--gauge simulated")
         return (
             *first,
@@ -68,7 +71,7 @@ def _next(
             Instruction("Or try it without a gauge.", practice),
         )
     last = str(sessions[-1].path)
-    applied = _applied(machine, sessions)
+    applied = _applied(model.machine if model else None, sessions)
     if applied == last:
         again = measure_again(read_input(last).conditions)
         return (Instruction("Its offsets are entered: measure again.", again),)
@@ -81,7 +84,21 @@ def _next(
     return (
         Instruction("See the offsets.", command("solve", last)),
         Instruction("Ask whether the model is right.", command("diagnose", last)),
-        *([record] if machine else []),
+        *([record] if model else []),
+    )
+
+
+def _probed() -> tuple[doc.Instruction, ...]:
+    """What comes next with a machine that measures itself."""
+    from orthoglide_cal.report.document import Instruction
+
+    return (
+        Instruction("How to probe it, and what to bring.", "orthocal guide delta"),
+        Instruction("See the parameters.", command("solve", "printer.cfg")),
+        Instruction(
+            "Ask whether the model is right.",
+            command("diagnose", "printer.cfg", options="--data mesh"),
+        ),
     )
 
 

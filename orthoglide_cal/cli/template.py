@@ -14,12 +14,14 @@ class Example(StrEnum):
     READINGS = "readings"
     DIFFERENCES = "differences"
     MACHINE = "machine"
+    TOUCHES = "touches"
     GCODE = "gcode"
 
 
 _SHIPPED = {
     Example.READINGS: "readings.csv",
     Example.DIFFERENCES: "differences.csv",
+    Example.TOUCHES: "touches.csv",
     Example.GCODE: "gcode.nc",
 }
 

@@ -9,6 +9,7 @@ from orthoglide_cal.errors import InputError, UnusableResultError
 def validate(
     files: common.Files,
     machine: common.MachineFile = None,
+    data: common.Data = None,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
@@ -18,7 +19,7 @@ def validate(
     from orthoglide_cal.report.documents.checks import check_document
 
     def judge(path: str) -> int:
-        check = check_file(path, common.given_machine(machine), common.folder_machine)
+        check = check_file(path, common.given_machine(machine), common.folder_machine, data)
         refused: UnusableResultError | None = None
         if check.given is not None:
             try:

@@ -9,15 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis.candidates import UNLISTED, Candidates, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
-from orthoglide_cal.diagnosis.explanations import (
-    UNLISTED,
-    Candidates,
-    Ids,
-    Linearised,
-    Whitened,
-    ids_of,
-)
+from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanation
 from orthoglide_cal.diagnosis.result import Verdict
 from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
@@ -174,19 +168,20 @@ class Judgement:
     ambiguous_with: Ids = ()
 
 
-def judge(posterior: Posterior, misfit: float) -> Judgement:
+def judge(posterior: Posterior, misfit: float, caution: float = 1.0) -> Judgement:
     """The verdict with the set that it accepts.
 
     Args:
         posterior: of all explanations.
         misfit: chance that noise leaves more than the best set of causes does.
+        caution: what the kind of machine asks for beyond `ODDS_TO_NAME`.
     """
     nothing, best = posterior.listed[()], posterior.best
     something = sum(value for ids, value in posterior.listed.items() if ids)
     beyond = sum(posterior.unlisted.values())
     if beyond > nothing + something:
         return Judgement(Verdict.UNEXPLAINED)
-    if something < ODDS_TO_NAME * nothing:
+    if something < caution * ODDS_TO_NAME * nothing:
         return Judgement(Verdict.CONSISTENT, (), posterior.unseen())
     if misfit < MISFIT:
         return Judgement(Verdict.UNEXPLAINED)
@@ -244,7 +239,8 @@ class Assessment:
             open_ += self.posterior.rivals()
         elif verdict is Verdict.CONSISTENT:
             # What no reading shows is uncertain in each of them already.
-            hidden = self.at.white.problem.model.kind.unseen
+            kind = self.at.white.problem.model.kind
+            hidden = (*kind.unseen, *kind.held)
             unseen = [(id,) for id in self.posterior.unseen() if id not in hidden]
             open_ += [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
         weights = np.array([listed[ids] for ids in open_])
@@ -287,11 +283,12 @@ class Assessment:
         pattern = max(self.unlisted, key=lambda unlisted: unlisted.log_evidence)
         fit, white = self.fit(()), self.at.white
         same = np.eye(len(white))
-        estimator = np.linalg.pinv(fit.columns[:, :3])
+        width = fit.offsets.size
+        estimator = np.linalg.pinv(fit.columns[:, :width])
         likeliest = pattern.sigma**2 * same + pattern.columns @ pattern.columns.T
         # Whatever it is may also return with its posture, where repeats cannot average it out:
         # as large in each cell as what is left in the readings.
-        left = float(fit.residual @ fit.residual) / max(len(white) - 3, 1)
+        left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
         cells = white.matrix @ (white.plan.cells[:, None] == np.unique(white.plan.cells))
         returning = left * (same + cells @ cells.T)
         spreads = [estimator @ spread @ estimator.T for spread in (likeliest, returning)]
@@ -331,7 +328,8 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     if best not in fits:
         fits[best] = fit_explanation(scores[best])
     left = fits[best].residual
-    misfit = chance_of_residual(
-        float(left @ left), len(white) - fits[best].unknowns, white.machine.gauge.noise_mm
-    )
-    return Assessment(at, scores, fits, unlisted, posterior, judge(posterior, misfit))
+    # Beside a local shape that is found to be larger or smaller, the noise is found, too.
+    noise = max(at.noise.stated, fits[best].sigma if at.local.any() else 0.0)
+    caution = white.problem.model.kind.caution
+    misfit = chance_of_residual(float(left @ left), len(white) - fits[best].unknowns, noise)
+    return Assessment(at, scores, fits, unlisted, posterior, judge(posterior, misfit, caution))

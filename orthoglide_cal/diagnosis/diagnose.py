@@ -12,7 +12,8 @@ from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import DISMISSED, Assessment, assess
-from orthoglide_cal.diagnosis.explanations import Ids, Whitened, unit_of
+from orthoglide_cal.diagnosis.candidates import Ids
+from orthoglide_cal.diagnosis.explanations import Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import Fitted, HeldOut, leave_out_cells, predict_later
 from orthoglide_cal.diagnosis.result import (
     Diagnosis,
@@ -22,7 +23,7 @@ from orthoglide_cal.diagnosis.result import (
     Verdict,
 )
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.accuracy import chance_of_residual, scatter_of_repeats
+from orthoglide_cal.estimation.accuracy import chance_of_residual, rms, scatter_of_repeats
 from orthoglide_cal.model import Effect, Floats, Measured, Model
 
 # A held-out error counts as lower if it falls below this share of the one before.
@@ -34,6 +35,7 @@ def diagnose(
     model: Model,
     holdout: Measured | None = None,
     applied: Floats | None = None,
+    then: Model | None = None,
     sensitivity: Container[Verdict] = (),
 ) -> Diagnosis:
     """Say what the offsets-only model gets wrong, if anything.
@@ -43,6 +45,7 @@ def diagnose(
         model: nominal machine, gauge and tolerances, and the causes accepted already.
         holdout: later data that no fit may see.
         applied: offsets entered in the controller before the held-out data, shape (3,) [mm].
+        then: the model at the time of the held-out data; None for the same.
         sensitivity: verdicts for which to answer with all tolerances halved and doubled, too.
 
     Raises:
@@ -51,14 +54,18 @@ def diagnose(
     """
     with _weighable(model):
         white = Whitened.of(measured, model)
-        later = None if holdout is None else Whitened.of(holdout, model)
-        entered = np.zeros(3) if applied is None else applied
+        anew = then is not None and model.kind.recalibrated(model.machine, then.machine)
+        known = then if then is not None and anew else model
+        later = None if holdout is None else Whitened.of(holdout, known)
+        entered = np.zeros(len(model.calibrated))
+        if applied is not None:
+            entered[: len(applied)] = applied
         found = assess(white)
         nothing, accepted = found.fit(()), found.accepted
         causes: tuple[NamedCause, ...] = ()
         if found.judgement.accepted:
             before, after = (
-                predict_later(later, fit, entered)
+                predict_later(later, fit, entered, anew)
                 if later is not None
                 else leave_out_cells(white, fit, accepted)
                 for fit in (nothing, accepted)
@@ -87,12 +94,12 @@ def diagnose(
             explained_mm=_predicted(
                 white,
                 measured,
-                accepted.residual if accepted.effects else found.at.residuals[0],
+                accepted.left if accepted.effects else found.at.residuals[0],
                 accepted.effects,
             ),
             sensitivity=changes,
             ranking=_ranking(found),
-            notes=_notes(found, measured),
+            notes=(*_notes(found, measured), *_of_holdout(anew), *_of_local_shape(found)),
         )
 
 
@@ -176,7 +183,11 @@ def _doubtful(found: Assessment, id: str) -> list[str]:
 
 
 def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCause, ...]:
-    """The accepted causes; the one without which the data are hardest to explain comes first."""
+    """The accepted causes; the one without which the data are hardest to explain comes first.
+
+    What acts beside any other comes behind it.
+    """
+    companions = found.at.white.problem.model.kind.companions
     white, accepted = found.at.white, found.accepted
     falls = after.rms_mm < LOWER * before.rms_mm
     named = [
@@ -185,7 +196,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
             where=effect.cause.label(effect.place, white.plan, white.machine),
             probability=found.posterior.listed[found.judgement.accepted],
             rms_before_mm=white.rms(found.at.residuals[0]) * unit_of(accepted.effects),
-            rms_after_mm=white.rms(accepted.residual),
+            rms_after_mm=white.rms(accepted.left),
             heldout_before_mm=before.rms_mm,
             heldout_after_mm=after.rms_mm,
             heldout_ratio=after.ratio,
@@ -194,7 +205,12 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
         )
         for effect in accepted.effects
     ]
-    return tuple(sorted(named, key=lambda cause: -found.scores[(cause.id,)].log_evidence))
+    return tuple(
+        sorted(
+            named,
+            key=lambda cause: (cause.id in companions, -found.scores[(cause.id,)].log_evidence),
+        )
+    )
 
 
 def _sure(found: Assessment, effect: Effect) -> bool:
@@ -214,7 +230,7 @@ def _aliases(found: Assessment, effect: Effect) -> Ids:
 
 
 def _lack_of_fit(white: Whitened, measured: Measured, nothing: Fitted) -> LackOfFit:
-    noise, dof = white.machine.gauge.noise_mm, len(white) - 3
+    noise, dof = white.machine.gauge.noise_mm, len(white) - nothing.offsets.size
     total = nothing.sum_of_squares(noise)
     repeats, chance = None, None
     if white.raw:
@@ -255,6 +271,33 @@ def _ranking(found: Assessment) -> Mapping[Explanation, float]:
     tried = {Explanation(ids): value for ids, value in posterior.listed.items()}
     tried |= {Explanation(pattern=what): value for what, value in posterior.unlisted.items()}
     return dict(sorted(tried.items(), key=lambda item: -item[1]))
+
+
+def _of_holdout(anew: bool) -> Iterator[str]:
+    if anew:
+        yield (
+            "The machine was calibrated anew before the held-out readings: with and without the"
+            " extension its calibrated parameters are fitted to them, and the extension is carried"
+            " over unchanged. A hold-out with the calibrated parameters left free is what a"
+            " recalibrated machine allows."
+        )
+
+
+def _of_local_shape(found: Assessment) -> Iterator[str]:
+    """How much stays unexplained where that is the rule, and what is not claimed."""
+    white, accepted = found.at.white, found.accepted
+    if white.spectrum is None:
+        return
+    noise = white.machine.gauge.noise_mm
+    left = rms(white.plain(accepted.left) * white.plan.precision)
+    beyond = np.sqrt(max(left**2 - noise**2, 0.0))
+    companions = white.problem.model.kind.companions
+    yield from (companions[e.cause.id] for e in accepted.effects if e.cause.id in companions)
+    yield (
+        f"Unexplained stay {1e3 * left:.0f} µm r.m.s., of which {1e3 * min(noise, left):.0f} µm are"
+        f" the probe's noise: {1e3 * beyond:.0f} µm are local, shared by neighbouring places, and"
+        " no evidence for any cause."
+    )
 
 
 def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:

@@ -13,7 +13,8 @@ different size comparable.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,21 +23,56 @@ from orthoglide_cal.model import Floats, freeze
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
 STATEMENT_SPREAD = 0.10
 _LOG_RATIO = np.linspace(-0.6, 0.45, 8)
+# The same of a probe, and of the local shape of a bed.
+PROBE_SPREAD = 0.3
+_PROBE_RATIO = np.array([0.7, 1.0, 1.4])
+ROUGH_SPREAD = math.log(2.0)
+SMOOTH = 0.5
+_ROUGH = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseGrid:
-    """Plausible standard deviations of one reading and their log weights, shape (g,)."""
+    """Plausible standard deviations of one reading and their log weights, shape (g,).
+
+    Attributes:
+        sigma: of noise that no two readings share [mm].
+        log_weight: of each.
+        spectrum: variance that each datum has beside, where neighbours share a local shape of
+            the size that is stated, (k,) [mm²]; the data are those in which it is independent.
+        rough: how many times as large that shape is, (g,).
+    """
 
     sigma: Floats
     log_weight: Floats
+    spectrum: Floats | None = None
+    rough: Floats | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, "sigma", "log_weight")
+        freeze(self, "sigma", "log_weight", "spectrum", "rough")
 
     @classmethod
-    def around(cls, stated_mm: float) -> NoiseGrid:
-        """Log-normal around the stated noise."""
+    def around(
+        cls, stated_mm: float, spectrum: Floats | None = None, assumed: bool = False
+    ) -> NoiseGrid:
+        """Log-normal around the stated noise; with a local shape also around its size.
+
+        Args:
+            stated_mm: standard deviation of one reading [mm].
+            spectrum: as of the class.
+            assumed: True if nobody stated that there is a local shape: as likely there is none.
+        """
+        if spectrum is not None:
+            ratio = -0.5 * (np.log(_PROBE_RATIO) / PROBE_SPREAD) ** 2
+            size = -0.5 * (np.log(_ROUGH) / ROUGH_SPREAD) ** 2
+            sizes, size = _ROUGH, size - log_sum(size)
+            if assumed:
+                sizes = np.append(sizes, 0.0)
+                size = np.append(size + math.log(1.0 - SMOOTH), math.log(SMOOTH))
+            weight = np.add.outer(ratio - log_sum(ratio), size)
+            sigma = np.broadcast_to(stated_mm * _PROBE_RATIO[:, None], weight.shape)
+            rough = np.broadcast_to(sizes, weight.shape)
+            return cls(sigma.reshape(-1), weight.reshape(-1), spectrum, rough.reshape(-1))
         weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
         return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
 
@@ -44,6 +80,35 @@ class NoiseGrid:
     def stated(self) -> float:
         """The likeliest of them: what the gauge's maker states [mm]."""
         return float(self.sigma[np.argmax(self.log_weight)])
+
+    @property
+    def variance(self) -> Floats:
+        """Of each datum, shape (g, k); (g, 1) where no two readings share anything [mm²]."""
+        own = self.sigma[:, None] ** 2
+        if self.spectrum is None or self.rough is None:
+            return own
+        return np.asarray(own + self.rough[:, None] ** 2 * self.spectrum)
+
+    def wider(self, factors: Sequence[float]) -> NoiseGrid:
+        """As plausible at several times the noise, factor by factor."""
+        return replace(
+            self,
+            sigma=np.outer(factors, self.sigma).reshape(-1),
+            log_weight=np.tile(self.log_weight, len(factors)),
+            rough=None if self.rough is None else np.tile(self.rough, len(factors)),
+        )
+
+    def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Density:
+        """Density of residuals under the same columns at several sizes.
+
+        Args:
+            columns: shape (..., k, r).
+            sizes: plausible size of the unknown of each column, shape (..., s, r).
+            log_share: ln prior share of each of the sizes, shape (s,).
+        """
+        if self.spectrum is None:
+            return Gaussian(columns[..., None, :, :] * sizes[..., None, :], self, log_share)
+        return Patchy(columns, sizes, self, log_share)
 
 
 def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats:
@@ -59,8 +124,28 @@ def log_mean(values: Floats) -> float:
     return float(log_sum(values)) - math.log(values.size)
 
 
-class Gaussian:
-    """Density of residuals under B for each σ of a grid; leading axes of B are many B at once.
+class Density:
+    """Density of residuals under B for each σ of a grid; leading axes of B are many B at once."""
+
+    def log_density(self, residuals: Floats) -> Floats:
+        """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""
+        raise NotImplementedError
+
+    def by_noise(self, residual: Floats) -> Floats:
+        """The same of one residual (k,), shape (..., g)."""
+        return np.asarray(self.log_density(residual[:, None])[..., 0])
+
+    def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
+        """How columns c of (k, q) weigh and match one residual (k,).
+
+        Returns:
+            cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., g, q).
+        """
+        raise NotImplementedError
+
+
+class Gaussian(Density):
+    """With noise that no two data share.
 
     Args:
         columns: B, shape (..., k, r), scaled by the plausible sizes [mm]; a column of zeros
@@ -80,20 +165,12 @@ class Gaussian:
         self._log_share = share - 0.5 * log_det
 
     def log_density(self, residuals: Floats) -> Floats:
-        """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""
+        """As of `Density`."""
         quadratic = self._quadratic(residuals, self._inside(residuals))
         return np.asarray(self._log_share[..., None] - 0.5 * quadratic)
 
-    def by_noise(self, residual: Floats) -> Floats:
-        """The same of one residual (k,), shape (..., g)."""
-        return np.asarray(self.log_density(residual[:, None])[..., 0])
-
     def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
-        """How columns c of (..., k, q) weigh and match one residual (k,).
-
-        Returns:
-            cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., g, q).
-        """
+        """As of `Density`."""
         inside = self._inside(patterns)
         outside = (np.swapaxes(patterns, -1, -2) @ residual)[..., None, :]
         match = (outside - self._shrink @ (inside * self._inside(residual[:, None]))) / self._sigma2
@@ -106,6 +183,60 @@ class Gaussian:
         """vᵀ S⁻¹ v of each column."""
         outside = (vectors**2).sum(axis=-2)[..., None, :]
         return np.asarray((outside - self._shrink @ inside**2) / self._sigma2)
+
+
+class Patchy(Density):
+    """With noise that differs from datum to datum: S = diag(σ² + rough²·spectrum) + B Bᵀ.
+
+    By the lemma of Woodbury, with M = I + Bᵀ D⁻¹ B for the diagonal D.
+
+    Args:
+        columns, sizes, log_share: as of `NoiseGrid.density`.
+        noise: the grid, with a spectrum.
+    """
+
+    def __init__(
+        self, columns: Floats, sizes: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0
+    ) -> None:
+        variance = noise.variance
+        self._weight = 1.0 / variance  # (g, k)
+        self._columns = columns
+        turned, same = np.swapaxes(columns, -1, -2), np.eye(columns.shape[-1])
+        inner = [turned @ (weight[:, None] * columns) for weight in self._weight]
+        self._sizes = sizes[..., None, :, None]  # (..., s, 1, r, 1)
+        both = self._sizes * sizes[..., None, None, :]
+        root = np.linalg.cholesky(same + both * np.stack(inner, axis=-3)[..., None, :, :, :])
+        self._root = np.linalg.inv(root)  # (..., s, g, r, r)
+        log_det = 2.0 * np.log(np.einsum("...ii->...i", root)).sum(axis=-1)
+        share = np.asarray(log_share)[..., None] + noise.log_weight
+        self._log_share = share - 0.5 * (log_det + np.log(variance).sum(axis=-1))
+
+    def log_density(self, residuals: Floats) -> Floats:
+        """As of `Density`."""
+        inside = self._inside(residuals)
+        quadratic = self._weight @ residuals**2 - (inside**2).sum(axis=-2)
+        return np.asarray(self._log_share[..., None] - 0.5 * quadratic)
+
+    def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
+        """As of `Density`."""
+        weighed, power, match = self._weight * residual, [], []
+        own = self._inside(residual[:, None])
+        for g, weight in enumerate(self._weight):
+            inside = self._inside_at(g, patterns)
+            power.append(weight @ patterns**2 - (inside**2).sum(axis=-2))
+            match.append(weighed[g] @ patterns - (inside * own[..., g, :, :]).sum(axis=-2))
+        return np.stack(power, axis=-2), np.stack(match, axis=-2)
+
+    def _inside(self, vectors: Floats) -> Floats:
+        """L⁻¹ Bᵀ D⁻¹ v of each column of (k, q) at every σ, shape (..., s, g, r, q)."""
+        each = range(len(self._weight))
+        return np.stack([self._inside_at(g, vectors) for g in each], axis=-3)
+
+    def _inside_at(self, g: int, vectors: Floats) -> Floats:
+        """The same at one σ, shape (..., s, r, q)."""
+        weighed = np.swapaxes(self._columns, -1, -2) @ (self._weight[g][:, None] * vectors)
+        scaled = self._root[..., g, :, :] * self._sizes[..., 0, :, 0][..., None, :]
+        return np.asarray(scaled @ weighed[..., None, :, :])
 
 
 # Squared sizes below this fraction of the largest are lost in rounding, and far below any noise.

@@ -6,10 +6,6 @@ The data are combinations of readings with equal, independent noise:
 
 For raw readings W are the zero-free contrasts, for differences the whitened differences. A
 cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W Wᵀ = I).
-
-Tried are "nothing is wrong", one cause, and two causes. A base is a set of causes with many
-parameters acting everywhere (none, one of the machine or the bars, or both); an extra is one cause
-at one of many places, or one that relabels readings.
 """
 
 from __future__ import annotations
@@ -23,24 +19,24 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.candidates import Candidates
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_rank, rms
-from orthoglide_cal.estimation.influences import Influence, influences
+from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Cause,
     DataKind,
     Effect,
     Floats,
+    GaugePlan,
     Ints,
     Machine,
     Measured,
     Model,
     Place,
-    Plan,
     Readings,
-    Stage,
     differentiate,
     freeze,
     ideal_plan,
@@ -48,17 +44,12 @@ from orthoglide_cal.model import (
     reduction,
     zero_free,
 )
-
-Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is wrong"
+from orthoglide_cal.model.influence import Influence
+from orthoglide_cal.model.plan import Bools
 
 # Between a quick session and a slow one: factor on the pace where no times were written down.
 UNKNOWN_PACE = 3.0
 PER_HOUR = "mm/h"
-# Prior weight of the kinds of explanation; the rest is shared by the unlisted patterns.
-NOTHING = 0.48
-ONE_CAUSE = 0.36
-TWO_CAUSES = 0.12
-UNLISTED = 0.04
 # Of one standard deviation of a reading: what changes the data by less changes no evidence.
 UNSEEN = 0.1
 # Offsets are not judged by their size: one standard deviation of their prior [mm].
@@ -72,10 +63,13 @@ class Whitened:
     Attributes:
         problem: the model, the plan of n readings, and W, shape (k, n).
         data: d, shape (k,) [mm].
-        root: un-whitens, shape (k, k): the identity for raw readings.
+        root: un-whitens, shape (k, k): the identity for raw readings with zeros.
         raw: True for raw readings, whose order in time is known; False for differences.
         in_file: where each entry of the file stands in the data as read, shape (m,).
         unit_mm: the only other unit that the readings may be in [mm]; None without one.
+        spectrum: variance of each datum through a local shape that neighbours share, (k,) [mm²];
+            W makes the data independent in spite of it. None without one.
+        assumed: True if nobody stated how large that shape is.
     """
 
     problem: Problem
@@ -84,9 +78,11 @@ class Whitened:
     raw: bool
     in_file: Ints
     unit_mm: float | None = None
+    spectrum: Floats | None = None
+    assumed: bool = False
 
     def __post_init__(self) -> None:
-        freeze(self, "data", "root", "in_file")
+        freeze(self, "data", "root", "in_file", "spectrum")
 
     @classmethod
     def of(cls, measured: Measured, model: Model) -> Whitened:
@@ -101,14 +97,29 @@ class Whitened:
                 rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
                 model = _scaled(model, UNKNOWN_PACE, rates)
             # Zero-free contrasts are orthonormal.
-            matrix = zero_free(measured.plan)
+            matrix, root, spectrum = zero_free(measured.plan), None, None
+            local = model.kind.local(model.machine, measured.plan)
+            if local is not None:
+                shared = matrix @ local.columns
+                spectrum, independent = np.linalg.eigh(shared @ shared.T)
+                spectrum = np.maximum(spectrum, 0.0)
+                # No zero is unknown then: the data are as many as the readings.
+                root = np.linalg.solve(matrix, independent)
+                matrix = independent.T @ matrix
             problem = Problem(model, measured.plan, matrix)
             require_rank(problem)
             data = np.asarray(matrix @ measured.value)
             unit = other_unit(measured, model.machine.gauge)
             in_file = np.arange(len(measured))
             return cls(
-                problem, data, np.eye(len(data)), True, in_file, None if unit is None else unit.mm
+                problem,
+                data,
+                np.eye(len(data)) if root is None else root,
+                True,
+                in_file,
+                None if unit is None else unit.mm,
+                spectrum,
+                local is not None and local.assumed,
             )
         posed = pose(measured, model, Method(measured.kind))
         require_rank(posed.problem)
@@ -133,7 +144,7 @@ class Whitened:
         return self.problem.model.machine
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> GaugePlan:
         """What the n readings are of."""
         return self.problem.plan
 
@@ -147,13 +158,14 @@ class Whitened:
         model = _scaled(self.problem.model, factor, CAUSES.values())
         return replace(self, problem=replace(self.problem, model=model))
 
-    def under(self, plan: Plan) -> Whitened:
+    def under(self, plan: GaugePlan) -> Whitened:
         """The same data as readings of another plan."""
         return replace(self, problem=replace(self.problem, plan=plan))
 
     def plain(self, residual: Floats) -> Floats:
         """A whitened residual (k,) in each reading, or difference, shape (m,) [mm]."""
-        return np.asarray(self.matrix.T @ residual if self.raw else self.root @ residual)
+        zeros = self.raw and self.plan.setups
+        return np.asarray(self.matrix.T @ residual if zeros else self.root @ residual)
 
     def rms(self, residual: Floats) -> float:
         """Root mean square of a whitened residual over readings, or differences [mm]."""
@@ -188,11 +200,12 @@ class Whitened:
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
     """The model with the plausible sizes of these causes multiplied."""
     machine = model.machine
-    sizes = {cause.id: factor * cause.size(machine) for cause in causes}
+    own = (cause for cause in causes if machine.kind in cause.sizes)
+    sizes = {cause.id: factor * cause.size(machine) for cause in own}
     return replace(model, machine=replace(machine, tolerances={**machine.tolerances, **sizes}))
 
 
-def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
+def as_read(plan: GaugePlan, effects: Sequence[Effect]) -> GaugePlan:
     """The plan of what was really read, where an exchange cannot be expressed in the data."""
     for effect in effects:
         cause, place = effect.cause, effect.place
@@ -205,66 +218,6 @@ def unit_of(effects: Sequence[Effect]) -> float:
     """The unit of the data, if these effects are behind them [mm]."""
     pairs = ((effect.cause, effect.place) for effect in effects)
     return math.prod(c.unit_mm(place) for c, place in pairs if isinstance(c, RelabelCause))
-
-
-def ids_of(*causes: Cause) -> Ids:
-    """Ids of a set of causes, sorted."""
-    return tuple(sorted(cause.id for cause in causes))
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """The causes to be tried on one data set.
-
-    Attributes:
-        broad: causes with machine-wide parameters.
-        pairs: of them, those that may act together.
-        extras: causes that add one pattern at one of many places, then those that relabel.
-        log_prior: ln prior weight of each set of ids.
-    """
-
-    broad: tuple[Cause, ...]
-    pairs: tuple[tuple[Cause, ...], ...]
-    extras: tuple[PatternCause | RelabelCause, ...]
-    log_prior: Mapping[Ids, float]
-
-    @classmethod
-    def of(cls, model: Model, ordered: bool) -> Candidates:
-        """Causes that are possible on the machine, and sets of one or two of them.
-
-        Two act together only if at least one lies in the contact or the record; two of the
-        machine at once are left to "unlisted".
-
-        Args:
-            model: tolerances, gauge, and the causes that are known already.
-            ordered: whether the time order of the readings is known.
-        """
-        known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
-        usable = [
-            cause
-            for cause in tried
-            if cause.possible(model.machine) and (ordered or not cause.timed)
-            if cause.id not in known
-        ]
-        extras: tuple[PatternCause | RelabelCause, ...] = (
-            *(cause for cause in usable if isinstance(cause, PatternCause)),
-            *(cause for cause in usable if isinstance(cause, RelabelCause)),
-        )
-        broad = tuple(cause for cause in usable if cause not in extras)
-        contact = [cause for cause in broad if cause.stage is Stage.CONTACT]
-        pairs = tuple((a, b) for a in broad if a.in_machine for b in contact)
-        both = [*pairs, *((cause, extra) for cause in broad for extra in extras)]
-        log_prior: dict[Ids, float] = {(): math.log(NOTHING)}
-        for share, sets in ((ONE_CAUSE, [(cause,) for cause in usable]), (TWO_CAUSES, both)):
-            weight = {ids_of(*causes): math.prod(c.weight for c in causes) for causes in sets}
-            total = sum(weight.values())
-            log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
-        return cls(broad, pairs, extras, log_prior)
-
-    @property
-    def bases(self) -> tuple[tuple[Cause, ...], ...]:
-        """No cause of the broad ones, or one."""
-        return ((), *((cause,) for cause in self.broad))
 
 
 @dataclass(frozen=True)
@@ -404,12 +357,12 @@ class Linearised:
         offsets, broad = fit.offsets_mm[0], candidates.broad
         absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
         _, columns = white.linearised(offsets, absent)
-        ends = np.cumsum([3, *(cause.unknowns for cause in broad)])
+        ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
         slope, *slopes = np.split(columns, ends[:-1], axis=1)
         return cls(
             white=white,
             candidates=candidates,
-            noise=NoiseGrid.around(machine.gauge.noise_mm),
+            noise=NoiseGrid.around(machine.gauge.noise_mm, white.spectrum, white.assumed),
             extras=extras,
             versions=versions[fit.converged],
             offsets=fit.offsets_mm[fit.converged],
@@ -426,13 +379,29 @@ class Linearised:
         return np.hstack([each.columns for each in self.uncertain])
 
     @cached_property
+    def local(self) -> Bools:
+        """Which columns of `carried` are of a local shape, shape (a,)."""
+        each = [np.full(each.columns.shape[1], each.local) for each in self.uncertain]
+        return np.concatenate([np.zeros(0, dtype=np.bool_), *each])
+
+    @property
+    def scales(self) -> Mapping[float, float]:
+        """Of the sizes of a base, as multiples of its tolerances, and the share of each."""
+        scales: Mapping[float, float] = self.white.problem.model.kind.scales
+        return scales
+
+    @cached_property
     def seen(self) -> Floats:
         """The part of `carried` that shows, with as few columns as tell it, shape (k, b) [mm].
+
+        A local shape is part of the noise.
 
         What the offsets imitate changes no evidence, and what stays far below the noise none
         that matters.
         """
-        shown = self.carried - self.slope @ (np.linalg.pinv(self.slope) @ self.carried)
+        few = [each.columns for each in self.uncertain if not each.local]
+        carried = np.hstack([np.zeros((len(self.white), 0)), *few])
+        shown = carried - self.slope @ (np.linalg.pinv(self.slope) @ carried)
         left, size, _ = np.linalg.svd(shown, full_matrices=False)
         kept = size > UNSEEN * self.noise.stated
         return np.asarray(left[:, kept] * size[kept])
@@ -447,4 +416,4 @@ class Linearised:
         Those of the parameters are `scale` times the tolerances.
         """
         own = [scale * cause.prior_std(self.white.machine) for cause in base]
-        return np.concatenate([np.full(3, OFFSETS_MM), *own])
+        return np.concatenate([np.full(self.slope.shape[1], OFFSETS_MM), *own])

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -29,9 +30,9 @@ from orthoglide_cal.diagnosis.scores import (
 )
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
-from orthoglide_cal.estimation.influences import Influence, Origin
-from orthoglide_cal.estimation.least_squares import fit_linear
+from orthoglide_cal.estimation.least_squares import fit_linear, fit_offsets
 from orthoglide_cal.model import Cause, Effect, Floats, Gauge, Ints, differentiate, freeze
+from orthoglide_cal.model.influence import Influence, Origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ class Fitted:
         slots: of each effect, its unknowns; none for what has no size or a known one.
         linear: whitened data minus the linearised model at zero unknowns, shape (k,) [mm].
         residual: whitened data minus prediction, shape (k,) [mm].
+        local: what of it is put down to a local shape beside, shape (k,) [mm].
         columns: whitened derivatives by the unknowns, shape (k, q).
         sizes: their plausible sizes, shape (q,).
         sigma: standard deviation of one reading under this explanation [mm].
@@ -62,19 +64,25 @@ class Fitted:
     slots: tuple[slice, ...]
     linear: Floats
     residual: Floats
+    local: Floats
     columns: Floats
     sizes: Floats
     sigma: float
     uncertain: tuple[Influence, ...]
 
     def __post_init__(self) -> None:
-        freeze(self, "offsets", "covariance", "linear", "residual", "columns", "sizes")
+        freeze(self, "offsets", "covariance", "linear", "residual", "local", "columns", "sizes")
 
     def joint_covariance(self, effects: Sequence[Effect] = ()) -> Floats:
         """Of the offsets and the parameters of some of its effects in turn, internal units."""
         slots = [self.slots[self.effects.index(effect)] for effect in effects]
-        chosen = np.r_[(slice(0, 3), *slots)]
+        chosen = np.r_[(slice(0, self.offsets.size), *slots)]
         return np.asarray(self.covariance[np.ix_(chosen, chosen)])
+
+    @property
+    def left(self) -> Floats:
+        """What offsets and causes leave, a local shape included, shape (k,) [mm]."""
+        return self.residual + self.local
 
     @property
     def wrong_reading(self) -> int | None:
@@ -92,7 +100,7 @@ class Fitted:
         """
         fixed = [effect for effect in self.effects if effect.covariance is None]
         sized = [effect for effect in self.effects if effect.covariance is not None]
-        theta = np.concatenate([np.zeros(3), *(effect.theta for effect in sized)])
+        theta = np.concatenate([0.0 * self.offsets, *(effect.theta for effect in sized)])
         model, plan = white.problem.model.extended(fixed), as_read(white.plan, fixed)
         readings, slopes = differentiate(model, self.offsets, plan, sized)
         unit = unit_of(fixed)
@@ -163,23 +171,28 @@ def fit_explanation(score: Score) -> Fitted:
         else:
             added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
     own_sizes = at.sizes(base, score.scale)
-    sizes = np.concatenate([own_sizes, free_size, np.ones(at.carried.shape[1])])
-    ends = np.cumsum([3, *(cause.unknowns for cause in base), free_size.size]).tolist()
+    own = at.columns(base)
+    # A local shape is as large as these data make it.
+    rough = _judged(score, own, at.residuals[version]).rough if at.local.any() else 1.0
+    sizes = np.concatenate([own_sizes, free_size, np.where(at.local, rough, 1.0)])
+    width = at.offsets.shape[1]
+    ends = np.cumsum([width, *(cause.unknowns for cause in base), free_size.size]).tolist()
     slots = tuple(slice(*pair) for pair in pairwise(ends))
 
-    offsets, own, linear = at.offsets[version], at.columns(base), at.residuals[version] - added
+    offsets, linear = at.offsets[version], at.residuals[version] - added
     # With the offsets alone the first linear model is that of the fit already.
     for last in (False, True) if base or version else (True,):
         columns = np.hstack([own, free, at.carried])
         found, _ = fit_linear(columns, linear, sizes, at.noise.stated)
-        offsets = offsets + found[:3]
+        offsets = offsets + found[:width]
         if not last:
-            theta = found[3 : own.shape[1]]
+            theta = found[width : own.shape[1]]
             effects = [cause.at(found[slot]) for cause, slot in zip(base, slots, strict=False)]
             predicted, own = at.white.linearised(offsets, effects)
-            linear = at.versions[version] - added - predicted + own[:, 3:] @ theta
-    log, sigma = _judged(score, own, linear + added)
+            linear = at.versions[version] - added - predicted + own[:, width:] @ theta
+    log, sigma, _ = _judged(score, own, linear + added)
     _, covariance = fit_linear(columns, linear, sizes, sigma)
+    local = np.flatnonzero(at.local) + own.shape[1] + free.shape[1]
     return Fitted(
         log_evidence=log + _positivity(base, slots, found, covariance),
         effects=_effects(score, slots, found, covariance),
@@ -188,6 +201,7 @@ def fit_explanation(score: Score) -> Fitted:
         slots=slots if extra else slots[:-1],
         linear=linear,
         residual=linear - columns @ found,
+        local=columns[:, local] @ found[local],
         columns=columns,
         sizes=sizes,
         sigma=sigma,
@@ -195,8 +209,16 @@ def fit_explanation(score: Score) -> Fitted:
     )
 
 
-def _judged(score: Score, own: Floats, linear: Floats) -> tuple[float, float]:
-    """Log evidence of an explanation and its σ [mm].
+class _Judged(NamedTuple):
+    """Of an explanation: log evidence, σ [mm], size of a local shape over the stated one."""
+
+    log_evidence: float
+    sigma: float
+    rough: float
+
+
+def _judged(score: Score, own: Floats, linear: Floats) -> _Judged:
+    """Log evidence of an explanation, its σ [mm], and how rough its bed is.
 
     From the derivatives by offsets and parameters of its base (k, 3 + p), and the data minus the
     linear model at zero parameters (k,).
@@ -205,10 +227,17 @@ def _judged(score: Score, own: Floats, linear: Floats) -> tuple[float, float]:
     (by_noise,) = evidence_by_noise(score, density_of(at, [own], [base]), linear)
     log = float(log_sum(by_noise))
     sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
+    rough = 1.0
+    if at.noise.rough is not None:
+        rough = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.rough**2)))
     if score.extra is None and len(base) == 1:
-        others, mine = scaled(at, own[:, :3], ()), own[:, 3:] * at.sizes(base)[3:]
-        return all_or_one([(base[0], mine, log)], others, linear, at.noise)[0], sigma
-    return log + LOG_ALL if base else log, sigma
+        width = at.offsets.shape[1]
+        others = scaled(at, own[:, :width], ())
+        mine = own[:, width:] * at.sizes(base)[width:]
+        together = [(base[0], mine, log)]
+        log = all_or_one(together, others, linear, at.noise, at.scales)[0]
+        return _Judged(log, sigma, rough)
+    return _Judged(log + LOG_ALL if base else log, sigma, rough)
 
 
 def _positivity(
@@ -287,10 +316,10 @@ def _left_out(white: Whitened, wrong: int | None) -> list[Ints]:
     """Entries to leave out together; blocks of one size in one array, shape (blocks, size)."""
     cells, kept = np.arange(len(white)), np.full(len(white), True)
     if white.raw:
-        cells, setup = white.plan.cells, white.plan.setup
-        # A set-up that leaves with its cell takes its zero along: nothing can predict it.
-        same = setup[:, None] == setup
-        kept = np.any(same & (cells[:, None] != cells), axis=1)
+        cells = white.plan.cells
+        if white.plan.setups:
+            # A set-up that leaves with its cell takes its zero along: nothing can predict it.
+            kept = np.any(white.plan.same & (cells[:, None] != cells), axis=1)
         if wrong is not None:
             kept[wrong] = False
     by_size: dict[int, list[Ints]] = {}
@@ -300,7 +329,7 @@ def _left_out(white: Whitened, wrong: int | None) -> list[Ints]:
     return [np.stack(blocks) for blocks in by_size.values()]
 
 
-def predict_later(later: Whitened, fit: Fitted, applied: Floats) -> HeldOut:
+def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = False) -> HeldOut:
     """Predict readings taken after the controller was corrected.
 
     The offsets that remain are those found minus those applied; causes of the contact and the
@@ -310,16 +339,32 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats) -> HeldOut:
         later: the held-out data.
         fit: from the first data only.
         applied: offsets entered in between, shape (3,) [mm].
+        free: True if the machine was calibrated anew in between: its parameters are unknown and
+            fitted to the later data; nothing else is.
     """
     lasting = [effect for effect in fit.effects if effect.cause.lasting]
-    predicted, spread = foretell(later, fit, fit.offsets - applied, lasting)
+    offsets = fit.offsets - applied
+    if free:
+        extended = replace(later.problem, model=later.problem.model.extended(lasting))
+        offsets = fit_offsets(extended, later.data).offsets_mm
+    predicted, spread = foretell(later, fit, offsets, lasting, fitted=free)
     error = later.data - predicted
     root = np.linalg.cholesky(fit.sigma**2 * np.eye(len(later)) + spread)
-    return HeldOut(rms(later.root @ error), rms(np.linalg.solve(root, error)))
+    scaled_error = np.linalg.solve(root, error)
+    if free:
+        # What a fit to these errors leaves, of as many as it leaves free.
+        slope = np.linalg.solve(root, later.linearised(offsets, lasting)[1][:, : offsets.size])
+        scaled_error -= slope @ (np.linalg.pinv(slope) @ scaled_error)
+        scaled_error *= np.sqrt(error.size / max(error.size - offsets.size, 1))
+    return HeldOut(rms(later.root @ error), rms(scaled_error))
 
 
 def foretell(
-    later: Whitened, fit: Fitted, offsets: Floats, effects: Sequence[Effect]
+    later: Whitened,
+    fit: Fitted,
+    offsets: Floats,
+    effects: Sequence[Effect],
+    fitted: bool = False,
 ) -> tuple[Floats, Floats]:
     """What a fit to some data says of others, shape (k,), and its covariance but for noise, (k, k).
 
@@ -328,9 +373,13 @@ def foretell(
         fit: to the first data.
         offsets: those at the time of the other data, shape (3,) [mm].
         effects: of the fit, those that are expected again and not known exactly.
+        fitted: True if the offsets are those of the other data, not of the first.
     """
     predicted, slopes = later.linearised(offsets, effects)
     columns, joint = known_then(fit, effects, slopes, later.uncertain(offsets), stands=0)
+    if fitted:
+        width = offsets.size
+        columns, joint = columns[:, width:], joint[width:, width:]
     return predicted, columns @ joint @ columns.T
 
 
@@ -354,15 +403,20 @@ def known_then(
         Derivatives, shape (k, u), and the covariance of the unknowns, (u, u); the offsets first.
     """
     slots = [slice(0, len(fit.offsets)), *(fit.slots[fit.effects.index(each)] for each in effects)]
-    columns, fresh = [slopes], []
+    columns, fresh = [slopes], [slopes[:, :0]]
     start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
     # What the other model knows exactly beside comes last, and is not uncertain.
     for before, after in zip(fit.uncertain, uncertain, strict=False):
         width = before.columns.shape[1]
-        stay = stands if before.source == Origin.GAUGE_PLACEMENT else width
-        slots.append(slice(start, start + stay))
-        columns.append(after.columns[:, :stay])
-        fresh.append(after.columns[:, stay:])
+        if before.local:
+            # At other places another shape; at the same one more than it takes.
+            rough = fit.sizes[start : start + width].max(initial=0.0)
+            fresh.append(rough * after.columns)
+        else:
+            stay = stands if before.source == Origin.GAUGE_PLACEMENT else width
+            slots.append(slice(start, start + stay))
+            columns.append(after.columns[:, :stay])
+            fresh.append(after.columns[:, stay:])
         start += width
     chosen = np.r_[tuple(slots)]
     known: Floats = fit.covariance[np.ix_(chosen, chosen)]

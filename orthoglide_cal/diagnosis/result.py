@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis.explanations import Ids, Whitened
+from orthoglide_cal.diagnosis.candidates import Ids
+from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.budget import Budget, Contribution
-from orthoglide_cal.estimation.influences import Origin
 from orthoglide_cal.model import (
     DataKind,
     Differences,
@@ -28,6 +28,7 @@ from orthoglide_cal.model import (
     Source,
     freeze,
 )
+from orthoglide_cal.model.influence import Origin
 
 # The fit takes one or two Gauss–Newton steps, which leave up to a quarter of a standard deviation.
 OPTIMAL = 0.5

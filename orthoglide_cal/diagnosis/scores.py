@@ -8,25 +8,21 @@ both readings of its name. Beside another fault only the first is tried, which i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause, RelabelCause, onwards
-from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_mean, log_sum
-from orthoglide_cal.diagnosis.explanations import Extra, Ids, Linearised, Placed, Whitened, ids_of
+from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.candidates import Ids, ids_of
+from orthoglide_cal.diagnosis.evidence import Density, NoiseGrid, log_mean, log_sum
+from orthoglide_cal.diagnosis.explanations import Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
-from orthoglide_cal.model import AXES, Cause, Floats, Machine
+from orthoglide_cal.model import Cause, Floats, Machine
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
-# A tolerance is a standard deviation, yet one fault in five is several times as large: scale of the
-# sizes of a base, and its share. Priced at the tolerance alone a bar skewed by three of them would
-# be taken for a smaller skew beside a second fault.
-SCALES = {1.0: 0.8, 3.0: 0.2}
-_LOG_SCALES = np.log(list(SCALES.values()))
 # Share of the cases in which all parameters of a cause act.
 ALL = 0.5
 LOG_ALL = math.log(ALL)
@@ -45,7 +41,7 @@ class Score:
         at: the linear model that it was scored with.
         log_evidence: with the prior of places, without that of the set of causes.
         base: its causes with many parameters.
-        scale: of their sizes, the likelier one of `SCALES`.
+        scale: of their sizes, the likeliest one.
         extra: its cause at one place, if any.
         replanned: where the extra is an exchange that the data cannot undo, the score of the base
             under the plan of what was really read.
@@ -85,11 +81,15 @@ class Score:
 
         Explanations that ask for the same are one answer.
         """
-        base, extra = ids_of(*self.base), self.extra
+        base, extra = _mended(*self.base), self.extra
         if extra is None:
             return base, ()
         again = extra.cause.to_read_again(self.at.white.plan, extra.place)
-        return (base, again) if again else (ids_of(*self.base, extra.cause), ())
+        return (base, again) if again else (_mended(*self.base, extra.cause), ())
+
+
+def _mended(*causes: Cause) -> Ids:
+    return tuple(sorted(cause.mended_as or cause.id for cause in causes))
 
 
 def score_all(at: Linearised) -> dict[Ids, Score]:
@@ -112,7 +112,7 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         own = [at.slopes[cause.id] * cause.prior_std(machine) for cause in broad]
         logs = [scores[ids_of(cause)].log_evidence for cause in broad]
         together = list(zip(broad, own, logs, strict=True))
-        either = all_or_one(together, scaled(at, at.slope, ()), residual, at.noise)
+        either = all_or_one(together, scaled(at, at.slope, ()), residual, at.noise, at.scales)
         for cause, mean in zip(broad, either, strict=True):
             scores[ids_of(cause)] = replace(scores[ids_of(cause)], log_evidence=mean)
     power, match = density.against(at.patterns, residual)
@@ -159,7 +159,7 @@ def _replanned(at: Linearised) -> Iterator[tuple[Ids, Score]]:
 def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Score]:
     """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
     by_scale = log_sum(log, 2)
-    scales = np.array(list(SCALES))[by_scale.argmax(axis=1)]
+    scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
     each = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), strict=True)
     return {ids_of(*base): Score(at, value, base, scale) for base, value, scale in each}
 
@@ -169,7 +169,7 @@ def scaled(at: Linearised, columns: Floats, base: Sequence[Cause], scale: float 
     return np.hstack([columns * at.sizes(base, scale), at.seen])
 
 
-def density_of(at: Linearised, columns: Sequence[Floats], bases: Bases) -> Gaussian:
+def density_of(at: Linearised, columns: Sequence[Floats], bases: Bases) -> Density:
     """Densities under many bases at every scale, leading axes (b, s).
 
     Args:
@@ -178,11 +178,14 @@ def density_of(at: Linearised, columns: Sequence[Floats], bases: Bases) -> Gauss
         bases: padded with columns of zeros to one width.
     """
     width = max(own.shape[1] for own in columns) + at.seen.shape[1]
-    padded = np.zeros((len(bases), len(SCALES), len(at.white), width))
-    for filled, own, base in zip(padded, columns, bases, strict=True):
-        for at_scale, scale in zip(filled, SCALES, strict=True):
-            at_scale[:, : own.shape[1] + at.seen.shape[1]] = scaled(at, own, base, scale)
-    return Gaussian(padded, at.noise, _LOG_SCALES)
+    padded = np.zeros((len(bases), len(at.white), width))
+    sizes = np.ones((len(bases), len(at.scales), width))
+    for number, (own, base) in enumerate(zip(columns, bases, strict=True)):
+        end = own.shape[1]
+        padded[number, :, :end] = own
+        padded[number, :, end : end + at.seen.shape[1]] = at.seen
+        sizes[number, :, :end] = [at.sizes(base, scale) for scale in at.scales]
+    return at.noise.density(padded, sizes, np.log(list(at.scales.values())))
 
 
 def all_or_one(
@@ -190,6 +193,7 @@ def all_or_one(
     others: Floats,
     residual: Floats,
     noise: NoiseGrid,
+    scales: Mapping[float, float],
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
 
@@ -199,19 +203,22 @@ def all_or_one(
         others: scaled columns of all that is beside it, shape (k, r) [mm].
         residual: data minus the model without the cause, shape (k,) [mm].
         noise: the grid.
+        scales: of their sizes, and the share of each.
     """
     counts = [len(cause.names) for cause, _, _ in together]
     always = others.shape[1]
     width = always + 1 + max(len(cause.nuisance) for cause, _, _ in together)
-    columns = np.zeros((sum(counts), len(SCALES), len(residual), width))
+    columns = np.zeros((sum(counts), len(residual), width))
     columns[..., :always] = others
     rows = np.split(columns, np.cumsum(counts)[:-1])
     for (cause, own, _), filled in zip(together, rows, strict=True):
         named = len(cause.names)
-        filled[..., always] = own[:, :named].T[:, None]
+        filled[..., always] = own[:, :named].T
         filled[..., always + 1 : always + 1 + len(cause.nuisance)] = own[:, named:]
-    columns[..., always:] *= np.array(list(SCALES))[:, None, None]
-    logs = log_sum(Gaussian(columns, noise, _LOG_SCALES).by_noise(residual), (1, 2))
+    sizes = np.ones((len(scales), width))
+    sizes[:, always:] = np.array(list(scales))[:, None]
+    shares = np.log(list(scales.values()))
+    logs = log_sum(noise.density(columns, sizes, shares).by_noise(residual), (1, 2))
     each = np.split(logs, np.cumsum(counts)[:-1])
     return [
         float(np.logaddexp(log_all + LOG_ALL, log_mean(ones) + math.log(1.0 - ALL)))
@@ -237,7 +244,7 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     scores = {}
     each = zip(at.candidates.bases, by_scale, best.tolist(), total.tolist(), shares, strict=True)
     for base, own, number, value, share in each:
-        scale = list(SCALES)[own[:, number].argmax()]
+        scale = list(at.scales)[own[:, number].argmax()]
         log_all = LOG_ALL if base else 0.0
         scores[ids_of(*base, cause)] = Score(
             at, value + log_all, base, scale, placed.numbered(number), by_place=share
@@ -245,7 +252,7 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     return scores
 
 
-def evidence_by_noise(score: Score, density: Gaussian, residual: Floats) -> Floats:
+def evidence_by_noise(score: Score, density: Density, residual: Floats) -> Floats:
     """Log evidence of an explanation by scale and σ, from the density of its base, shape (s, g).
 
     Args:
@@ -327,30 +334,21 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
     offsets = scaled(at, at.slope, ())
     found = []
-    for what, pattern in _patterns(at.white):
+    for what, pattern in at.white.plan.patterns(at.white.raw):
         white = at.white.matrix @ pattern * stated
-        columns = np.stack([np.hstack([offsets, white * size]) for size in SIZES])
-        logs = log_sum(Gaussian(columns, noise).by_noise(residual), 1)
+        columns = np.hstack([offsets, white])
+        sizes = np.ones((len(SIZES), columns.shape[1]))
+        sizes[:, offsets.shape[1] :] = np.array(SIZES)[:, None]
+        logs = log_sum(noise.density(columns, sizes).by_noise(residual), 1)
         found.append(Unlisted(what, log_mean(logs), white * SIZES[np.argmax(logs)], stated))
-    wider = NoiseGrid(
-        np.outer(NOISIER, noise.sigma).reshape(-1), np.tile(noise.log_weight, len(NOISIER))
+    wider = noise.wider(NOISIER)
+    logs = log_sum(
+        wider.density(offsets, np.ones((1, offsets.shape[1])))
+        .by_noise(residual)
+        .reshape(len(NOISIER), -1),
+        1,
     )
-    logs = log_sum(Gaussian(offsets, wider).by_noise(residual).reshape(len(NOISIER), -1), 1)
     what = "every reading scatters more than the gauge's stated noise"
     noisier = stated * NOISIER[np.argmax(logs)]
     found.append(Unlisted(what, log_mean(logs), np.zeros((len(at.white), 0)), noisier))
     return found
-
-
-def _patterns(white: Whitened) -> Iterator[tuple[str, Floats]]:
-    """Description and columns (n, q) of unit size."""
-    plan = white.plan
-    repeatable = plan.cells[:, None] == np.arange(plan.cells.max() + 1)
-    yield "the same deviation whenever a posture returns", repeatable.astype(np.float64)
-    if not white.raw:
-        return
-    same = onwards(plan)
-    yield "readings that wander with time", same / np.sqrt(same.sum(axis=0).max())
-    for leg in np.unique(plan.leg):
-        own = np.flatnonzero(plan.leg == leg)
-        yield f"more scatter on leg {AXES[leg]}", np.eye(len(plan))[:, own]

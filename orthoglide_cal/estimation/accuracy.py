@@ -20,9 +20,9 @@ from orthoglide_cal.model import (
     DataKind,
     Difference,
     Floats,
+    GaugePlan,
     Machine,
     Model,
-    Plan,
     Posture,
     ideal_plan,
     reduction,
@@ -89,7 +89,7 @@ def sum_of_squares(problem: Problem, slope: Floats, residual: Floats, ratio: Flo
     return float(left @ left)
 
 
-def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
+def scatter_of_repeats(plan: GaugePlan, values: Floats) -> Scatter | None:
     """σ from readings that repeat each other in one gauge set-up; None without repeats.
 
     Repeats in sequence share one set-up, so this may understate the real scatter.
@@ -98,9 +98,7 @@ def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
         plan: n readings.
         values: shape (n,) [mm].
     """
-    keys = np.stack((plan.setup, plan.displacement, plan.contact, *plan.state), axis=1)
-    _, cell = np.unique(keys, axis=0, return_inverse=True)
-    cell = cell.reshape(-1)
+    cell = plan.repeats
     count = np.bincount(cell)
     dof = int(len(plan) - count.size)
     if dof == 0:
@@ -117,6 +115,17 @@ def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
 def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> float:
     """Chance that noise of σ alone leaves a larger sum of squares (χ² test); 1 without dof."""
     return float(chdtrc(dof, sum_of_squares / sigma_mm**2)) if dof > 0 else 1.0
+
+
+def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
+    """Which parameters are known well enough to be told.
+
+    Args:
+        model: the machine.
+        expanded: expanded uncertainties of what is calibrated, shape (p,).
+    """
+    limits = np.array(model.kind.told_within(model.machine))
+    return tuple((expanded < limits).tolist())
 
 
 def decimals_for(uncertainty: float) -> int:
@@ -172,10 +181,11 @@ def require_rank(problem: Problem) -> None:
         for i, axis in enumerate(problem.model.calibrated)
         if np.abs(free[:, i]).max() > NEGLIGIBLE
     ]
-    listed = " and ".join(f"Δρ_{axis}" for axis in axes)
+    kind = problem.model.kind
+    listed = " and ".join(axes if kind.absolute else (f"Δρ_{axis}" for axis in axes))
     raise RankDeficientError(
         f"These readings do not determine {listed}.",
-        f"Add readings of {_mend(problem, matrix)}.",
+        kind.speech.fewest or f"Add readings of {_mend(problem, matrix)}.",
         axes,
     )
 

@@ -15,8 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
-from orthoglide_cal.estimation.influences import Influence, Origin
 from orthoglide_cal.model import AXES, Floats, Gauge, freeze
+from orthoglide_cal.model.influence import Influence, Origin
 
 # What another session draws anew: its readings, and where the stands are put.
 RENEWED = frozenset({Origin.NOISE, Origin.RESOLUTION, Origin.GAUGE_PLACEMENT})

@@ -21,10 +21,10 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import (
     Floats,
+    GaugePlan,
     Ints,
     Machine,
     Model,
-    Plan,
     simulate,
     simulate_with_jacobian,
 )
@@ -155,7 +155,7 @@ class Outlook:
     Any of them, in the order in which they are taken, are then forecast by selection.
     """
 
-    def __init__(self, model: Model, plan: Plan) -> None:
+    def __init__(self, model: Model, plan: GaugePlan) -> None:
         """
         Args:
             model: its machine's gauge and the sizes of its causes give the standard deviations.
@@ -214,7 +214,7 @@ class Outlook:
         base = self._base[rows]
         if not self._timeless:
             parts = {name: getattr(self._plan, name)[rows] for name in PLACE}
-            plan = Plan(**parts, setup=setup, order=order, hours=hours)
+            plan = GaugePlan(**parts, setup=setup, order=order, hours=hours)
             base = simulate(self._model, self._zero, plan)
         return Forecast(base, common, (cells & known).astype(np.float64), self._misfits, sigma_mm)
 

@@ -7,59 +7,20 @@ uncertainty budget.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import (
-    Contact,
     Floats,
     Model,
     Plan,
     carried_uncertainty,
     differentiate,
-    freeze,
     simulate,
 )
-
-
-class Origin(StrEnum):
-    """Sources that are no causes; those are named by their cause id."""
-
-    NOISE = "noise"
-    RESOLUTION = "resolution"
-    GAUGE_SCALE = "gauge_scale"
-    GAUGE_PLACEMENT = "gauge_placement"
-    TEMPERATURE = "temperature"
-    EXPLANATIONS = "explanations"  # that the data leave open
-
-
-@dataclass(frozen=True, eq=False)
-class Influence:
-    """Unknowns of one source.
-
-    Attributes:
-        source: an `Origin` or a cause id.
-        size: one standard deviation, in `unit`; None where the unknowns differ.
-        unit: of the size; "" without one.
-        assumed: True if nobody stated the size: a default.
-        columns: what one standard deviation of each unknown adds to the data, shape (n, p) [mm].
-    """
-
-    source: str
-    size: float | None
-    unit: str
-    assumed: bool
-    columns: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "columns")
-
-    def reduced(self, matrix: Floats) -> Influence:
-        """The same in data R·readings, R of shape (k, n)."""
-        return replace(self, columns=matrix @ self.columns)
+from orthoglide_cal.model.influence import Influence
 
 
 def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
@@ -70,43 +31,35 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
         offsets: Δρ, shape (3,) [mm].
         plan: n readings.
     """
-    machine, gauge = model.machine, model.machine.gauge
-    predicted = simulate(model, offsets, plan)
-    found = [
-        Influence(
-            Origin.GAUGE_SCALE,
-            gauge.scale_std,
-            "",
-            gauge.scale_u is None,
-            gauge.scale_std * predicted[:, None],
-        )
-    ]
-    if np.any(plan.contact == Contact.FIXED):
-        # As far along the leg as the stand plausibly is from where it was meant to be.
-        moved = replace(
-            plan, gauge_at=plan.gauge_at + gauge.placement_std_mm / machine.leg_length_mm
-        )
-        shift = simulate(model, offsets, moved) - predicted
-        found.append(
-            Influence(
-                Origin.GAUGE_PLACEMENT,
-                gauge.placement_std_mm,
-                "mm",
-                gauge.placement_mm is None,
-                shift[:, None] * plan.zeros,
-            )
-        )
-    known = {effect.cause.id for effect in model.accepted}
-    for id in (id for id in model.kind.unseen if id not in known):
-        cause = CAUSES[id]
-        size = cause.size(machine)
-        if size > 0.0:
-            _, slopes = differentiate(model, offsets, plan, [cause.at(np.zeros(cause.unknowns))])
-            columns = slopes[:, offsets.size :] * cause.prior_std(machine)
-            found.append(Influence(id, size, cause.unit, cause.assumed(machine), columns))
+    machine = model.machine
+    found = list(model.kind.uncertain(machine, plan, lambda other: simulate(model, offsets, other)))
+    found += _of_causes(model.kind.unseen, model, offsets, plan)
     carried = carried_uncertainty(model, offsets, plan)
     found += [
         Influence(effect.cause.id, None, "", False, columns)
         for effect, columns in zip(model.accepted, carried, strict=True)
     ]
     return tuple(found)
+
+
+def held(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
+    """What is taken as the controller has it, although nobody knows it exactly.
+
+    A diagnosis asks whether the readings speak against it; what is found of the parameters is as
+    unsure as it is, whatever they say. Arguments as of `influences`.
+    """
+    return tuple(_of_causes(model.kind.held, model, offsets, plan))
+
+
+def _of_causes(
+    ids: Iterable[str], model: Model, offsets: Floats, plan: Plan
+) -> Iterator[Influence]:
+    """Causes at their plausible size; not those that the model knows of."""
+    machine = model.machine
+    known = {effect.cause.id for effect in model.accepted}
+    for cause in (CAUSES[id] for id in ids if id not in known):
+        size = cause.size(machine)
+        if size > 0.0:
+            _, slopes = differentiate(model, offsets, plan, [cause.at(np.zeros(cause.unknowns))])
+            columns = slopes[:, offsets.size :] * cause.prior_std(machine)
+            yield Influence(cause.id, size, cause.unit, cause.assumed(machine), columns)

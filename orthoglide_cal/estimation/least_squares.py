@@ -22,9 +22,9 @@ import numpy as np
 
 from orthoglide_cal.model import (
     Floats,
+    GaugePlan,
     Ints,
     Model,
-    Plan,
     freeze,
     simulate,
     simulate_with_jacobian,
@@ -54,7 +54,7 @@ class Problem:
     """
 
     model: Model
-    plan: Plan
+    plan: GaugePlan
     matrix: Floats
 
     def __post_init__(self) -> None:
@@ -92,8 +92,8 @@ class Problem:
         return predicted, slope
 
     @cached_property
-    def _folded(self) -> tuple[Plan, Floats]:
-        """Plan and R with readings that repeat each other predicted once.
+    def _folded(self) -> tuple[GaugePlan, Floats]:
+        """GaugePlan and R with readings that repeat each other predicted once.
 
         With a cause that may tell them apart nothing is folded.
         """
@@ -106,8 +106,12 @@ class Problem:
         return self.plan.subset(first), folded
 
     def covariance(self) -> Floats:
-        """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k)."""
-        return np.asarray(self.matrix @ self.matrix.T)
+        """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k).
+
+        Of one as precise as most; others have more or less noise.
+        """
+        matrix = self.matrix / self.plan.precision
+        return np.asarray(matrix @ matrix.T)
 
     def remaining_step(self, data: Floats, offsets: Floats) -> Floats:
         """How far the offsets are from the least-squares optimum, recomputed from the data.
@@ -134,6 +138,8 @@ def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
 
 def normal_step(slope: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
     """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr by cofactors: (..., k, 3), (..., k) → (..., 3)."""
+    if slope.shape[-1] != 3:
+        return _many_step(slope, residual, damping)
     columns = [slope[..., i] for i in range(3)]
     gradient = [(column * residual).sum(axis=-1) for column in columns]
     xx, yy, zz = ((column**2).sum(axis=-1) * (1.0 + damping) for column in columns)
@@ -149,6 +155,22 @@ def normal_step(slope: Floats, residual: Floats, damping: Floats | float = 0.0) 
         [sum(a * g for a, g in zip(row, gradient, strict=True)) / determinant for row in adjugate],
         axis=-1,
     )
+
+
+def _many_step(slope: Floats, residual: Floats, damping: Floats | float) -> Floats:
+    """The same for any number of parameters; NaN where the model cannot be evaluated."""
+    turned = np.swapaxes(slope, -1, -2)
+    normal = turned @ slope
+    more = np.asarray(damping)[..., None, None] * np.eye(slope.shape[-1])
+    gradient = turned @ residual[..., None]
+    # Scaled, so that lengths and angles weigh alike.
+    size = np.sqrt(np.einsum("...ii->...i", normal))
+    scaled = normal / (size[..., :, None] * size[..., None, :]) + more
+    fine = np.isfinite(scaled).all(axis=(-1, -2), keepdims=True)
+    solved = np.linalg.solve(
+        np.where(fine, scaled, np.eye(slope.shape[-1])), gradient / size[..., None]
+    )
+    return np.asarray(np.where(fine[..., 0], solved[..., 0] / size, np.nan))
 
 
 @dataclass(frozen=True, eq=False)

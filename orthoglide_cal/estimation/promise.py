@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width, rms
-from orthoglide_cal.estimation.influences import Origin, influences
+from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.estimation.methods import pose_differences, table_kind
-from orthoglide_cal.model import Difference, Floats, Measured, Model, freeze
+from orthoglide_cal.model import DataKind, Difference, Floats, Measured, Model, freeze
+from orthoglide_cal.model.influence import Origin
 
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
 PACE = 0.1
@@ -78,6 +79,8 @@ def promise(
         right: the data without faults that will not return, such as a misreading; None if there
             are none.
     """
+    if not _shown(measured):
+        return ()
     posed, kept = (
         pose_differences(data, known.model, table_kind(measured))
         for data in (measured, right or measured)
@@ -94,6 +97,11 @@ def promise(
     columns = (posed.data, modelled, expected, reach)
     rows = zip(posed.which, *(column.tolist() for column in columns), strict=True)
     return tuple(PromisedDifference(*row) for row in rows)
+
+
+def _shown(measured: Measured) -> bool:
+    """Whether differences of the paper can be made of the data."""
+    return any(kind is not DataKind.READINGS for kind in measured.kinds)
 
 
 def _columns(problem: Problem, known: Known, entered: Floats) -> Floats:

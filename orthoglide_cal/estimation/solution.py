@@ -11,6 +11,7 @@ import numpy as np
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
+    determined,
     rms,
     scatter_of_repeats,
     sigma_rho,
@@ -30,7 +31,7 @@ from orthoglide_cal.model import (
     gauge_doubts,
     simulate,
 )
-from orthoglide_cal.model.readings import read_only
+from orthoglide_cal.model.plan import read_only
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = 0.001
@@ -169,7 +170,9 @@ class Solution(Budgeted):
         simulated = simulate(model, both, measured.plan)
         fitted = np.linalg.lstsq(zeros, (measured.value - simulated).T, rcond=None)[0]
         before, after = simulated + (zeros @ fitted).T
-        return rms(measured.value - before), rms(measured.value - after), read_only(after)
+        # Of readings that are less precise than most, as much less counts.
+        left = measured.plan.precision * (measured.value - np.stack((before, after)))
+        return rms(left[0]), rms(left[1]), read_only(after)
 
     @property
     def predicted_mm(self) -> Floats:
@@ -233,6 +236,11 @@ class Solution(Budgeted):
         return self.remaining_mm <= OPTIMAL_MM
 
     @property
+    def determined(self) -> tuple[bool, ...]:
+        """Of which parameters the data tell more than what any such machine can have."""
+        return determined(self.model, self.expanded_mm)
+
+    @property
     def correlation(self) -> Floats:
         """Correlation matrix of the offsets, shape (3, 3)."""
         std = self.std_mm
@@ -242,8 +250,8 @@ class Solution(Budgeted):
 
     @property
     def sigma_rho_mm(self) -> float:
-        """σ_ρ = √(trace V / 3) (eq. 33) [mm]."""
-        return sigma_rho(self.covariance_mm2)
+        """σ_ρ = √(trace V / 3) (eq. 33) of the offsets of the three joints [mm]."""
+        return sigma_rho(self.covariance_mm2[:3, :3])
 
     @property
     def suspicious(self) -> bool:
@@ -253,10 +261,11 @@ class Solution(Budgeted):
     @property
     def judgement(self) -> str:
         """One sentence: are the residuals what this gauge's noise would give?"""
+        noise = self.model.kind.speech.noise
         if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
             return (
                 "There are no spare readings: whether the model fits this machine cannot be told,"
-                f" and the intervals rest on the gauge's stated noise ({self.sigma_stated_mm:.2g}"
+                f" and the intervals rest on the {noise}'s stated noise ({self.sigma_stated_mm:.2g}"
                 " mm)."
             )
         sizes = (
@@ -265,12 +274,12 @@ class Solution(Budgeted):
         )
         if self.suspicious:
             return (
-                f"The residuals are larger than this gauge's noise would give ({sizes}): the model"
-                " leaves something out, and the intervals do not cover it."
+                f"The residuals are larger than this {noise}'s noise would give ({sizes}): the"
+                " model leaves something out, and the intervals do not cover it."
             )
         chance = (
             f"a chance of {100.0 * self.lack_of_fit_p:.0f} % of larger ones"
             if self.lack_of_fit_p >= 0.01
             else "though larger ones would be rare: a chance below 1 %"
         )
-        return f"The residuals are what this gauge's noise would give ({sizes}; {chance})."
+        return f"The residuals are what this {noise}'s noise would give ({sizes}; {chance})."

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orthoglide_cal.errors import NotConvergedError, UnusableResultError
 from orthoglide_cal.estimation.accuracy import Scatter, require_rank, sum_of_squares
-from orthoglide_cal.estimation.budget import budget_of
-from orthoglide_cal.estimation.influences import influences
+from orthoglide_cal.estimation.budget import Budget, budget_of
+from orthoglide_cal.estimation.influences import held, influences
 from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.solution import Solution
-from orthoglide_cal.model import Floats, Measured, Model, Readings, simulate, without_zeros
+from orthoglide_cal.model import (
+    Floats,
+    Gauge,
+    Measured,
+    Model,
+    Plan,
+    Readings,
+    simulate,
+    without_zeros,
+)
+from orthoglide_cal.model.influence import Influence
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +61,8 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     require_rank(posed.problem)
     found = _estimate(posed, chosen)
     _require_plausible(found.offsets, model)
-    uncertain = influences(model, found.offsets, posed.problem.plan)
+    plan = posed.problem.plan
+    uncertain = influences(model, found.offsets, plan)
     # Causes that were fitted to these very data are not uncertain beside their noise.
     here = _fitted_here(measured, model)
     columns = np.hstack([each.columns for each in uncertain if each.source not in here])
@@ -65,12 +77,28 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
         posed=posed,
         offsets_mm=found.offsets,
         residuals_mm=found.residual,
-        budget=budget_of(
-            found.estimator @ posed.problem.matrix, model.machine.gauge, scatter, uncertain
+        budget=budget_of_readings(
+            found.estimator @ posed.problem.matrix,
+            plan,
+            model.machine.gauge,
+            scatter,
+            (*uncertain, *held(model, found.offsets, plan)),
         ),
         scatter=scatter,
         iterations=found.iterations,
     )
+
+
+def budget_of_readings(
+    estimator: Floats,
+    plan: Plan,
+    gauge: Gauge,
+    scatter: Scatter | None,
+    uncertain: Sequence[Influence],
+) -> Budget:
+    """Of parameters that a linear estimator makes of readings, (p, n): of equally precise ones."""
+    equal = [replace(each, columns=plan.precision[:, None] * each.columns) for each in uncertain]
+    return budget_of(estimator / plan.precision, gauge, scatter, equal)
 
 
 def _require_plausible(offsets: Floats, model: Model) -> None:
@@ -145,6 +173,7 @@ def _scatter(measured: Measured, posed: Posed, found: _Estimate, ratio: Floats) 
     if isinstance(measured, Readings):
         # Of readings that repeat each other only the means are in the problem.
         apart = measured.value - simulate(problem.model, found.offsets, measured.plan)
+        apart = measured.plan.precision * apart
         total = float((without_zeros(measured.plan, apart) ** 2).sum() - (residual**2).sum())
     total += sum_of_squares(problem, slope, residual, problem.matrix @ ratio)
     return Scatter(float(np.sqrt(max(total, 0.0) / dof)), dof)

@@ -13,7 +13,6 @@ from orthoglide_cal.files.input import (
 )
 from orthoglide_cal.files.machine_edit import new_machine, with_history
 from orthoglide_cal.files.machine_file import (
-    LARGEST_OFFSET_MM,
     StoredMachine,
     default_machine,
     differing,
@@ -23,7 +22,10 @@ from orthoglide_cal.files.machine_file import (
     read_machine,
     read_machine_file,
     shipped_folder,
+    shipped_machine,
 )
+from orthoglide_cal.files.orthoglide_machine import LARGEST_OFFSET_MM
+from orthoglide_cal.files.probe_readings import places_csv, touches_csv
 from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.files.session_file import (
     session_json,
@@ -56,6 +58,7 @@ __all__ = [
     "new_machine",
     "number_text",
     "parse_number",
+    "places_csv",
     "read_document",
     "read_input",
     "read_machine",
@@ -66,7 +69,9 @@ __all__ = [
     "session_text",
     "sessions_in",
     "shipped_folder",
+    "shipped_machine",
     "sitting_cells",
+    "touches_csv",
     "with_history",
     "write_session",
     "write_text",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path, PurePath
 
@@ -15,10 +15,18 @@ from orthoglide_cal.files.differences import (
     differences_from_table,
 )
 from orthoglide_cal.files.machine_file import (
+    PRINTER_SECTION,
     StoredMachine,
     default_machine,
     is_machine_file,
     machine_file_in,
+)
+from orthoglide_cal.files.printer_file import read_printer_file
+from orthoglide_cal.files.probe_readings import (
+    PLACE_COLUMNS,
+    machine_of_printer,
+    printer_readings,
+    probe_readings_from_table,
 )
 from orthoglide_cal.files.readings import (
     CODED_COLUMNS,
@@ -27,10 +35,11 @@ from orthoglide_cal.files.readings import (
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
-from orthoglide_cal.files.table import read_table
+from orthoglide_cal.files.table import Table, read_table
 from orthoglide_cal.files.text import YAML_LIMIT, Document, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Measured, Model, Source, gauge_doubts
+from orthoglide_cal.model.kinds import DeltaMachine
 
 _CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
@@ -106,7 +115,10 @@ class FoundSession:
 
 
 def read_input(
-    path: str, model: Model | None = None, otherwise: Callable[[], Model] = default_machine
+    path: str,
+    model: Model | None = None,
+    otherwise: Callable[[], Model] = default_machine,
+    stored: str | None = None,
 ) -> Input:
     """Readings or differences, from a CSV or a session file, each byte read once.
 
@@ -115,31 +127,42 @@ def read_input(
         model: the machine that the user names; it gives the joint limits that postures refer to.
             None stands for the one in a session.
         otherwise: gives the machine for a table where the user names none.
+        stored: what of a printer.cfg is meant; None for its calibration, or else its mesh.
 
     Raises:
         InvalidFileError: everything that is wrong with its content, each with its place.
         InputError: not readable, too large, or not text.
     """
-    return input_from_document(read_document(path), model, otherwise)
+    return input_from_document(read_document(path), model, otherwise, stored)
 
 
 def input_from_document(
-    document: Document, model: Model | None = None, otherwise: Callable[[], Model] = default_machine
+    document: Document,
+    model: Model | None = None,
+    otherwise: Callable[[], Model] = default_machine,
+    stored: str | None = None,
 ) -> Input:
     """As `read_input`, from text that has been read."""
+    if PRINTER_SECTION.search(document.text):
+        return _printer(document, model, stored)
+    if stored is not None:
+        raise UsageError("--data is for a printer.cfg; this is none.", "Leave it out.")
     if _is_yaml(document):
         return Input(*session_from_tree(load_tree(document), model), is_session=True)
     return _table(document, model, otherwise)
 
 
 def check_file(
-    path: str, model: Model | None = None, otherwise: Callable[[], Model] = default_machine
+    path: str,
+    model: Model | None = None,
+    otherwise: Callable[[], Model] = default_machine,
+    stored: str | None = None,
 ) -> Check:
     """Check a file of any kind: readings, differences, session or machine.
 
     Args:
         path: as the user gave it; "-" is standard input.
-        model, otherwise: as in `read_input`.
+        model, otherwise, stored: as in `read_input`.
 
     Raises:
         UnreadableError: there is nothing to check.
@@ -148,7 +171,7 @@ def check_file(
     try:
         document = read_document(path)
         source = document.source
-        return _checked(document, model, otherwise)
+        return _checked(document, model, otherwise, stored)
     except UnreadableError:
         raise
     except InvalidFileError as error:
@@ -226,7 +249,17 @@ def _table(document: Document, model: Model | None, otherwise: Callable[[], Mode
     if entered:
         judge = judge.holding(entered.before_mm)
     table = read_table(document, _CODED)
+    columns = set(table.columns)
+    if columns & set(PLACE_COLUMNS) and not columns & {"leg", "difference"}:
+        return _touches(table, judge)
     check_header(table, _CODED)
+    if isinstance(judge.machine, DeltaMachine):
+        raise InputError(
+            "These are readings of gauges; the machine is a linear delta.",
+            "Give the machine file of what was measured: --machine FILE",
+            file=document.path,
+            line=table.header_line,
+        )
     if "difference" in table.columns:
         return Input(
             differences_from_table(table, judge.machine), judge, Conditions(), is_session=False
@@ -235,9 +268,42 @@ def _table(document: Document, model: Model | None, otherwise: Callable[[], Mode
     return Input(readings, judge, conditions_in(readings), is_session=False)
 
 
-def _checked(document: Document, model: Model | None, otherwise: Callable[[], Model]) -> Check:
+def _printer(document: Document, model: Model | None, stored: str | None = None) -> Input:
+    """What a printer.cfg stores, on the machine that it describes.
+
+    What else is known of the machine (its probe, tolerances, accepted causes) comes from the
+    machine file that the user names, if any: one in the same folder may be another printer's.
+    """
+    file = read_printer_file(document)
+    known = model or Model(machine_of_printer(file))
+    if not isinstance(known.machine, DeltaMachine):
+        raise UsageError(
+            f"{document.path} is of a linear delta; the machine given is an {known.machine.kind}.",
+            "Leave --machine out, or give a file of kind linear_delta.",
+        )
+    judge = replace(known, machine=machine_of_printer(file, known.machine))
+    readings = printer_readings(file, stored, machine_of_printer(file, known.machine))
+    return Input(readings, judge, conditions_in(readings), is_session=False)
+
+
+def _touches(table: Table, judge: Model) -> Input:
+    """Touches of a bed, on a machine that has one."""
+    if not isinstance(judge.machine, DeltaMachine):
+        raise InputError(
+            "These are touches of a bed; the machine is no linear delta.",
+            "Give its machine file: --machine FILE, see configs/linear_delta.yaml.",
+            file=table.document.path,
+            line=table.header_line,
+        )
+    readings = probe_readings_from_table(table, judge.machine)
+    return Input(readings, judge, conditions_in(readings), is_session=False)
+
+
+def _checked(
+    document: Document, model: Model | None, otherwise: Callable[[], Model], stored: str | None
+) -> Check:
     path, source = document.path, document.source
-    if _is_yaml(document):
+    if _is_yaml(document) and stored is None and not PRINTER_SECTION.search(document.text):
         tree = load_tree(document)
         if is_machine_file(tree):
             file = machine_file_in(tree)
@@ -245,7 +311,7 @@ def _checked(document: Document, model: Model | None, otherwise: Callable[[], Mo
             return Check(path, source, "machine", name, remarks=remarks)
         given = Input(*session_from_tree(tree, model), is_session=True)
     else:
-        given = _table(document, model, otherwise)
+        given = input_from_document(document, model, otherwise, stored)
     measured = given.measured
     kind = "session" if given.is_session else measured.kind
     machine = given.model.machine

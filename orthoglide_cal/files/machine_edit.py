@@ -11,13 +11,12 @@ from typing import Any
 
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.machine_file import (
-    DEFAULT_NAME,
     WRITTEN,
     StoredMachine,
     machine_from_text,
     machine_text,
     machine_values,
-    shipped_folder,
+    shipped_machine,
 )
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.files.yaml_edit import edited
@@ -46,16 +45,16 @@ def with_history(file: StoredMachine, offsets_mm: tuple[float, ...], *history: E
 
 
 def new_machine(values: Mapping[str, Any], path: str) -> str:
-    """The text of a machine file with these values; the others are the prototype's.
+    """The text of a machine file with these values; the others are the shipped one's of its kind.
 
     Args:
-        values: key → plain value, as in `machine_values`.
+        values: key → plain value, as in `machine_values`; without a kind it is an Orthoglide.
         path: name of the file, for messages.
 
     Raises:
         InvalidFileError: the values do not make a machine; each with its key.
     """
-    prototype = read_document(str(shipped_folder() / DEFAULT_NAME)).text
+    prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = prototype[prototype.index("schema_version:") :]
     text = edited(_HEAD + shipped, {**values, "history": [], "complete": True})
     try:

@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from datetime import date, datetime
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.delta_machine import delta_keys, delta_values
+from orthoglide_cal.files.orthoglide_machine import OFFSET, orthoglide_keys, orthoglide_values
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     Document,
@@ -36,20 +39,17 @@ from orthoglide_cal.files.yaml_tree import (
     word,
     yaml_text,
 )
-from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Gauge, Machine, Model
+from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Machine, Model
+from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, Orthoglide
+from orthoglide_cal.model.kinds.linear_delta import TOWERS
 from orthoglide_cal.model.model import KINDS
 
+# A section that only a Klipper configuration has.
+PRINTER_SECTION = re.compile(r"^(#\*# )?\[(printer|stepper_[abcxyz])\]\s*$", re.MULTILINE)
 DEFAULT_NAME = "orthoglide_prototype.yaml"
 
 # Bounds [mm; tolerances and identified values in the units of their cause].
-_LENGTH = between(1.0, 1e5, positive)
-_TOOL = between(0.0, 1e5, not_negative)
 _TRAVEL = between(1e-3, 1e3, positive)
-_FINE = between(1e-6, 100.0, positive)
-_PLACEMENT = between(0.0, 1e3, not_negative)
-_SHARE = between(0.0, 1.0, not_negative)
-LARGEST_OFFSET_MM = 1000.0
-_OFFSET = between(-LARGEST_OFFSET_MM, LARGEST_OFFSET_MM)
 _TOLERANCE = between(0.0, 1e6, not_negative)
 _SMALLEST_TOLERANCE = 1e-9
 # In usual sizes.
@@ -57,16 +57,10 @@ _LARGEST_TOLERANCE = 1000.0
 _VALUE = between(-1e6, 1e6)
 _WIDTH = between(0.0, 1e6, not_negative)
 
-# What makes two machines different for the readings; the rest only says what is plausible.
-_GEOMETRY = (
-    "kind", "leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm",
-    "identified",
-)  # fmt: skip
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
 
 _kind = one_of(KINDS, "This kind of machine is not known.")
-_cause = one_of(CAUSES, "This is not a cause id.")
 
 
 @dataclass(frozen=True)
@@ -86,7 +80,14 @@ class StoredMachine:
 
 def read_machine_file(path: Path | str) -> StoredMachine:
     """The machine file at a path ("-": standard input). Raises as `read_machine` does."""
-    return machine_file_in(load_tree(read_document(str(path), YAML_LIMIT)))
+    document = read_document(str(path), YAML_LIMIT)
+    if PRINTER_SECTION.search(document.text):
+        raise InputError(
+            "This is a printer's configuration, not a machine file.",
+            "Give it as the input, without --machine: it describes its machine itself.",
+            file=document.path,
+        )
+    return machine_file_in(load_tree(document))
 
 
 def machine_file_in(tree: Tree) -> StoredMachine:
@@ -124,6 +125,11 @@ def machine_from_text(content: str, path: str) -> Model:
 def default_machine() -> Model:
     """The paper's prototype, from the file that comes with the package."""
     return read_machine(shipped_folder() / DEFAULT_NAME)
+
+
+def shipped_machine(kind: str) -> Path:
+    """The machine file that comes with the program for a kind; the prototype's for others."""
+    return shipped_folder() / (_SHAPES[kind].shipped if kind in _SHAPES else DEFAULT_NAME)
 
 
 def shipped_folder() -> Path:
@@ -166,28 +172,60 @@ def machine_from_tree(tree: Tree) -> Model:
 def machine_in(file: Group) -> Model | None:
     """The machine that a group of keys describes; None after noting what is wrong with it."""
     file.take("schema_version", version)
+    kind = file.take("kind", _kind, Machine.kind)
+    shape = _SHAPES[kind] if kind else _likeliest(file)
     values = {
-        "kind": file.take("kind", _kind, Machine.kind),
+        "kind": kind,
         "name": file.take("name", word),
-        "leg_length_mm": file.take("leg_length_mm", _LENGTH),
-        "parallelogram_width_mm": file.take("parallelogram_width_mm", _LENGTH),
-        "tool_offset_mm": file.take("tool_offset_mm", _TOOL),
-        "joint_limits_mm": file.numbers("joint_limits_mm", 2),
-        "workspace_mm": file.take("workspace_mm", _LENGTH),
-        "gauge": _gauge(file.group("gauge")),
-        "offsets_mm": _offsets(file.group("offsets_mm", required=False)),
+        **shape.read(file),
         "homing_mm": file.take("homing_mm", _TRAVEL, None),
-        "tolerances": _tolerances(file.group("tolerances", required=False)),
-        "history": tuple(_entered(entry) for entry in file.groups("history")),
+        "tolerances": _tolerances(file.group("tolerances", required=False), kind),
+        "history": tuple(_entered(entry, shape.axes) for entry in file.groups("history")),
         "report": _details(file.group("report", required=False)),
     }
     file.take("complete", one_of(("true",), "Only `true` can stand here."), None)
-    accepted = [_identified(entry) for entry in file.groups("identified")]
-    _check_limits(file, values["joint_limits_mm"], values["leg_length_mm"])
+    accepted = [_identified(entry, kind) for entry in file.groups("identified")]
     file.refuse_unknown()
     if not file.sound:
         return None
-    return Model(Machine(**values), tuple(effect for effect in accepted if effect))
+    return Model(shape.made(**values), tuple(effect for effect in accepted if effect))
+
+
+class _Shape(NamedTuple):
+    """What the machine file of a kind says that others do not."""
+
+    made: type[Machine]
+    read: Callable[[Group], dict[str, Any]]
+    keys: Callable[[Machine], dict[str, Any]]
+    axes: tuple[str, ...]
+    # What makes two machines different for the readings; the rest only says what is plausible.
+    geometry: tuple[str, ...]
+    shipped: str
+
+
+_SHAPES = {
+    Orthoglide.id: _Shape(
+        Machine,
+        orthoglide_values,
+        orthoglide_keys,
+        AXES,
+        ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm"),
+        DEFAULT_NAME,
+    ),
+    LinearDelta.id: _Shape(
+        DeltaMachine,
+        delta_values,
+        delta_keys,
+        TOWERS,
+        ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm"),
+        "linear_delta.yaml",
+    ),
+}
+
+
+def _likeliest(file: Group) -> _Shape:
+    """What a file of an unknown kind most likely means, so that only its kind is at fault."""
+    return max(_SHAPES.values(), key=lambda shape: len(file.content.keys() & set(shape.geometry)))
 
 
 def is_machine_file(tree: Tree) -> bool:
@@ -199,28 +237,22 @@ def is_machine_file(tree: Tree) -> bool:
 
 def machine_values(model: Model) -> dict[str, Any]:
     """Plain values of the machine file, in the file's order."""
-    machine = model.machine
+    machine, shape = model.machine, _SHAPES[model.machine.kind]
     homing = {} if machine.homing_mm is None else {"homing_mm": machine.homing_mm}
     details = {name: said for name, said in asdict(machine.report).items() if said is not None}
     return {
         "schema_version": 1,
         "kind": machine.kind,
         "name": machine.name,
-        "leg_length_mm": machine.leg_length_mm,
-        "parallelogram_width_mm": machine.parallelogram_width_mm,
-        "tool_offset_mm": machine.tool_offset_mm,
-        "joint_limits_mm": list(machine.joint_limits_mm),
-        "workspace_mm": machine.workspace_mm,
-        "gauge": _stated(machine.gauge),
-        "offsets_mm": dict(zip(AXES, machine.offsets_mm, strict=True)),
+        **shape.keys(machine),
         **homing,
         "tolerances": dict(machine.tolerances),
         **({"report": details} if details else {}),
         "history": [
             {
                 "date": each.date,
-                "before": dict(zip(AXES, each.before_mm, strict=True)),
-                "after": dict(zip(AXES, each.after_mm, strict=True)),
+                "before": dict(zip(shape.axes, each.before_mm, strict=True)),
+                "after": dict(zip(shape.axes, each.after_mm, strict=True)),
                 "data_sha256": each.data_sha256,
             }
             for each in machine.history
@@ -242,7 +274,8 @@ def machine_values(model: Model) -> dict[str, Any]:
 def differing(one: Model, other: Model) -> list[str]:
     """Keys in which two machines differ so that they read differently."""
     first, second = machine_values(one), machine_values(other)
-    return [name for name in _GEOMETRY if first[name] != second[name]]
+    names = ("kind", *_SHAPES[one.machine.kind].geometry, "identified")
+    return [name for name in names if first[name] != second.get(name)]
 
 
 def machine_text(model: Model) -> str:
@@ -259,59 +292,12 @@ def _plain(estimate: Estimate) -> dict[str, Any]:
     return {"value": value, "std": std, "unit": estimate.unit}
 
 
-def _check_limits(file: Group, limits: tuple[float, ...] | None, length: float | None) -> None:
-    if limits is None:
-        return
-    if not limits[0] < 0.0 < limits[1]:
-        file.note(
-            "The limits must be ordered, with the isotropic posture (0) between them.",
-            "Give displacements from the isotropic posture, such as [-100, 60].",
-            "joint_limits_mm",
-        )
-        return
-    for index, limit in enumerate(limits):
-        if length is not None and abs(limit) >= length:
-            file.note(
-                f"The limit is beyond the leg's length of {length} mm.",
-                "Give the displacement from the isotropic posture, not the joint value.",
-                "joint_limits_mm",
-                index,
-            )
-
-
-def _gauge(group: Group) -> Gauge | None:
-    values = {
-        "resolution_mm": group.take("resolution_mm", _FINE),
-        "range_mm": group.take("range_mm", _TRAVEL),
-        "revolution_mm": group.take("revolution_mm", _TRAVEL, None),
-        "repeatability_mm": group.take("repeatability_mm", _FINE),
-        "placement_mm": group.take("placement_mm", _PLACEMENT, None),
-        "scale_u": group.take("scale_u", _SHARE, None),
-    }
-    group.refuse_unknown()
-    return Gauge(**values) if group.sound else None
-
-
-def _stated(gauge: Gauge) -> dict[str, float | None]:
-    """What is stated of a gauge; no revolution is a statement, too."""
-    values = asdict(gauge)
-    return {
-        key: value for key, value in values.items() if value is not None or key == "revolution_mm"
-    }
-
-
-def _offsets(group: Group) -> tuple[float | None, ...]:
-    offsets = tuple(group.take(axis, _OFFSET, 0.0) for axis in AXES)
-    group.refuse_unknown()
-    return offsets
-
-
-def _entered(entry: Group) -> Entered | None:
+def _entered(entry: Group, axes: tuple[str, ...]) -> Entered | None:
     """One entry of the history."""
     sides = []
     for key in ("before", "after"):
         side = entry.group(key)
-        sides.append(tuple(side.take(axis, _OFFSET) for axis in AXES))
+        sides.append(tuple(side.take(axis, OFFSET) for axis in axes))
         side.refuse_unknown()
     date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
     entry.refuse_unknown()
@@ -327,14 +313,24 @@ def _details(group: Group) -> Details:
     return details
 
 
-def _tolerances(group: Group) -> dict[str, float | None]:
-    return {id: group.take(id, functools.partial(_tolerance, id)) for id in group.names(_cause)}
+def _tolerances(group: Group, kind: str | None) -> dict[str, float | None]:
+    """Sizes of the causes that a machine of this kind can have."""
+    return {
+        id: group.take(id, functools.partial(_tolerance, id, kind))
+        for id in group.names(_cause_of(kind))
+    }
 
 
-def _tolerance(id: str, value: Any) -> float:
+def _cause_of(kind: str | None) -> Callable[[Any], str]:
+    """The rule for ids of the causes that a machine of this kind can have."""
+    known = [id for id, cause in CAUSES.items() if kind is None or kind in cause.sizes]
+    return one_of(known, "This is not a cause id of this kind of machine.")
+
+
+def _tolerance(id: str, kind: str | None, value: Any) -> float:
     """A plausible size; one that nothing could have is a slip."""
     size = _TOLERANCE(value)
-    usual = max(CAUSES[id].sizes.values(), default=float("inf"))
+    usual = CAUSES[id].sizes.get(kind or "", float("inf"))
     if size > _LARGEST_TOLERANCE * usual:
         raise InputError(
             f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}.",
@@ -364,8 +360,8 @@ def _digest(value: Any) -> str:
     return text(value)
 
 
-def _identified(entry: Group) -> Effect | None:
-    id = entry.take("cause", _lasting)
+def _identified(entry: Group, kind: str | None) -> Effect | None:
+    id = entry.take("cause", functools.partial(_lasting, kind))
     entry.take("where", _nowhere, None)
     group = entry.group("parameters")
     named = {name: _estimate(group.group(name), id) for name in group.names(word)}
@@ -393,11 +389,12 @@ def _nowhere(value: Any) -> str:
     return ""
 
 
-def _lasting(value: Any) -> str:
+def _lasting(kind: str | None, value: Any) -> str:
     """Id of a cause that the same machine still has in the next session."""
-    id = _cause(value)
+    id = _cause_of(kind)(value)
     if not CAUSES[id].lasting:
-        lasting = ", ".join(cause.id for cause in CAUSES.values() if cause.lasting)
+        own = (cause for cause in CAUSES.values() if kind is None or kind in cause.sizes)
+        lasting = ", ".join(cause.id for cause in own if cause.lasting)
         raise InputError("This cause cannot be part of a machine.", f"Use one of {lasting}.")
     return id
 

@@ -22,9 +22,9 @@ from orthoglide_cal.model import (
     Bools,
     Contact,
     Floats,
+    GaugePlan,
     Ints,
     Machine,
-    Plan,
     Posture,
     Readings,
     Source,
@@ -180,7 +180,7 @@ def readings_from_rows(
     turned = np.array(cells.read("bar", bar, False))
     offsets = _entered(cells, machine)
     cells.check_complete(_ALL_OR_NONE)
-    _check_order(cells, seq, minutes, "minutes" if clock is None else "timestamp")
+    check_order(cells, seq, minutes, "minutes" if clock is None else "timestamp")
     _check_parts(cells, seq, part)
     _check_bars(cells, part, leg, direction, turned)
     faults.check()
@@ -193,7 +193,7 @@ def readings_from_rows(
     gauge_at = np.where(contact == Contact.FIXED, touched, contact == Contact.TOOL)
     gauge = tuple(row.cells.get("gauge", "") for row in rows)
     places = places_of(leg, direction, contact, gauge_at, part, turned)
-    plan = Plan(
+    plan = GaugePlan(
         leg=leg,
         direction=direction,
         displacement=displacement,
@@ -321,7 +321,7 @@ def _entered(cells: Cells, machine: Machine) -> Floats:
     return np.reshape(cells.read("entered", offsets, blank), (-1, len(AXES)))
 
 
-def _check_order(cells: Cells, seq: Sequence[int], minutes: Floats, clock: str) -> None:
+def check_order(cells: Cells, seq: Sequence[int], minutes: Floats, clock: str) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
     lines, sound = [row.line for row in cells.rows], np.flatnonzero(cells.sound).tolist()
     first: dict[int, int] = {}
@@ -371,7 +371,7 @@ def _check_bars(cells: Cells, part: Ints, leg: Ints, direction: Ints, turned: Bo
             )  # fmt: skip
 
 
-def _cycles(plan: Plan) -> Ints:
+def _cycles(plan: GaugePlan) -> Ints:
     """Repeats counted in time within each part, leg, direction, posture and end, shape (n,)."""
     alike = list(zip(plan.part, plan.cells, strict=True))
     seen: Counter[object] = Counter()

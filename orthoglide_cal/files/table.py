@@ -124,10 +124,17 @@ class Cells:
 
         return np.array(self.read(column, within, math.nan), dtype=np.float64)
 
-    def lengths(self, column: str, longest: float, noun: str, wanted: str | None = None) -> Floats:
-        """Lengths up to `longest`, that of a leg, shape (n,) [mm]; NaN for an empty cell.
+    def lengths(
+        self,
+        column: str,
+        longest: float,
+        noun: str,
+        wanted: str | None = None,
+        than: str = "the leg is long",
+    ) -> Floats:
+        """Lengths up to `longest`, shape (n,) [mm]; NaN for an empty cell.
 
-        A column in inches is named `…_in`.
+        A column in inches is named `…_in`. None is larger `than` that, in words.
         """
         unit = MM_PER_INCH if column.endswith("_in") else 1.0
 
@@ -135,7 +142,7 @@ class Cells:
             value = self.number(text) * unit
             if abs(value) > longest:
                 raise InputError(
-                    f"The {noun} is larger than the leg is long.",
+                    f"The {noun} is larger than {than}.",
                     f"Check the unit and the decimal mark; {noun}s are in mm.",
                 )
             return value

@@ -12,7 +12,7 @@ import numpy as np
 
 from orthoglide_cal.files.readings import ENDS, TURNED
 from orthoglide_cal.files.text import number_text
-from orthoglide_cal.model import AXES, Contact, Plan, Readings, number_setups, places_of
+from orthoglide_cal.model import AXES, Contact, GaugePlan, Readings, number_setups, places_of
 
 # What is told of a reading only where it is not as in the usual session.
 SITTING_COLUMNS = ("gauge_at", "part", "bar", "entered")
@@ -59,7 +59,7 @@ def file_columns(readings: Readings) -> dict[str, list[Any]]:
     }
 
 
-def sitting_cells(plan: Plan, index: int) -> dict[str, Any]:
+def sitting_cells(plan: GaugePlan, index: int) -> dict[str, Any]:
     """Column of `SITTING_COLUMNS` → what a file holds of one reading; None where it is as usual."""
     at, offsets = float(plan.gauge_at[index]), plan.entered[index].tolist()
     unusual = plan.contact[index] == Contact.FIXED and at != 0.5

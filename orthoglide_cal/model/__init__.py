@@ -27,24 +27,28 @@ from orthoglide_cal.model.model import (
     simulate,
     simulate_with_jacobian,
 )
-from orthoglide_cal.model.readings import (
-    AXES,
-    MM_PER_INCH,
+from orthoglide_cal.model.plan import (
     Bools,
-    Contact,
     Floats,
     Ints,
     Numbers,
     Plan,
-    Posture,
-    Series,
+    View,
     cell_contrasts,
     freeze,
+    without_zeros,
+    zero_free,
+)
+from orthoglide_cal.model.readings import (
+    AXES,
+    MM_PER_INCH,
+    Contact,
+    GaugePlan,
+    Posture,
+    Series,
     number_setups,
     other_axes,
     places_of,
-    without_zeros,
-    zero_free,
 )
 
 __all__ = [
@@ -64,6 +68,7 @@ __all__ = [
     "Floats",
     "Gauge",
     "GaugeDoubt",
+    "GaugePlan",
     "Ints",
     "Machine",
     "Measured",
@@ -76,6 +81,7 @@ __all__ = [
     "Series",
     "Source",
     "Stage",
+    "View",
     "carried_uncertainty",
     "cell_contrasts",
     "differentiate",

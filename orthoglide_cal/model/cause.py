@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.model.machine import Geometry, Machine
-from orthoglide_cal.model.readings import Floats, Ints, Numbers, Plan, freeze, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, freeze, read_only
 
 
 class Stage(StrEnum):
@@ -56,7 +56,8 @@ class Command:
         joints: indicated joint positions ρ, shape (n, 3) [mm].
         home: joint position from which travel counts [mm].
         hours: since the session began, shape (n,) [h].
-        in_time: indices from first to last, shape (n,); None for carriages without a past.
+        in_time: indices from first to last of those that follow each other, shape (m,); None for
+            carriages without a past.
         entered: offsets entered in the controller since the first of them, shape (n, 3) [mm].
     """
 
@@ -79,15 +80,30 @@ class Command:
 
     @cached_property
     def approach(self) -> Floats:
-        """Sign of each carriage's last motion, shape (n, 3); 0 before its first one."""
+        """Sign of each carriage's last motion, shape (n, 3); 0 before its first, or without."""
         if self.in_time is None:
             return read_only(np.zeros_like(self.joints))
-        approach, moves = np.zeros_like(self.joints), np.zeros_like(self.joints)
+        approach, moves = np.zeros_like(self.joints), np.zeros((len(self.in_time), 3))
         moves[1:] = np.sign(np.diff(self.sent[self.in_time], axis=0))
         moments = np.arange(len(moves))[:, None]
         last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
         approach[self.in_time] = np.take_along_axis(moves, last, axis=0)
         return read_only(approach)
+
+
+class Sensed(NamedTuple):
+    """What n gauges or probes are pushed to, on a machine of any kind.
+
+    Attributes:
+        readings: shape (..., n) [mm].
+        where: what they touch then, as the kind of machine has it: the place along the leg, from
+            carriage joint (0) to tool (1), shape (..., n); or the tool, shape (..., n, 3) [mm].
+        slope: derivative by the parameters, shape (..., n, p); None where it was not computed.
+    """
+
+    readings: Numbers
+    where: Numbers
+    slope: Floats | None
 
 
 class Cause:
@@ -110,6 +126,8 @@ class Cause:
         compensable: True if a controller can compensate it.
         timed: True if it can only be seen in readings whose time order is known.
         weight: how likely it is before anything is read, beside 1 for most causes.
+        mended_as: id of another cause that is mended in the same way: they are one answer; None
+            for its own.
         instrument: what shows it where these readings leave no trace of it.
         advice: what a technician can do about it; "{where}" stands for its place in words.
     """
@@ -128,6 +146,7 @@ class Cause:
     compensable: bool = False
     timed: bool = False
     weight: float = 1.0
+    mended_as: str | None = None
     instrument: str
     advice: str
 
@@ -137,7 +156,7 @@ class Cause:
 
     def assumed(self, machine: Machine) -> bool:
         """Whether that size is the default of its kind: the machine file gives none."""
-        return self.id not in machine.tolerances
+        return machine.kind in self.sizes and self.id not in machine.tolerances
 
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
@@ -162,19 +181,19 @@ class Cause:
         """Number of its parameters, nuisance ones included."""
         return len(self.names) + len(self.nuisance)
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Any, machine: Any) -> tuple[Place, ...]:
         """Where it may act on these readings; the whole machine by default."""
         return (EVERYWHERE,)
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Any, machine: Machine) -> str:
         """A place in words; empty for the whole machine."""
         return ""
 
-    def spoiled(self, place: Place, plan: Plan) -> Ints:
+    def spoiled(self, place: Place, plan: Any) -> Ints:
         """Indices of the readings that it spoils at a place; none for the whole machine."""
         return np.zeros(0, dtype=np.intp)
 
-    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: Any, place: Place) -> tuple[int, ...]:
         """Indices of the readings that taking again would mend; () if that mends nothing."""
         return ()
 
@@ -218,15 +237,15 @@ class Cause:
         heights: Numbers,
         theta: Numbers,
         place: Place,
-        fraction: Numbers,
-        plan: Plan,
-        machine: Machine,
+        where: Numbers,
+        plan: Any,
+        machine: Any,
     ) -> Numbers:
-        """Gauge positions (..., n) [mm]; `fraction` is where on the leg the gauge touches."""
+        """Gauge positions (..., n) [mm]; `where` as in `Sensed`."""
         return heights
 
     def undone(
-        self, readings: Floats, theta: Floats, place: Place, plan: Plan, machine: Machine
+        self, readings: Floats, theta: Floats, place: Place, plan: Any, machine: Machine
     ) -> Floats:
         """Readings (n,) as they would be without a fault of the contact or the record [mm].
 
@@ -235,7 +254,7 @@ class Cause:
         return readings
 
     def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine
+        self, readings: Numbers, theta: Numbers, place: Place, plan: Any, machine: Machine
     ) -> Numbers:
         """What was written down (..., n) [mm]."""
         return readings

@@ -14,7 +14,8 @@ import numpy as np
 from orthoglide_cal.model.kinds import double_posture, single_posture
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind, Difference
-from orthoglide_cal.model.readings import Contact, Floats, Plan, Posture, Series
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
 
 
 class _Cell(NamedTuple):
@@ -24,7 +25,7 @@ class _Cell(NamedTuple):
     displacement: float
     contact: Contact
 
-    def mask(self, plan: Plan) -> np.ndarray:
+    def mask(self, plan: GaugePlan) -> np.ndarray:
         """Which readings of the plan belong to the cell, shape (n,)."""
         return np.asarray(
             plan.of(self.series)
@@ -51,7 +52,7 @@ def _cells(kind: DataKind, difference: Difference, machine: Machine) -> tuple[_C
 
 
 def reduction(
-    kind: DataKind, differences: Sequence[Difference], machine: Machine, plan: Plan
+    kind: DataKind, differences: Sequence[Difference], machine: Machine, plan: GaugePlan
 ) -> Floats:
     """R, shape (k, n), so that R·readings are these differences.
 
@@ -69,7 +70,7 @@ def reduction(
     return matrix
 
 
-def ideal_plan(kind: DataKind, machine: Machine) -> Plan:
+def ideal_plan(kind: DataKind, machine: Machine) -> GaugePlan:
     """One reading of each cell that the differences of this kind need."""
     if kind is DataKind.SINGLE:
         return single_posture(machine)

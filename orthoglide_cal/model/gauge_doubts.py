@@ -19,7 +19,8 @@ import numpy as np
 
 from orthoglide_cal.model.machine import Gauge
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.readings import MM_PER_INCH, Floats, Ints
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import MM_PER_INCH
 
 # Chance at which healthy readings are doubted.
 CHANCE = 1e-6
@@ -109,6 +110,8 @@ def gauge_doubts(measured: Measured, gauge: Gauge) -> tuple[Implausible, ...]:
     """
     if not isinstance(measured, Readings):
         return tuple(_finer_differences(measured.value, gauge))
+    if not measured.plan.setups:
+        return ()  # a probe without a dial
     found = (
         *_steadier(measured, gauge),
         *_finer(measured, gauge),
@@ -316,7 +319,9 @@ def other_unit(measured: Measured, gauge: Gauge) -> Unit | None:
 
     None if they are in mm, or in no unit; of differences nobody can say.
     """
-    if not isinstance(measured, Readings) or _ordinary(measured, measured.value, gauge):
+    if not isinstance(measured, Readings) or not measured.plan.setups:
+        return None
+    if _ordinary(measured, measured.value, gauge):
         return None
     for unit in UNITS:
         scaled = measured.value * unit.mm

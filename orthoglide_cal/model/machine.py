@@ -25,7 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import SingularError, UnreachableError
-from orthoglide_cal.model.readings import AXES, Numbers, Posture, freeze
+from orthoglide_cal.model.plan import Numbers, freeze
+from orthoglide_cal.model.readings import AXES, Posture
 
 # Sine of the angle between the legs below which a posture counts as singular.
 SINGULAR = 1e-9
@@ -212,6 +213,12 @@ class Points(NamedTuple):
         )
         centres = points + joints[:, None] * directions
         return cls(directions, centres, trilaterate_components(centres, lengths, strict=strict))
+
+
+def batch_of(joints: Numbers, geometry: Geometry) -> int:
+    """Number of batch axes of joints with components first, (3, m, ...), on rails of a batch."""
+    own = geometry.points.ndim - 2, geometry.directions.ndim - 2, geometry.lengths.ndim - 1
+    return max(joints.ndim - 2, *own)
 
 
 def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:

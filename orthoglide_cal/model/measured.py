@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from orthoglide_cal.model.readings import Floats, Ints, Plan, Posture, Series, freeze
+from orthoglide_cal.model.plan import Floats, Ints, View, freeze
+from orthoglide_cal.model.readings import Posture, Series
 
 
 class DataKind(StrEnum):
@@ -81,7 +82,7 @@ class Readings:
     """Raw gauge readings, in the order of the file; arrays have shape (n,).
 
     Attributes:
-        plan: what each reading is of.
+        plan: what each reading is of, in the form of the kind of machine.
         value: as recorded [mm].
         cycle: repeat of the same (leg, direction, posture), from 1.
         posture: "iso", "max", "min" or the displacement as text.
@@ -94,7 +95,7 @@ class Readings:
         remarks: what the reader wants the user to know (unknown columns, assumed times).
     """
 
-    plan: Plan
+    plan: Any
     value: Floats
     cycle: Ints
     posture: tuple[str, ...]
@@ -114,8 +115,12 @@ class Readings:
     @property
     def kinds(self) -> tuple[DataKind, ...]:
         """What can be made of them: themselves, and the differences of their protocol."""
-        differences = (DataKind.SIX, DataKind.TWELVE) if self.plan.fixed else (DataKind.SINGLE,)
-        return (self.kind, *differences)
+        return (self.kind, *map(DataKind, self.plan.reductions))
+
+    @property
+    def view(self) -> View:
+        """What a picture of them is drawn on."""
+        return View(self.plan.view)
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -133,6 +138,7 @@ class Differences:
         remarks: what the reader wants the user to know.
     """
 
+    view = View.LEGS
     kind: DataKind
     which: tuple[Difference, ...]
     value: Floats

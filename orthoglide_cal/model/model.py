@@ -15,26 +15,19 @@ its own unknown zero, which the estimation removes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model.cause import Command, Effect, Stage
-from orthoglide_cal.model.kinds import Moments, Orthoglide
-from orthoglide_cal.model.machine import (
-    Geometry,
-    Machine,
-    Points,
-    behind_batch,
-    column,
-    components,
-)
-from orthoglide_cal.model.readings import AXES, Floats, Ints, Numbers, Plan
+from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
+from orthoglide_cal.model.machine import Geometry, Machine
+from orthoglide_cal.model.plan import Floats, Numbers, Plan
 
-KINDS = {kind.id: kind for kind in (Orthoglide(),)}
+KINDS: Mapping[str, Any] = {kind.id: kind for kind in (Orthoglide(), LinearDelta())}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,20 +43,14 @@ class Model:
     accepted: tuple[Effect, ...] = ()
 
     @cached_property
-    def kind(self) -> Orthoglide:
-        """What kind of machine it is."""
+    def kind(self) -> Any:
+        """What kind of machine it is: one of `KINDS`."""
         return KINDS[self.machine.kind]
 
     @cached_property
     def calibrated(self) -> tuple[str, ...]:
-        """Names of the parameters that a calibration determines: the joint offsets."""
-        return self.kind.calibrated
-
-    @property
-    def homing_mm(self) -> float:
-        """The largest joint offset that a home switch can plausibly leave [mm]."""
-        stated = self.machine.homing_mm
-        return self.kind.homing_mm if stated is None else stated
+        """Names of the parameters that a calibration determines: the joint offsets first."""
+        return tuple(self.kind.calibrated)
 
     def extended(self, effects: Iterable[Effect]) -> Model:
         """The model with more causes, after those that it has."""
@@ -86,7 +73,7 @@ class Model:
     @cached_property
     def geometry(self) -> Geometry:
         """Rails and legs as they really are."""
-        geometry = self.kind.rails(self.machine)
+        geometry: Geometry = self.kind.rails(self.machine)
         for effect in self.accepted:
             geometry = effect.cause.geometry(geometry, effect.theta)
         return geometry
@@ -109,7 +96,7 @@ class Model:
         Raises:
             UnreachableError: a point outside the workspace.
         """
-        return self.kind.indicated(self.machine, tool)
+        return np.asarray(self.kind.indicated(self.machine, tool))
 
 
 # Step of complex-step derivatives: its square vanishes beside 1, so they are exact.
@@ -148,7 +135,7 @@ def simulate_with_jacobian(
         Readings (..., n) [mm] and ∂readings/∂Δρ (..., n, 3).
     """
     point = np.asarray(offsets, dtype=np.float64)
-    if model.still:
+    if model.kind.closed_form(model):
         return _simulate(model, point, plan, strict, derivative=True)
     readings, _ = _simulate(model, point, plan, strict)
     steps = point[..., None, :] + 1j * STEP * np.eye(point.shape[-1])
@@ -202,64 +189,13 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
 
 
 def _simulate(
-    model: Model, offsets: Numbers, plan: Plan, strict: bool, derivative: bool = False
+    model: Model, parameters: Numbers, plan: Any, strict: bool, derivative: bool = False
 ) -> tuple[Numbers, Numbers]:
-    """Readings, and their derivative by the offsets if it is wanted (else the readings again)."""
-    machine, kind, real = model.machine, model.kind, model.geometry
-    command = kind.command(machine, plan)
-    joints, moments = _joints(model, command, plan, offsets)
-    batch = max(
-        joints.ndim - 2, real.points.ndim - 2, real.directions.ndim - 2, real.lengths.ndim - 1
-    )
-    try:
-        points = Points.of(real, joints, batch, strict)
-    except PostureError as error:
-        named = _which(Points.of(real, joints, batch, strict=False), plan, moments.reading)
-        raise type(error)(f"{named}: {error.what}", error.remedy) from error
-
-    heights, fraction = kind.touched(points, plan, moments)
-    readings = behind_batch(heights, 1)
-    along = behind_batch(fraction, 1)
+    """Readings, and their derivative by the parameters if it is wanted (else the readings)."""
+    machine = model.machine
+    readings, where, slope = model.kind.sensed(model, parameters, plan, strict, derivative)
     for effect in model.accepted:
-        readings = effect.cause.contact(readings, effect.theta, effect.place, along, plan, machine)
+        readings = effect.cause.contact(readings, effect.theta, effect.place, where, plan, machine)
     for effect in model.accepted:
         readings = effect.cause.record(readings, effect.theta, effect.place, plan, machine)
-    if not derivative:
-        return readings, readings
-    jacobian = kind.touched_derivative(points, plan, moments, fraction)
-    return readings, behind_batch(jacobian, 2)
-
-
-def _joints(
-    model: Model, command: Command, plan: Plan, offsets: Numbers
-) -> tuple[Numbers, Moments]:
-    """Where the carriages stand at each moment and, last, where they did for each set-up.
-
-    A cause of the motion may depend on time: then every reading is its own moment; otherwise
-    readings at one posture share theirs. Gauges are set up at the isotropic posture, with what
-    was entered then.
-
-    Returns:
-        Components first, shape (3, m + s, ...) [mm]; the moments of each reading.
-    """
-    stood, which = plan.set_up_moments
-    set_up = command.home - stood
-    if model.still:
-        first, moment = plan.moments
-        both = np.concatenate((command.sent[first], set_up)).T
-        joints = column(both, offsets.ndim - 1) + components(offsets, 1)[:, None]
-        return joints, Moments(moment, len(first) + which)
-    joints = model.true_joints(command, offsets)
-    shape = (*joints.shape[:-2], *set_up.shape)
-    gauged = np.broadcast_to(set_up + offsets[..., None, :], shape)
-    both = np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2)
-    return components(both, 2), Moments(np.arange(len(plan)), len(plan) + which)
-
-
-def _which(points: Points, plan: Plan, moment: Ints) -> str:
-    """The first posture that the machine cannot take, in words."""
-    failed = np.isnan(points.tool[0])
-    bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
-    if not bad.size:
-        return "Isotropic posture"
-    return f"Leg {AXES[plan.leg[bad[0]]]} displaced by {plan.displacement[bad[0]]:g} mm"
+    return readings, slope if derivative else readings

@@ -1,28 +1,20 @@
-"""What is read: axes, postures and plans, as arrays.
-
-A plan says which gauge readings are (to be) taken and holds no measured value.
-"""
+"""What gauges on the legs read: axes, postures, and the plan of such readings."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, View, alike, read_only
 
 AXES = ("x", "y", "z")
 MM_PER_INCH = 25.4
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
-Bools = NDArray[np.bool_]
-# Real in use; complex only while a derivative is taken by a complex step.
-Numbers = NDArray[Any]
 
 
 class Series(NamedTuple):
@@ -48,21 +40,6 @@ def other_axes(leg: int) -> tuple[int, int]:
     return first, second
 
 
-def read_only(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
-    """A private copy of `values` that nobody can write to."""
-    array = np.array(values, dtype=dtype)
-    array.setflags(write=False)
-    return array
-
-
-def freeze(value: object, *names: str) -> None:
-    """Replace arrays of a frozen dataclass by read-only copies; for its `__post_init__`."""
-    for name in names:
-        given = getattr(value, name)
-        if given is not None:
-            object.__setattr__(value, name, read_only(given, np.asarray(given).dtype))
-
-
 class Posture(StrEnum):
     """Where the carriage of the leg stands: at its isotropic place or at an end of its travel."""
 
@@ -84,35 +61,23 @@ class Contact(IntEnum):
         return None if self is Contact.FIXED else self.name.lower()
 
 
-# Of the arrays of a plan; all others hold whole numbers.
-_DTYPES: Mapping[str, Any] = MappingProxyType(
-    dict.fromkeys(("displacement", "gauge_at", "hours", "entered"), np.float64)
-    | {"turned": np.bool_}
-)
-_ONCE_FOR_ALL = ("part", "turned", "entered")
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """Readings to be taken; every array is read-only and, if not said otherwise, of shape (n,).
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GaugePlan(Plan):
+    """Readings of gauges that touch the legs.
 
     Attributes:
-        leg: 0, 1, 2 for the x-, y-, z-leg, whose carriage is displaced.
-        direction: 0, 1, 2: the axis along which the gauge measures.
-        displacement: of the leg's own carriage from the isotropic posture [mm].
-        contact: values of `Contact`.
+        leg: 0, 1, 2 for the x-, y-, z-leg, whose carriage is displaced, shape (n,).
+        direction: 0, 1, 2: the axis along which the gauge measures, (n,).
+        displacement: of the leg's own carriage from the isotropic posture, (n,) [mm].
+        contact: values of `Contact`, (n,).
         gauge_at: where along the leg the gauge stood at the isotropic posture, from the
-            carriage joint (0) to the tool centre point (1).
-        setup: 0 … k−1; readings of one set-up share one unknown gauge zero.
-        order: rank in time; equal only for readings that are never compared in time.
-        hours: since the session began [h].
-        part: 0 …; readings of one sitting: between parts the stands are set up, and the gauges
-            told apart, anew. A fault of the measurement is one of a part.
-        turned: the touched bar was turned half round its own axis.
+            carriage joint (0) to the tool centre point (1), (n,).
+        setup: 0 … k−1; readings of one set-up share one unknown gauge zero, (n,).
+        turned: the touched bar was turned half round its own axis, (n,).
         entered: what was entered in the controller since the first reading: the offsets then are
             Δρ − entered; shape (n, 3) [mm].
 
-    The last three may be given once for all readings.
+    Part, turned and entered may be given once for all readings.
     """
 
     leg: Ints
@@ -121,35 +86,26 @@ class Plan:
     contact: Ints
     gauge_at: Floats
     setup: Ints
-    order: Ints
-    hours: Floats
-    part: Ints = field(default_factory=lambda: read_only(0, np.intp))
     turned: Bools = field(default_factory=lambda: read_only(False, np.bool_))
     entered: Floats = field(default_factory=lambda: read_only(np.zeros(3)))
 
-    def __post_init__(self) -> None:
-        n = np.shape(self.leg)
-        for item in fields(self):
-            array = np.asarray(getattr(self, item.name), _DTYPES.get(item.name, np.intp))
-            shape = (*n, 3) if item.name == "entered" else n
-            if item.name in _ONCE_FOR_ALL and array.ndim < len(shape):
-                array = np.broadcast_to(array, shape)
-            if array.shape != shape or len(n) != 1:
-                raise ValueError(f"{item.name} has shape {array.shape}, leg has {n}")
-            object.__setattr__(self, item.name, read_only(array, array.dtype))
-
-    def __len__(self) -> int:
-        return int(self.leg.size)
+    view = View.LEGS
+    rows = MappingProxyType({"entered": 3})
 
     @property
     def setups(self) -> int:
         """Number of gauge set-ups, each with its own unknown zero."""
         return int(self.setup.max()) + 1 if len(self) else 0
 
+    @property
+    def precision(self) -> Floats:
+        """All alike, shape (n,)."""
+        return np.ones(len(self))
+
     @cached_property
-    def parts(self) -> int:
-        """Number of parts, empty ones before the last included."""
-        return int(self.part.max()) + 1 if len(self) else 0
+    def same(self) -> np.ndarray:
+        """Whether two readings are of one set-up, shape (n, n)."""
+        return np.asarray(self.setup[:, None] == self.setup)
 
     @cached_property
     def stood(self) -> Floats:
@@ -168,11 +124,6 @@ class Plan:
         return read_only(stood)
 
     @cached_property
-    def in_time(self) -> Ints:
-        """Indices of the readings from first to last, shape (n,)."""
-        return read_only(np.argsort(self.order, kind="stable"), np.intp)
-
-    @cached_property
     def zeros(self) -> Floats:
         """Design matrix of the gauge zeros, shape (n, setups): 1 where a reading has that zero."""
         return read_only(self.setup[:, None] == np.arange(self.setups), np.float64)
@@ -180,7 +131,7 @@ class Plan:
     @cached_property
     def cells(self) -> Ints:
         """Number of each reading's cell, shape (n,): leg, direction, posture, contact, state."""
-        return _alike(self.leg, self.direction, self.displacement, self.contact, *self.state)[1]
+        return alike(self.leg, self.direction, self.displacement, self.contact, *self.state)[1]
 
     @cached_property
     def distinct(self) -> tuple[Ints, Ints]:
@@ -191,13 +142,13 @@ class Plan:
             alone = read_only(np.arange(len(self)), np.intp)
             return alone, alone
         where = (self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
-        return _alike(*where, *self.state)
+        return alike(*where, *self.state)
 
     @cached_property
     def moments(self) -> tuple[Ints, Ints]:
         """Distinct true postures: a reading of each, (m,), and each reading's one, (n,)."""
         leg = np.where(self.displacement == 0.0, 0, self.leg)
-        return _alike(leg, self.displacement, *_columns(self.entered))
+        return alike(leg, self.displacement, *_columns(self.entered))
 
     @property
     def as_found(self) -> Bools:
@@ -217,14 +168,48 @@ class Plan:
         """What else readings must agree in to repeat each other, each (n,); () where all do."""
         return (*_columns(self.turned[:, None]), *_columns(self.entered))
 
-    def subset(self, chosen: Ints) -> Plan:
-        """The plan of some of its readings (indices or mask); set-ups are renumbered.
+    @cached_property
+    def repeats(self) -> Ints:
+        """Number of the readings of the same cell and set-up, shape (n,)."""
+        where = (self.setup, self.displacement, self.contact, self.gauge_at)
+        return alike(*where, *self.state)[1]
+
+    def subset(self, chosen: Ints) -> Self:
+        """As of any plan; set-ups are renumbered.
 
         The first chosen reading of a set-up is then the one at which it began.
         """
-        parts = {item.name: getattr(self, item.name)[chosen] for item in fields(self)}
-        parts["setup"] = np.unique(parts["setup"], return_inverse=True)[1]
-        return Plan(**parts)
+        part = super().subset(chosen)
+        return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
+
+    @property
+    def last_travel(self) -> Ints:
+        """Back to one of another posture."""
+        rows = self.in_time
+        moved = np.flatnonzero(np.diff(self.displacement[rows]))
+        return rows[moved[-1] :] if moved.size else rows[-1:]
+
+    def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
+        """What returns with its posture; with time: what wanders; more scatter on one leg."""
+        repeatable = self.cells[:, None] == np.arange(self.cells.max() + 1)
+        yield "the same deviation whenever a posture returns", repeatable.astype(np.float64)
+        if not ordered:
+            return
+        onwards = self.onwards
+        yield "readings that wander with time", onwards / np.sqrt(onwards.sum(axis=0).max())
+        for leg in np.unique(self.leg):
+            own = np.flatnonzero(self.leg == leg)
+            yield f"more scatter on leg {AXES[leg]}", np.eye(len(self))[:, own]
+
+    def words(self, machine: Any, index: int) -> str:
+        """One reading: "leg x, direction y, min, cycle 2 (reading 12)"."""
+        moved = float(self.displacement[index])
+        posture = machine.posture_at(moved) or f"{moved:g} mm"
+        alike = (self.setup == self.setup[index]) & (self.displacement == moved)
+        cycle = int(np.sum(alike & (self.order <= self.order[index])))
+        number = int(np.sum(self.order <= self.order[index]))
+        where = f"{self.series[index].words}, {posture}, cycle {cycle}"
+        return f"{where}{part_words(self, int(self.part[index]))} (reading {number})"
 
     @cached_property
     def series(self) -> tuple[Series, ...]:
@@ -236,10 +221,20 @@ class Plan:
         """Mask of the readings of one leg and direction, shape (n,)."""
         return np.asarray((self.leg == series.leg) & (self.direction == series.direction))
 
+    @property
+    def reductions(self) -> tuple[str, ...]:
+        """The differences of their protocol."""
+        return ("six", "twelve") if self.fixed else ("single",)
+
     @cached_property
     def fixed(self) -> bool:
         """True if all gauges stand on fixed stands, as in the double-posture protocol."""
         return bool(np.all(self.contact == Contact.FIXED))
+
+
+def part_words(plan: Plan, part: int) -> str:
+    """Which part of a plan, where it has several: ", part 2"."""
+    return f", part {part + 1}" if plan.parts > 1 else ""
 
 
 def number_setups(
@@ -289,46 +284,3 @@ def places_of(
 def _columns(state: Floats | Bools) -> tuple[Floats, ...]:
     """The columns of (n, k), none of them if they are all zero."""
     return tuple(state.T.astype(np.float64)) if state.any() else ()
-
-
-def _alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
-    """Rows that agree in all keys: the first of each kind, (m,), and each row's kind, (n,)."""
-    rows = np.stack(keys, axis=1)
-    _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return read_only(first, np.intp), read_only(kind.reshape(-1), np.intp)
-
-
-def zero_free(plan: Plan) -> Floats:
-    """Orthonormal contrasts that no gauge zero enters, shape (n − setups, n).
-
-    Least squares on the contrasts is generalised least squares on the readings with one
-    unknown zero per set-up.
-    """
-    q, _ = np.linalg.qr(plan.zeros, mode="complete")
-    return np.ascontiguousarray(q[:, plan.setups :].T)
-
-
-def cell_contrasts(plan: Plan) -> Floats:
-    """`zero_free` for readings that repeat each other exactly: orthonormal contrasts of cells.
-
-    A cell holds the repeats of one posture in one gauge set-up. Where the model says the same of
-    all of them, only their mean matters: least squares on the weighted means, with the zeros
-    removed, is least squares on all readings, with m cells instead of n readings.
-
-    Returns:
-        Shape (m − setups, n).
-    """
-    where = (plan.setup, plan.displacement, plan.contact, plan.gauge_at)
-    keys = np.stack((*where, *plan.state), axis=1)
-    cells, cell, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    weight = np.sqrt(count)
-    zeros = weight[:, None] * (cells[:, :1] == np.arange(plan.setups))
-    q, _ = np.linalg.qr(zeros, mode="complete")
-    return np.ascontiguousarray((q[:, plan.setups :].T / weight)[:, cell.reshape(-1)])
-
-
-def without_zeros(plan: Plan, values: Floats) -> Floats:
-    """Values (..., n) less the mean of their gauge set-up: what no gauge zero can explain."""
-    count = np.bincount(plan.setup, minlength=plan.setups)
-    means = values @ (plan.zeros / count)
-    return np.asarray(values - means[..., plan.setup])

@@ -9,14 +9,19 @@ import numpy as np
 from orthoglide_cal.model.machine import Gauge
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
-from orthoglide_cal.model.readings import Floats, Plan
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import GaugePlan
 
 # Gauge zeros lie anywhere within this distance of the frame's origin [mm].
 ZERO_RANGE_MM = 1.0
 
 
 def written_down(
-    signal: Floats, plan: Plan, gauge: Gauge, rng: np.random.Generator, sessions: int | None = None
+    signal: Floats,
+    plan: GaugePlan,
+    gauge: Gauge,
+    rng: np.random.Generator,
+    sessions: int | None = None,
 ) -> Floats:
     """Readings of gauges with arbitrary zeros, noise and a smallest step.
 
@@ -38,7 +43,11 @@ def written_down(
 
 
 def synthetic_session(
-    model: Model, plan: Plan, offsets: Floats, rng: np.random.Generator, gauge: Gauge | None = None
+    model: Model,
+    plan: GaugePlan,
+    offsets: Floats,
+    rng: np.random.Generator,
+    gauge: Gauge | None = None,
 ) -> Readings:
     """One session on a machine with these joint offsets.
 
@@ -70,7 +79,7 @@ def synthetic_session(
     )
 
 
-def _cycles(plan: Plan) -> list[int]:
+def _cycles(plan: GaugePlan) -> list[int]:
     """Repeats of the same set-up, posture and contact, counted in time from 1."""
     seen: Counter[tuple[float, ...]] = Counter()
     cycles = [0] * len(plan)

@@ -18,7 +18,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.cause import Command
 from orthoglide_cal.model.machine import Geometry, rail_position, tool_derivative, trilaterate
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.readings import Floats, Ints, freeze
+from orthoglide_cal.model.plan import Floats, Ints, freeze
 
 SAMPLES = 17  # along each edge of the cube
 MOST_POINTS = 51  # of a compensation table, along each edge
@@ -59,7 +59,8 @@ class WorkspaceError:
 
 def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
     """Points along each edge of the reachable cube, (n,), and all of them, (n³, 3) [mm]."""
-    axis = np.linspace(*model.kind.reachable_cube(model.machine), points)
+    low, high = model.kind.reachable_cube(model.machine)
+    axis = np.linspace(low, high, points)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     return axis, np.stack((x, y, z), axis=-1).reshape(-1, 3)
 

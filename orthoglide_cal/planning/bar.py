@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.model import AXES, Contact, Floats, Machine, Plan
+from orthoglide_cal.model import AXES, Contact, Floats, GaugePlan, Machine
 
 # The plunger keeps this share of the leg from both joints: forks, bolts and the stand's arm.
 MARGIN = 0.1
@@ -45,7 +45,7 @@ def keeps_off(touched: Floats) -> np.ndarray:
     return np.asarray((touched < MARGIN - ROUNDING) | (touched > 1.0 - MARGIN + ROUNDING))
 
 
-def worst_touch(plan: Plan, machine: Machine) -> Touch | None:
+def worst_touch(plan: GaugePlan, machine: Machine) -> Touch | None:
     """The touch nearest to a joint; None if no gauge stands fixed in space."""
     rows = np.flatnonzero(plan.contact == Contact.FIXED)
     if not rows.size:
@@ -80,7 +80,7 @@ def places(machine: Machine) -> tuple[float, float] | None:
     return (round(near * PLACE_STEP, 9), round(far * PLACE_STEP, 9)) if near <= far else None
 
 
-def bar_warning(plan: Plan, machine: Machine) -> tuple[str, str] | None:
+def bar_warning(plan: GaugePlan, machine: Machine) -> tuple[str, str] | None:
     """What is wrong with the touches of a plan, and how to mend it; None if nothing is."""
     worst = worst_touch(plan, machine)
     if worst is None or worst.keeps >= MARGIN - ROUNDING:
@@ -101,7 +101,7 @@ def bar_warning(plan: Plan, machine: Machine) -> tuple[str, str] | None:
     return what, f"Measure with --design best, whose postures and gauge place fit; or {smaller}"
 
 
-def require_on_bar(plan: Plan, machine: Machine) -> tuple[str, str] | None:
+def require_on_bar(plan: GaugePlan, machine: Machine) -> tuple[str, str] | None:
     """The warning of a plan whose plungers stay on the bars, but barely; None without one.
 
     Raises:

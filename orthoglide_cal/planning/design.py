@@ -25,10 +25,10 @@ from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.model import (
     DataKind,
     Floats,
+    GaugePlan,
     Ints,
     Machine,
     Model,
-    Plan,
     simulate_with_jacobian,
     visiting,
 )
@@ -57,12 +57,12 @@ class Design:
     displacements_mm: tuple[float, ...]
     gauge_at: float
 
-    def plan(self, cycles: int) -> Plan:
+    def plan(self, cycles: int) -> GaugePlan:
         """Its readings, leg by leg; at least one cycle."""
         return visiting(self.displacements_mm * cycles, self.gauge_at)
 
 
-def best_design(machine: Machine, cycles: int) -> Plan:
+def best_design(machine: Machine, cycles: int) -> GaugePlan:
     """The readings of the best design, leg by leg; see `design_of`."""
     return design_of(machine).plan(cycles)
 
@@ -103,7 +103,7 @@ def design_of(machine: Machine) -> Design:
     return best
 
 
-def readings_needed(model: Model, plan: Plan) -> float:
+def readings_needed(model: Model, plan: GaugePlan) -> float:
     """Readings of a plan that leave the noise σ of one reading in the worst offset.
 
     So many each unit of accuracy costs, however often the plan is repeated.

@@ -12,15 +12,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, require_rank
-from orthoglide_cal.estimation.budget import Budget, budget_of
-from orthoglide_cal.estimation.influences import Influence, Origin, influences
-from orthoglide_cal.model import Floats, Model, Plan
+from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.estimation.influences import held, influences
+from orthoglide_cal.estimation.solve import budget_of_readings
+from orthoglide_cal.model import Floats, GaugePlan, Model
+from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, plan_of
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.planning.steps import (
@@ -32,10 +35,6 @@ from orthoglide_cal.planning.steps import (
     sequence,
 )
 
-# Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
-OFFSET_MM = 0.5
-# Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
-PLAUSIBLE_OFFSETS = OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
 # As many as `measure` takes.
 MOST_CYCLES = 50
 # What more cycles make smaller.
@@ -57,7 +56,7 @@ class Session:
     protocol: MeasuringProtocol
     cycles: int
     steps: tuple[SessionStep, ...]
-    plan: Plan
+    plan: GaugePlan
 
     # Every method asks for the same sessions.
     @classmethod
@@ -110,8 +109,7 @@ class Expected:
     @cached_property
     def noise_std_mm(self) -> Floats:
         """What the scatter of the readings leaves of each offset, shape (3,) [mm]."""
-        parts = [c.std_mm**2 for c in self.budget.contributions if c.source in AVERAGED]
-        return np.asarray(np.sqrt(np.sum(parts, axis=0)))
+        return noise_std(self.budget)
 
     @property
     def expanded_mm(self) -> Floats:
@@ -142,7 +140,7 @@ def expected(
     return Expected(session, method, expected_budget(model, session.plan, method))
 
 
-def expected_budget(model: Model, plan: Plan, method: Method = Method.READINGS) -> Budget:
+def expected_budget(model: Model, plan: Any, method: Method = Method.READINGS) -> Budget:
     """The budget of the offsets that a method will find from readings of a plan.
 
     Args:
@@ -157,11 +155,12 @@ def expected_budget(model: Model, plan: Plan, method: Method = Method.READINGS) 
     estimator = estimator_for(model, plan, uncertain, method)
     dof = len(plan) - plan.setups - len(model.calibrated)
     scatter = Scatter(gauge.noise_mm, float(dof)) if dof > 0 else None
-    return budget_of(estimator, gauge, scatter, uncertain)
+    taken = held(model, np.zeros(len(model.calibrated)), plan)
+    return budget_of_readings(estimator, plan, gauge, scatter, (*uncertain, *taken))
 
 
 def estimator_for(
-    model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
+    model: Model, plan: Any, uncertain: Sequence[Influence], method: Method = Method.READINGS
 ) -> Floats:
     """What a small change of each reading does to the offsets, shape (3, n).
 
@@ -183,9 +182,9 @@ def estimator_for(
 
 
 @functools.lru_cache(maxsize=128)
-def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
+def _plausible_influences(model: Model, plan: Any) -> tuple[Influence, ...]:
     """Influences on these readings: their squares are the means over plausible offsets."""
-    alike = [influences(model, offsets, plan) for offsets in PLAUSIBLE_OFFSETS]
+    alike = [influences(model, offsets, plan) for offsets in model.kind.supposed]
     share = 1.0 / np.sqrt(len(alike))
     return tuple(
         replace(each[0], columns=share * np.hstack([one.columns for one in each]))
@@ -229,6 +228,12 @@ def _cycles_for(found: Expected, wanted_mm: float) -> int:
     spare = wanted_mm**2 / k2 - left
     needed = np.where(spare * MOST_CYCLES > noise, noise / np.maximum(spare, TINY), MOST_CYCLES)
     return math.ceil(float(needed.max()))
+
+
+def noise_std(budget: Budget) -> Floats:
+    """What the scatter of the readings leaves of each parameter, shape (p,)."""
+    parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
+    return np.asarray(np.sqrt(np.sum(parts, axis=0)))
 
 
 def floor_of(budget: Budget) -> Budget | None:

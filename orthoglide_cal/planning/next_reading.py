@@ -20,24 +20,25 @@ from scipy.special import ndtr
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.diagnosis.assess import bound
-from orthoglide_cal.diagnosis.explanations import Ids
+from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import Contribution
-from orthoglide_cal.estimation.influences import Origin, influences
+from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Floats,
+    GaugePlan,
     Model,
-    Plan,
     Readings,
     freeze,
     simulate,
     simulate_with_jacobian,
     without_zeros,
 )
-from orthoglide_cal.model.readings import Bools
+from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.model.plan import Bools
 from orthoglide_cal.planning.expected import estimator_for
-from orthoglide_cal.planning.options import Option, joined, options
+from orthoglide_cal.planning.options import Option, beyond, joined, options
 from orthoglide_cal.planning.outlook import Outlook, outlooks
 
 # Explanations nearer than this to each other under every option cannot be told apart [σ].
@@ -85,7 +86,7 @@ def ranked(diagnosis: Diagnosis) -> tuple[Next, ...]:
     """
     model, measured = diagnosis.model, diagnosis.measured
     first = measured.plan if isinstance(measured, Readings) else None
-    choice = options(first, model.machine)
+    choice = beyond(first, model) or options(first, model.machine)
     likeliest = sorted(diagnosis.by_place, key=lambda each: -each[0])[:MOST]
     shares = np.array([share for share, _ in likeliest])
     fits = [fit for _, fit in likeliest]
@@ -175,7 +176,7 @@ def _chance(seen: Outlook, shares: Floats, spare: Floats, told: Bools) -> float:
     return float(asked @ dismissed / asked.sum()) if asked.any() else 0.0
 
 
-def _as_entered(model: Model, plan: Plan, fit: Fitted, reach: Floats) -> Floats:
+def _as_entered(model: Model, plan: GaugePlan, fit: Fitted, reach: Floats) -> Floats:
     """U (3,) [mm] of the offsets that are entered where causes are named.
 
     Causes that move them by less than their own uncertainty do not bar the offsets alone, and are

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model import AXES, Contact, Machine, Model, Plan, other_axes
+from orthoglide_cal.model import AXES, Contact, GaugePlan, Machine, Model, Plan, other_axes
 from orthoglide_cal.model.kinds import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
@@ -47,22 +47,23 @@ class Option:
     """
 
     what: str
-    plan: Plan
+    plan: Any
     minutes: float
     continues: bool
 
 
-def joined(*plans: Plan) -> Plan:
+def joined(*plans: Any) -> Any:
     """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
-    return Plan(
+    return replace(
+        plans[0],
         **{
             item.name: np.concatenate([getattr(plan, item.name) for plan in plans])
-            for item in fields(Plan)
-        }
+            for item in fields(plans[0])
+        },
     )
 
 
-def options(first: Plan | None, machine: Machine) -> tuple[Option, ...]:
+def options(first: GaugePlan | None, machine: Machine) -> tuple[Option, ...]:
     """All that can be done next.
 
     Args:
@@ -72,6 +73,22 @@ def options(first: Plan | None, machine: Machine) -> tuple[Option, ...]:
     here = None if first is None else _Stands.after(first)
     going_on = () if here is None else _going_on(here, machine)
     return (*going_on, *_afresh(first, machine))
+
+
+def beyond(first: Plan | None, model: Model) -> tuple[Option, ...]:
+    """What the kind of machine has to offer beside gauges on legs; none for an Orthoglide."""
+    if first is None:
+        return ()
+    found = []
+    for what, plan, minutes in model.kind.further(first):
+        later = replace(
+            plan,
+            order=plan.order + int(first.order.max()) + 1,
+            hours=plan.hours + float(first.hours.max()),
+            part=plan.part + first.parts,
+        )
+        found.append(Option(what, later, minutes, continues=False))
+    return tuple(found)
 
 
 class _Walk(NamedTuple):
@@ -143,7 +160,7 @@ def _step(machine: Machine, leg: int, axis: int, stops: Sequence[float]) -> floa
     return None
 
 
-def _afresh(first: Plan | None, machine: Machine) -> Iterator[Option]:
+def _afresh(first: GaugePlan | None, machine: Machine) -> Iterator[Option]:
     """With the stands set up afresh, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
     usual = walks[0]
@@ -174,7 +191,7 @@ def _afresh(first: Plan | None, machine: Machine) -> Iterator[Option]:
 
 
 def _sitting(
-    first: Plan | None,
+    first: GaugePlan | None,
     legs: Sequence[int],
     what: str,
     stops: Sequence[float],
@@ -216,7 +233,7 @@ class _Stands:
         step: how much short each carriage is commanded [mm].
     """
 
-    first: Plan
+    first: GaugePlan
     leg: int
     last: dict[int, int] = field(default_factory=dict)
     wait: float = 0.0
@@ -229,7 +246,7 @@ class _Stands:
         return float(max(stood, key=lambda at: abs(at - 0.5)))
 
     @classmethod
-    def after(cls, first: Plan) -> _Stands | None:
+    def after(cls, first: GaugePlan) -> _Stands | None:
         """The stands of the last reading; None where no stand is fixed in space."""
         at_last = int(first.in_time[-1])
         leg = int(first.leg[at_last])
@@ -250,9 +267,9 @@ class _Stands:
             minutes += MINUTES_PER_POSTURE
         first = self.first
         index = np.array(rows, dtype=np.intp)
-        before = {item.name: getattr(first, item.name)[index] for item in fields(Plan)}
+        before = {item.name: getattr(first, item.name)[index] for item in fields(GaugePlan)}
         start = float(first.hours.max()) + MINUTES_PER_POSTURE / 60.0
-        plan = Plan(
+        plan = GaugePlan(
             **before
             | {
                 "displacement": np.array(moved),
@@ -264,7 +281,7 @@ class _Stands:
         return Option(what, plan, minutes, continues=True)
 
 
-def _places(first: Plan | None, machine: Machine) -> list[float]:
+def _places(first: GaugePlan | None, machine: Machine) -> list[float]:
     """The places farthest along the leg at which the plunger stays on the bar, if they are new."""
     found = sorted(set(places(machine) or ()))
     if first is None:

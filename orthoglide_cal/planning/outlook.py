@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class _Expected:
 
 
 def outlooks(
-    model: Model, first: Plan | None, choice: Sequence[Option], fits: Sequence[Fitted]
+    model: Model, first: Any, choice: Sequence[Option], fits: Sequence[Fitted]
 ) -> list[Outlook]:
     """What explanations expect of each option.
 
@@ -74,7 +74,7 @@ def outlooks(
     return [found[option] for option in choice]
 
 
-def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[int]]:
+def _together(first: Any, group: Sequence[Option]) -> tuple[Plan, list[int]]:
     """One plan of the first readings and all options, and where each option begins in it.
 
     Every option comes behind the first readings' last travel, as if there were no other: the
@@ -84,7 +84,7 @@ def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[i
         parts = [option.plan for option in group]
         starts = np.cumsum([0, *map(len, parts)])[:-1].tolist()
     else:
-        travel = first.subset(_last_travel(first))
+        travel = first.subset(first.last_travel)
         parts, starts, end = [first], [], len(first)
         for option in group:
             starts.append(end + len(travel))
@@ -95,18 +95,7 @@ def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[i
     return replace(joined(*parts), order=order), starts
 
 
-def _last_travel(first: Plan) -> np.ndarray:
-    """The last readings, back to one of another posture, in time order."""
-    rows = first.in_time
-    moved = [
-        k
-        for k, (a, b) in enumerate(pairwise(rows.tolist()))
-        if first.displacement[a] != first.displacement[b]
-    ]
-    return np.asarray(rows[moved[-1] :] if moved else rows[-1:])
-
-
-def _expected(model: Model, plan: Plan, fit: Fitted, goes_on: Plan | None) -> _Expected:
+def _expected(model: Model, plan: Any, fit: Fitted, goes_on: Plan | None) -> _Expected:
     """What an explanation says of readings; `goes_on` are those whose stands are still there."""
     # What belongs to the set-up goes on only where the set-up does, a step of estimated size with
     # its uncertainty.
@@ -125,7 +114,7 @@ def _expected(model: Model, plan: Plan, fit: Fitted, goes_on: Plan | None) -> _E
 
 
 def _outlook(
-    first: Plan | None,
+    first: Any,
     option: Option,
     start: int,
     expected: Sequence[_Expected],

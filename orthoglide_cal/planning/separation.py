@@ -9,10 +9,11 @@ plausible offsets, so that all truths and all rivals are a few products of matri
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,13 +25,11 @@ from orthoglide_cal.model import (
     Machine,
     Model,
     Place,
-    Plan,
     Stage,
     differentiate,
     freeze,
     zero_free,
 )
-from orthoglide_cal.planning.expected import PLAUSIBLE_OFFSETS
 
 # A cause whose trace is smaller than this cannot be seen, nor two be told apart [σ].
 TRACE_SIGMA = 1.0
@@ -77,23 +76,25 @@ class Separations:
         return tuple(sorted(found, key=lambda pair: pair[2]))
 
 
-def separations(model: Model, plan: Plan) -> Separations:
+def separations(model: Model, plan: Any, among: Collection[str] | None = None) -> Separations:
     """Every cause that is possible on this machine against every other.
 
     Args:
         model: its machine gives the plausible sizes; what is accepted already is no candidate.
         plan: n readings that determine the offsets.
+        among: ids of those to look at; None for all.
     """
-    causes = _candidates(model, plan)
+    every, supposed = _candidates(model, plan), model.kind.supposed
+    causes = tuple(cause for cause in every if among is None or cause.id in among)
     total = np.zeros((len(causes), len(causes) + 1))
-    for offsets in PLAUSIBLE_OFFSETS if causes else ():
+    for offsets in supposed if causes else ():
         near = _Near(model, plan, offsets, causes)
-        total += near.margins() / len(PLAUSIBLE_OFFSETS)
+        total += near.margins() / len(supposed)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
 
-def _candidates(model: Model, plan: Plan) -> tuple[Cause, ...]:
+def _candidates(model: Model, plan: Any) -> tuple[Cause, ...]:
     """Causes that can be behind such readings: of the machine first, then of the measurement."""
     known = {effect.cause.id for effect in model.accepted}
     possible = [
@@ -107,7 +108,7 @@ def _candidates(model: Model, plan: Plan) -> tuple[Cause, ...]:
     return tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
 
 
-def _relabellings(cause: RelabelCause, plan: Plan, machine: Machine) -> list[Place]:
+def _relabellings(cause: RelabelCause, plan: Any, machine: Machine) -> list[Place]:
     """The places at which the readings can express it."""
     return [place for place in cause.places(plan, machine) if cause.reversible(plan, place)]
 
@@ -139,9 +140,7 @@ class _Near:
     what offsets, zeros and influences of plausible size imitate has been taken out.
     """
 
-    def __init__(
-        self, model: Model, plan: Plan, offsets: Floats, causes: tuple[Cause, ...]
-    ) -> None:
+    def __init__(self, model: Model, plan: Any, offsets: Floats, causes: tuple[Cause, ...]) -> None:
         self._machine, self._plan = model.machine, plan
         self._offsets, self._causes = offsets, causes
         sigma = model.machine.gauge.noise_mm

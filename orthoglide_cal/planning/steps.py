@@ -15,9 +15,9 @@ from orthoglide_cal.files import number_text
 from orthoglide_cal.model import (
     AXES,
     Contact,
+    GaugePlan,
     Ints,
     Machine,
-    Plan,
     Posture,
     Series,
     double_posture,
@@ -143,7 +143,7 @@ def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, sta
     return " ".join(option for option, said in told.items() if said)
 
 
-def _closed(plan: Plan) -> Plan:
+def _closed(plan: GaugePlan) -> GaugePlan:
     """The single-posture plan with a closing isotropic posture on each leg, as in sec. 4.1."""
     rows = plan.in_time.tolist()
     legs = ([i for i in rows if plan.leg[i] == leg] for leg in (0, 1))
@@ -151,7 +151,9 @@ def _closed(plan: Plan) -> Plan:
     return replace(plan.subset(closed), order=np.arange(len(closed)))
 
 
-def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[SessionStep, ...]:
+def steps_of(
+    plan: GaugePlan, machine: Machine, order: Order, stands: int
+) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 
     Args:
@@ -189,7 +191,7 @@ def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[S
     return tuple(steps)
 
 
-def planned_readings(plan: Plan) -> list[PlannedReading]:
+def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
     """The readings of a plan, at no time at all."""
     columns = (
         plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at, plan.part,

@@ -232,22 +232,22 @@ def _height(differences: Sequence[Difference]) -> float:
 
 
 def residual_strips(
-    names: Sequence[str], residuals_mm: Sequence[Floats], legs: Ints, noise_mm: float
+    names: Sequence[str], residuals_mm: Sequence[Floats], legs: Ints | None, noise_mm: float
 ) -> tuple[Html, ...]:
     """Residuals in order of time, under one or two models, on one scale.
 
     Args:
         names: of the models.
         residuals_mm: in order of time, each of shape (n,).
-        legs: 0, 1, 2: leg of each, shape (n,); sets the colour.
+        legs: 0, 1, 2: leg of each, shape (n,); sets the colour. None without legs.
         noise_mm: standard deviation of one reading; the band is twice as high.
     """
-    width, height, count = 300.0, 190.0, len(legs)
+    width, height, count = 300.0, 190.0, len(residuals_mm[0])
     band = 2000.0 * noise_mm
     largest = 1.08 * max(band, *(1000.0 * float(np.abs(r).max()) for r in residuals_mm))
     axes = Axes.of(width, height, (0.0, count + 1.0), (-largest, largest))
     middles = []
-    for leg in sorted({int(v) for v in legs}):
+    for leg in () if legs is None else sorted({int(v) for v in legs}):
         mine = np.flatnonzero(legs == leg) + 1
         if int(mine[-1] - mine[0]) < mine.size:  # one after the other; else names would overlap
             middles.append((float(mine.mean()), f"leg {AXES[leg]}"))
@@ -260,10 +260,11 @@ def residual_strips(
             words(width - 10, 16, name, "end", "strong"),
             axes.bottom_axis(middles, "readings in order of time"),
         ]
-        for k, leg in enumerate(legs.tolist()):
+        for k, leg in enumerate([None] * count if legs is None else legs.tolist()):
             x, y = axes.across(k + 1.0), axes.up(float(microns[k]))
-            parts.append(line(x, axes.up(0.0), x, y, f"stem c-{AXES[leg]}"))
-            parts.append(mark(x, y, leg, f"mark c-{AXES[leg]}", 2.4))
+            colour = "" if leg is None else f" c-{AXES[leg]}"
+            parts.append(line(x, axes.up(0.0), x, y, f"stem{colour}"))
+            parts.append(mark(x, y, leg or 0, f"mark{colour}", 2.4))
         outside = int((np.abs(microns) > band).sum())
         finding = (
             f"Residuals {name}: r.m.s. {rms(microns):.1f} µm,"

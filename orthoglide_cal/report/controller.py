@@ -90,7 +90,8 @@ def verify_command(
     """
     applied = " ".join(plain(change, adjustment.decimals) for change in adjustment.applied_mm)
     before = calibration.input.measured.source.path
-    unknown = recording(calibration.input) is Recording.NOWHERE
+    recorded = adjustment.kind.recorded
+    unknown = recorded and recording(calibration.input) is Recording.NOWHERE
     options = f"--applied {applied}" if unknown else ""
     return command("verify", before, "AFTER", machine=machine_file, options=options)
 
@@ -154,12 +155,13 @@ def remedy_words(calibration: Calibration, machine_file: Path | None) -> list[st
     ]
 
 
-def _head(export: Export) -> list[str]:
+def head(export: Export) -> list[str]:
     """Title, origin, and the warning of a forced export."""
     found = export.calibration
     identity, source = found.identity, found.input.measured.source
     lines = [
-        f"Joint offsets for {found.input.model.machine.name}, {identity.number}",
+        f"{export.adjustment.kind.speech.title} for {found.input.model.machine.name},"
+        f" {identity.number}",
         f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
         f"From {file_words(source.path)}, SHA-256 {source.sha256}",
     ]
@@ -168,9 +170,10 @@ def _head(export: Export) -> list[str]:
     return lines + [f"Note: {line}" for line in cautions(found)]
 
 
-def _after_entering(export: Export, machine_file: Path | None) -> list[str]:
+def after_entering(export: Export, machine_file: Path | None) -> list[str]:
     """Re-home, check posture, verification."""
-    lines = ["After entering: re-home all three axes."]
+    restart = export.adjustment.kind.speech.restart
+    lines = [f"After entering: {restart[0].lower()}{restart[1:]}"]
     check = export.adjustment.check
     if check is not None:
         before = f"(before: {signed(check.before_mm, 2)} mm)"
@@ -189,34 +192,43 @@ def _after_entering(export: Export, machine_file: Path | None) -> list[str]:
 def as_text(export: Export, machine_file: Path | None = None) -> str:
     """A page of plain text for any controller: "the controller says X, truly Y"."""
     adjustment, says = export.adjustment, export.calibration.input.model.machine.leg_length_mm
-    decimals = adjustment.decimals
-    rows = [("axis", "previous", "change", "U", "enter")] + [
+    decimals, absolute = adjustment.decimals, adjustment.kind.absolute
+    value = plain if absolute else signed
+    rows = [("parameter" if absolute else "axis", "previous", "change", "U", "enter")] + [
         (
-            joint.axis,
-            signed(joint.previous_mm, decimals),
-            signed(joint.change_mm, decimals),
+            f"{joint.axis}, {joint.unit}" if absolute else joint.axis,
+            value(joint.previous_mm, decimals),
+            signed(joint.change_mm, decimals) if joint.determined else "unknown",
             two_figures(joint.expanded_mm),
-            signed(joint.new_mm, decimals),
+            value(joint.new_mm, decimals),
         )
         for joint in adjustment.joints
     ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    meaning = (
+        f"Parameters ({adjustment.kind.speech.relation};"
+        if absolute
+        else "Joint offsets, mm (true joint position = indicated + offset;"
+    )
     lines = [
-        *map(visible, _head(export)),
+        *map(visible, head(export)),
         "",
-        "Joint offsets, mm (true joint position = indicated + offset; U: expanded uncertainty,"
+        f"{meaning} U: expanded uncertainty,"
         f" {coverage_words(adjustment.budget.k)}, {100 * adjustment.confidence:.0f} %)",
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",
-        "At the isotropic posture, as the controller is set now:",
-        *(
-            f"{joint.axis}: the controller says {plain(says, decimals)} mm,"
-            f" truly {plain(says + joint.change_mm, decimals)} mm"
-            for joint in adjustment.joints
-        ),
-        "",
-        *map(visible, _after_entering(export, machine_file)),
     ]
+    if not absolute:
+        lines += [
+            "At the isotropic posture, as the controller is set now:",
+            *(
+                f"{joint.axis}: the controller says {plain(says, decimals)} mm,"
+                f" truly {plain(says + joint.change_mm, decimals)} mm"
+                for joint in adjustment.joints
+            ),
+            "",
+        ]
+    lines += map(visible, after_entering(export, machine_file))
     return "\n".join(lines) + "\n"
 
 
@@ -227,7 +239,7 @@ def as_linuxcnc(export: Export, machine_file: Path | None = None) -> str:
     and comments would not survive.
     """
     decimals = export.adjustment.decimals
-    lines = [f"# {visible(line)}" for line in _head(export)]
+    lines = [f"# {visible(line)}" for line in head(export)]
     lines += [
         "#",
         "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if LINEAR_UNITS",
@@ -243,7 +255,7 @@ def as_linuxcnc(export: Export, machine_file: Path | None = None) -> str:
             f"HOME_OFFSET = {plain(joint.new_mm, decimals)}",
         ]
     lines.append("")
-    lines += [f"# {visible(line)}" for line in _after_entering(export, machine_file)]
+    lines += [f"# {visible(line)}" for line in after_entering(export, machine_file)]
     return "\n".join(lines) + "\n"
 
 
@@ -261,18 +273,36 @@ def _values(export: Export, machine_file: Path | None) -> dict[str, Any]:
         "forced": bool(export.forced),
         "reasons_against": list(export.forced),
         "cautions": list(cautions(found)),
-        "joints": {
-            joint.axis: {
-                **fields_of(joint, "previous_mm", "change_mm", "new_mm"),
-                "expanded_uncertainty_mm": joint.expanded_mm,
-            }
-            for joint in adjustment.joints
-        },
+        "parameters" if adjustment.kind.absolute else "joints": joints_data(adjustment),
         "coverage_factor": adjustment.budget.k,
         "confidence": adjustment.confidence,
         "rehome": True,
         "check": _check_values(adjustment.check) if adjustment.check else None,
-        "instructions": _after_entering(export, machine_file),
+        "instructions": after_entering(export, machine_file),
+    }
+
+
+def joints_data(adjustment: Adjustment) -> dict[str, Any]:
+    """What to enter; parameters that are no joint offsets with their units."""
+    if adjustment.kind.absolute:
+        every = {
+            joint.axis: {
+                "unit": joint.unit,
+                "previous": joint.previous_mm,
+                "change": joint.change_mm if joint.determined else None,
+                "new": joint.new_mm,
+                "expanded_uncertainty": joint.expanded_mm,
+                "determined": joint.determined,
+            }
+            for joint in adjustment.joints
+        }
+        return every
+    return {
+        joint.axis: {
+            **fields_of(joint, "previous_mm", "change_mm", "new_mm"),
+            "expanded_uncertainty_mm": joint.expanded_mm,
+        }
+        for joint in adjustment.joints
     }
 
 
@@ -309,13 +339,16 @@ def as_csv(export: Export) -> str:
     """One row per joint; what the export is stands in every row."""
     found, adjustment = export.calibration, export.adjustment
     decimals, source = adjustment.decimals, found.input.measured.source
+    # Of parameters in several units the columns have none in their names.
+    unit, name = ("", "parameter") if adjustment.kind.absolute else ("_mm", "axis")
     rows = [
         {
-            "axis": joint.axis,
-            "previous_mm": plain(joint.previous_mm, decimals),
-            "change_mm": plain(joint.change_mm, decimals),
-            "new_mm": plain(joint.new_mm, decimals),
-            "expanded_uncertainty_mm": plain(joint.expanded_mm, decimals + 1),
+            name: joint.axis,
+            **({} if unit else {"unit": joint.unit}),
+            f"previous{unit}": plain(joint.previous_mm, decimals),
+            f"change{unit}": plain(joint.change_mm, decimals) if joint.determined else "",
+            f"new{unit}": plain(joint.new_mm, decimals),
+            f"expanded_uncertainty{unit}": plain(joint.expanded_mm, decimals + 1),
             "coverage_factor": plain(adjustment.budget.k, 3),
             "confidence": f"{adjustment.confidence:g}",
             "status": export.status,

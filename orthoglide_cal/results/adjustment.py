@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise
-from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, entered_decimals
+from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, determined, entered_decimals
 from orthoglide_cal.estimation.budget import Budget, Budgeted, warmth
-from orthoglide_cal.model import AXES, Difference, Floats, Measured, Posture, freeze
+from orthoglide_cal.model import Difference, Floats, Measured, Posture, freeze
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,18 @@ class CheckPosture:
 
 
 class JointOffset(NamedTuple):
-    """One joint: previous + change = new, with the expanded uncertainty of the change [mm]."""
+    """One joint: previous + change = new, with the expanded uncertainty of the change [mm].
+
+    Or another parameter that a calibration determines; then in its own unit.
+    """
 
     axis: str
     previous_mm: float
     change_mm: float
     new_mm: float
     expanded_mm: float
+    unit: str = "mm"
+    determined: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +62,12 @@ class Adjustment(Budgeted):
 
     Attributes:
         causes: ids of the causes found beside the offsets; empty for the offsets alone.
-        offsets_mm: Δρ that the controller does not know yet, shape (3,).
+        offsets_mm: Δρ that the controller does not know yet, shape (3,); or all parameters of
+            another kind of machine, in its units, (p,).
         budget: where their uncertainty comes from.
-        previous_mm: offsets active in the controller so far, shape (3,).
+        previous_mm: what is active in the controller so far, shape (3,) or (p,).
+        kind: of machine; it knows names, units and words.
+        determined: which of them the readings determine.
         decimals: of what is entered.
         promised: each difference as measured, modelled, and expected once these offsets are
             entered; empty if nothing measured makes one.
@@ -70,6 +78,8 @@ class Adjustment(Budgeted):
     offsets_mm: Floats
     budget: Budget
     previous_mm: Floats
+    kind: Any
+    determined: tuple[bool, ...]
     decimals: int
     promised: tuple[PromisedDifference, ...]
     check: CheckPosture | None
@@ -86,12 +96,30 @@ class Adjustment(Budgeted):
 
     @property
     def joints(self) -> tuple[JointOffset, ...]:
-        """What to enter, joint by joint; new values are free of the errors of binary addition."""
-        columns = (AXES, self.previous_mm.tolist(), self.applied_mm, self.expanded_mm.tolist())
+        """What to enter, joint by joint; new values are free of the errors of binary addition.
+
+        What the readings do not determine stays as it is.
+        """
+        names, units = self.kind.calibrated, self.kind.units
+        columns = (self.previous_mm.tolist(), self.applied_mm, self.expanded_mm.tolist())
+        every = zip(names, *columns, units, self.determined, strict=True)
         return tuple(
-            JointOffset(axis, previous, change, _rounded(previous + change, 9), expanded)
-            for axis, previous, change, expanded in zip(*columns, strict=True)
+            JointOffset(name, now, change, _rounded(now + change, 9), expanded, unit, known)
+            if known
+            else JointOffset(name, now, 0.0, now, expanded, unit, known)
+            for name, now, change, expanded, unit, known in every
         )
+
+    @property
+    def values(self) -> Floats:
+        """What is told as the result, shape (p,): the parameters themselves, or the excess."""
+        return self.offsets_mm + self.previous_mm if self.kind.absolute else self.offsets_mm
+
+    @property
+    def limits(self) -> Floats:
+        """The values less and plus U, shape (p, 2)."""
+        reach = self.expanded_mm
+        return np.stack((self.values - reach, self.values + reach), axis=1)
 
 
 def as_found(
@@ -123,7 +151,10 @@ def as_diagnosed(
         mean_c: mean temperature of the readings [°C]; None if unknown.
     """
     causes = tuple(cause.id for cause in diagnosis.causes)
-    budget = diagnosis.budget.extended(warmth(mean_c, real.model.machine.leg_length_mm))
+    held = set(real.model.kind.held) - set(causes)
+    given = [each for each in solution.budget.contributions if each.source in held]
+    budget = diagnosis.budget.extended(given)
+    budget = budget.extended(warmth(mean_c, real.model.machine.leg_length_mm))
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
     right = diagnosis.put_right
     return _adjustment(solution, causes, diagnosis.offsets_mm, budget, real, right, noise)
@@ -138,8 +169,9 @@ def _adjustment(
     right: Measured,
     noise: Scatter,
 ) -> Adjustment:
-    previous = real.model.machine.offsets_mm
-    decimals = entered_decimals(budget.expanded_mm.tolist(), previous)
+    kind, machine = real.model.kind, real.model.machine
+    previous = kind.active(machine)
+    decimals = kind.decimals or entered_decimals(budget.expanded_mm.tolist(), previous)
     entered = np.array([_rounded(value, decimals) for value in offsets.tolist()])
     promised = promise(solution.measured, real, entered, noise, right)
     return Adjustment(
@@ -147,6 +179,8 @@ def _adjustment(
         offsets_mm=offsets,
         budget=budget,
         previous_mm=np.array(previous),
+        kind=kind,
+        determined=determined(real.model, budget.expanded_mm),
         decimals=decimals,
         promised=promised,
         check=_check(solution, promised, budget.k),

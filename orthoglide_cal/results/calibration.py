@@ -16,7 +16,7 @@ from orthoglide_cal.estimation import Known, Solution, solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files import Input, machine_values
-from orthoglide_cal.model import Model, Source
+from orthoglide_cal.model import Model, Source, View
 from orthoglide_cal.model.workspace import Travel, WorkspaceError, travel, workspace_error
 from orthoglide_cal.planning import Next, best_next
 from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
@@ -155,24 +155,27 @@ class Calibration:
 
     @cached_property
     def residuals(self) -> Residuals | None:
-        """Measured and predicted by the solution, entry by entry; None without a result."""
-        if self.solution is None:
+        """Measured and predicted by the solution, entry by entry; None without a result.
+
+        Nor of readings that are not taken at legs.
+        """
+        measured = self.input.measured
+        if self.solution is None or measured.view is not View.LEGS:
             return None
-        return residuals(self.input.measured, self.solution.predicted_mm)
+        return residuals(measured, self.solution.predicted_mm)
 
     @cached_property
     def explained(self) -> Explained | None:
         """What the diagnosis explains of the residuals; None without a diagnosis."""
-        if self.diagnosis is None or self.residuals is None:
-            return None
-        return explained(self.diagnosis, self.residuals)
+        return None if self.diagnosis is None else explained(self.diagnosis)
 
     @property
     def left_mm(self) -> dict[str, float]:
         """Step → r.m.s. of the data that it leaves, from "as found" on; empty without a result."""
         if self.solution is None:
             return {}
-        left = {"as found": self.solution.rms_before_mm, "offsets": self.solution.rms_after_mm}
+        solution, many = self.solution, self.solution.model.kind.speech.many
+        left = {"as found": solution.rms_before_mm, many: solution.rms_after_mm}
         diagnosis, parts = self.diagnosis, self.explained
         if diagnosis is not None and parts is not None and diagnosis.verdict is Verdict.NAMED:
             left[" and ".join(cause.id for cause in diagnosis.causes)] = parts.rms_after_mm
@@ -197,7 +200,7 @@ class Calibration:
     def workspace(self) -> WorkspaceError | None:
         """Tool-position error before and after the adjustment; None if it cannot be computed."""
         found = self.adjustment
-        if found is None:
+        if found is None or not found.kind.has_cube:
             return None
         try:
             budget = found.budget
@@ -208,7 +211,7 @@ class Calibration:
     @cached_property
     def travel(self) -> Travel | None:
         """Where the machine stands in its postures; None if that cannot be computed."""
-        if self.adjustment is None:
+        if self.adjustment is None or not self.adjustment.kind.has_cube:
             return None
         try:
             return travel(self.model, self.adjustment.offsets_mm)

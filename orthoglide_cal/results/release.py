@@ -10,7 +10,7 @@ import numpy as np
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
-from orthoglide_cal.model import AXES, gauge_doubts
+from orthoglide_cal.model import gauge_doubts
 from orthoglide_cal.planning import Next
 
 
@@ -84,32 +84,37 @@ def release(
 def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[str, Remedy]]:
     """What the solution's own check has against it, each with what to do."""
     if not solution.converged:
-        yield "The search for the offsets did not converge.", Remedy("Check the file:", "validate")
+        many = solution.model.kind.speech.many
+        yield f"The search for the {many} did not converge.", Remedy("Check the file:", "validate")
         return
-    limit, offsets = solution.model.homing_mm, solution.offsets_mm.tolist()
-    beyond = [
-        f"{axis} {offset:+.1f} mm"
-        for axis, offset in zip(AXES, offsets, strict=True)
-        if abs(offset) > limit
-    ]
+    kind, speech = solution.model.kind, solution.model.kind.speech
+    limits = kind.plausible(solution.model.machine)
+    columns = (kind.calibrated, kind.units, solution.offsets_mm.tolist(), limits)
+    parameters = tuple(zip(*columns, strict=True))
+    beyond = [each for each in parameters if abs(each[2]) > each[3]]
     if beyond:
+        listed = ", ".join(f"{name} {value:+.1f} {unit}" for name, unit, value, _ in beyond)
+        limit = ", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in beyond))
+        why = speech.beyond.format(limit=limit)
+        yield f"{speech.one.capitalize()} {listed}: {why}", Remedy(speech.recheck)
+    open_ = [
+        name for name, known in zip(kind.calibrated, solution.determined, strict=True) if not known
+    ]
+    if open_:
         yield (
-            f"Offset {', '.join(beyond)}: no home switch is that far off (up to {limit:g} mm is"
-            " plausible).",
-            Remedy(
-                "Check the unit of the readings, their legs and directions, and the leg length in"
-                " the machine file. If a carriage really is that far off, move its home switch,"
-                " or state homing_mm in the machine file."
-            ),
+            f"These readings do not determine {' and '.join(open_)}: no better than what is known"
+            " without them.",
+            Remedy(speech.more),
         )
     for doubt in gauge_doubts(solution.measured, solution.model.machine.gauge):
         yield doubt.what, Remedy(doubt.remedy)
     if diagnosis is None and solution.suspicious:
-        yield solution.judgement, Remedy("Measure again with more postures.")
+        yield solution.judgement, Remedy(speech.more)
 
 
 def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
     """What the diagnosis has against the offsets."""
+    speech = solution.model.kind.speech
     if diagnosis.verdict is Verdict.CONSISTENT:
         return Release()
     if diagnosis.verdict is Verdict.NAMED:
@@ -119,17 +124,17 @@ def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) ->
         rivals = ", ".join(diagnosis.ambiguous_with) or "another cause"
         return Release(
             (
-                f"Something is wrong beside the offsets, and these data cannot tell {first}"
+                f"Something is wrong beside the {speech.many}, and these data cannot tell {first}"
                 f" from {rivals}.",
             ),
             ((Remedy(following.option.what),) if following else ())
             or tuple(dict.fromkeys(Remedy(cause.advice) for cause in diagnosis.causes))
-            or (Remedy("Measure again with more postures."),),
+            or (Remedy(speech.more),),
         )
     return Release(
         (
             "The model leaves out something that no known cause explains: readings scatter about"
-            f" it by {diagnosis.lack_of_fit.residual_mm:.3f} mm where the gauge's noise is"
+            f" it by {diagnosis.lack_of_fit.residual_mm:.3f} mm where the {speech.noise}'s noise is"
             f" {diagnosis.lack_of_fit.noise_mm:.3f} mm (standard deviations).",
         ),
         (Remedy("Check the set-up, measure again, and compare the two sessions."),),
@@ -138,12 +143,14 @@ def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) ->
 
 def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
     names = " and ".join(cause.id for cause in diagnosis.causes)
+    kind = solution.model.kind
+    one, many = kind.speech.one, kind.speech.many
     shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
-    largest = f"{float(shift.max()):.3f} mm"
+    largest = f"{float(shift.max()):.3f} {kind.units[int(np.argmax(shift))]}"
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
         return Release(
             cautions=(
-                f"{names} was found; it moves no offset by more than {largest}, which is within"
+                f"{names} was found; it moves no {one} by more than {largest}, which is within"
                 " the uncertainty.",
             ),
         )
@@ -158,6 +165,6 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
         for cause in diagnosis.causes
     ]
     return Release(
-        (f"{names} was found: the offsets without it would be wrong by up to {largest}.",),
+        (f"{names} was found: the {many} without it would be wrong by up to {largest}.",),
         tuple(dict.fromkeys(remedies)),
     )

@@ -8,7 +8,17 @@ import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.estimation.accuracy import rms
-from orthoglide_cal.model import Contact, Differences, Floats, Ints, Measured, Plan, Series, freeze
+from orthoglide_cal.model import (
+    Contact,
+    Differences,
+    Floats,
+    GaugePlan,
+    Ints,
+    Measured,
+    Series,
+    View,
+    freeze,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +101,7 @@ def residuals(measured: Measured, predicted: Floats) -> Residuals:
     )
 
 
-def _zeros(plan: Plan, predicted: Floats) -> Floats:
+def _zeros(plan: GaugePlan, predicted: Floats) -> Floats:
     """Prediction at the isotropic posture of each reading's set-up (else its mean), (n,)."""
     zero = np.zeros(len(plan))
     for setup in range(plan.setups):
@@ -107,13 +117,13 @@ class Explained:
 
     Attributes:
         before_mm, after_mm: residuals without and with the cause, in order of time, shape (n,).
-        leg: of each, shape (n,).
+        leg: of each, shape (n,); None where nothing is read at a leg.
         by_cause, noise, unexplained: shares of the sum of squares before; they sum to 1.
     """
 
     before_mm: Floats
     after_mm: Floats
-    leg: Ints
+    leg: Ints | None
     by_cause: float
     noise: float
     unexplained: float
@@ -132,14 +142,15 @@ class Explained:
         return rms(self.after_mm)
 
 
-def explained(diagnosis: Diagnosis, of: Residuals) -> Explained:
-    """Split the residuals' sum of squares.
-
-    Args:
-        diagnosis: gives the residuals without and with its cause.
-        of: the same data; gives leg and order of time.
-    """
-    in_time = np.argsort(of.order)
+def explained(diagnosis: Diagnosis) -> Explained:
+    """Split the residuals' sum of squares, without the cause of a diagnosis and with it."""
+    measured = diagnosis.measured
+    if isinstance(measured, Differences):
+        in_time = np.arange(len(measured))
+        leg: Ints | None = np.array([each.series.leg for each in measured.which], dtype=np.intp)
+    else:
+        in_time = measured.plan.in_time
+        leg = measured.plan.leg if measured.view is View.LEGS else None
     before = (diagnosis.measured_mm - diagnosis.nominal_mm)[in_time]
     after = (diagnosis.measured_mm - diagnosis.explained_mm)[in_time]
     total, left = float(before @ before), float(after @ after)
@@ -149,7 +160,7 @@ def explained(diagnosis: Diagnosis, of: Residuals) -> Explained:
     return Explained(
         before_mm=before,
         after_mm=after,
-        leg=of.leg[in_time],
+        leg=None if leg is None else leg[in_time],
         by_cause=by_cause,
         noise=noise,
         unexplained=max(1.0 - by_cause - noise, 0.0),

@@ -19,7 +19,7 @@ from orthoglide_cal.files import (
     machine_values,
     parse_number,
 )
-from orthoglide_cal.model import Model, Plan
+from orthoglide_cal.model import GaugePlan, Model
 from orthoglide_cal.model.kinds import plan_of
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (
@@ -226,10 +226,11 @@ def _confirmed(
             asker.show(wording.wrapped(str(error), asker.columns), Style.BAD)
 
 
-def _asked(request: Request, model: Model, found: Recommendation | None) -> Plan:
+def _asked(request: Request, model: Model, found: Recommendation | None) -> GaugePlan:
     """The readings of one cycle of what would be measured."""
     if found:
-        return found.option.plan
+        plan: GaugePlan = found.option.plan
+        return plan
     protocol = request.protocol or MeasuringProtocol.DOUBLE
     steps = sequence(model.machine, protocol, 1, Order.PAPER, 1)
     return plan_of([step.planned for step in steps])

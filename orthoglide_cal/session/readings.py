@@ -18,10 +18,10 @@ from orthoglide_cal.estimation.forecast import PLACE, Forecast, Outlook
 from orthoglide_cal.model import (
     Contact,
     Floats,
+    GaugePlan,
     Ints,
     Machine,
     Model,
-    Plan,
     Posture,
     Readings,
     Source,
@@ -86,7 +86,7 @@ class Setting:
         return step.cycle > moved, moved
 
     @cached_property
-    def plan(self) -> Plan:
+    def plan(self) -> GaugePlan:
         """The readings of all N steps."""
         return plan_of([step.planned for step in self.steps])
 
@@ -101,11 +101,11 @@ class Setting:
     @cached_property
     def outlook(self) -> Outlook:
         """Of 2·N readings: the steps', and the same with the gauges of each leg exchanged."""
-        both = {f.name: np.concatenate([getattr(self.plan, f.name)] * 2) for f in fields(Plan)}
+        both = {f.name: np.concatenate([getattr(self.plan, f.name)] * 2) for f in fields(GaugePlan)}
         fixed = both["contact"] == Contact.FIXED
         fixed[: len(self.plan)] = False
         both["direction"][fixed] = (3 - both["leg"] - both["direction"])[fixed]
-        return Outlook(self.model, Plan(**both))
+        return Outlook(self.model, GaugePlan(**both))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class ReadingsSoFar:
         cycle, posture = [step.cycle for step in steps], [step.posture for step in steps]
         setup = number_setups(stood, gauge, range(n), ordered=True)
         return Readings(
-            plan=Plan(**place, setup=setup, order=np.arange(n), hours=hours), value=value,
+            plan=GaugePlan(**place, setup=setup, order=np.arange(n), hours=hours), value=value,
             cycle=np.array(cycle),
             posture=tuple(posture),
             temperature=np.full(n, np.nan if temperature is None else temperature),

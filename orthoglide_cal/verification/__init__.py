@@ -1,5 +1,6 @@
 """Did the correction do what was promised? Two sessions and what was entered between them."""
 
+from orthoglide_cal.verification.remeasured import Remeasured, remeasure
 from orthoglide_cal.verification.response import AxisResponse, Behaviour, Coefficient
 from orthoglide_cal.verification.verify import (
     RULE,
@@ -16,8 +17,10 @@ __all__ = [
     "Behaviour",
     "Coefficient",
     "Outcome",
+    "Remeasured",
     "Size",
     "Verification",
+    "remeasure",
     "require_limit",
     "verify",
 ]

@@ -18,10 +18,10 @@ from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.model import (
     DataKind,
     Floats,
+    GaugePlan,
     Ints,
     Measured,
     Model,
-    Plan,
     Readings,
     freeze,
 )
@@ -135,15 +135,15 @@ def _compare_readings(before: Readings, after: Readings, model: Model) -> Compar
     )
 
 
-def _keys(plan: Plan) -> Floats:
+def _keys(plan: GaugePlan) -> Floats:
     where = (plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at)
     keys: Floats = np.stack((*where, plan.turned), axis=1).astype(np.float64)
     return keys.round(9)
 
 
-def _cells_plan(cells: Floats) -> Plan:
+def _cells_plan(cells: Floats) -> GaugePlan:
     count = len(cells)
-    return Plan(
+    return GaugePlan(
         leg=cells[:, 0].astype(np.intp),
         direction=cells[:, 1].astype(np.intp),
         displacement=cells[:, 2],

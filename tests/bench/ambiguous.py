@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
-from orthoglide_cal.model import Plan
+from orthoglide_cal.model import GaugePlan
 from orthoglide_cal.planning import Next, Option, ranked
 from tests.diagnosis.sessions import known
 from tests.truth import (
@@ -58,7 +58,7 @@ def continued(session: Session, option: Option, seed: int, rest_min: float = 0.0
     """The session with an option measured by the truth, some minutes later than planned."""
     arrays = {
         item.name: getattr(option.plan, item.name)
-        for item in fields(Plan)
+        for item in fields(GaugePlan)
         if item.name not in NOT_OF_A_READING
     }
     arrays["hours"] = arrays["hours"] + rest_min / 60.0

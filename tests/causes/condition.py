@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import Contact, Effect, Floats, Plan
+from orthoglide_cal.model import Contact, Effect, Floats, GaugePlan
 from tests import truth
 from tests.machines import NOMINAL, NOMINAL_LARGE
 from tests.truth.forward import PARTS, SIZE
@@ -50,10 +50,10 @@ def with_stands_at_rest(plan: truth.Plan) -> truth.Plan:
     )
 
 
-def as_plan(plan: truth.Plan) -> Plan:
+def as_plan(plan: truth.Plan) -> GaugePlan:
     """The truth's plan as the program's."""
     n = plan.count
-    return Plan(
+    return GaugePlan(
         leg=plan.leg,
         direction=plan.direction,
         displacement=plan.displacement,

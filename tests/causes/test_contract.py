@@ -2,14 +2,16 @@
 
 import inspect
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import Cause, Model, Stage, double_posture, simulate
-from tests.machines import NOMINAL, PROTOTYPE, ROOT
+from orthoglide_cal.model import Cause, Stage, simulate
+from tests.machines import ROOT
+from tests.subjects import SUBJECTS, Subject, every_cause, every_subject
 
 CONTRACT = {
     "axis_gap": ("geometry", "mm", 3),
@@ -27,16 +29,43 @@ CONTRACT = {
     "swapped_gauges": ("record", "", 0),
     "exchanged_columns": ("record", "", 0),
     "wrong_unit": ("record", "", 0),
+    "tower_lean": ("geometry", "mrad", 6),
+    "tower_radius": ("geometry", "mm", 3),
+    "bed_shape": ("contact", "mm", 7),
+    "probe_tilt": ("contact", "mm", 3),
+    "probe_drift": ("contact", "mm/h", 1),
 }
-PLAN = double_posture(PROTOTYPE)
-every_cause = pytest.mark.parametrize("cause", CAUSES.values(), ids=list(CAUSES))
+alone = pytest.mark.parametrize("cause", CAUSES.values(), ids=list(CAUSES))
 
 
 def test_ids_are_those_of_the_contract() -> None:
-    assert set(CAUSES) == set(CONTRACT) == set(PROTOTYPE.tolerances)
+    assert set(CAUSES) == set(CONTRACT)
+
+
+@every_subject
+def test_a_machine_file_that_ships_sizes_what_its_kind_can_have(subject: Subject) -> None:
+    own = {id for id, cause in CAUSES.items() if subject.machine.kind in cause.sizes}
+    assert set(subject.machine.tolerances) == own
+    assert own < set(CAUSES)
+
+
+def test_every_cause_belongs_to_a_kind() -> None:
+    for cause in CAUSES.values():
+        assert cause.sizes
+        assert set(cause.sizes) <= set(SUBJECTS)
 
 
 @every_cause
+def test_it_does_not_happen_on_other_kinds(cause: Cause, subject: Subject) -> None:
+    for kind, other in SUBJECTS.items():
+        silent = replace(other.machine, tolerances={})
+        assert cause.possible(silent) == (kind in cause.sizes)
+        assert cause.assumed(silent) == (kind in cause.sizes)
+    assert cause.possible(subject.machine)
+    assert not cause.assumed(subject.machine)
+
+
+@alone
 def test_each_is_what_the_contract_says(cause: Cause) -> None:
     stage, unit, parameters = CONTRACT[cause.id]
     assert (cause.stage, cause.unit, len(cause.names)) == (stage, unit, parameters)
@@ -45,13 +74,16 @@ def test_each_is_what_the_contract_says(cause: Cause) -> None:
 
 
 @every_cause
-def test_each_acts_in_its_own_stage_alone(cause: Cause) -> None:
+def test_each_acts_in_its_own_stage_alone(cause: Cause, subject: Subject) -> None:
     """All four stages by hand: one changes what it is given, three give it back."""
     theta = cause.scale * np.linspace(1.0, 2.0, cause.unknowns)
-    place = cause.places(PLAN, PROTOTYPE)[-1]
-    geometry, command = NOMINAL.geometry, NOMINAL.kind.command(PROTOTYPE, PLAN)
+    model, plan, machine = subject.model, subject.plan, subject.machine
+    place = cause.places(plan, machine)[-1]
+    geometry, command = model.geometry, model.kind.command(machine, plan)
     rng = np.random.default_rng(3)
-    joints, heights = command.joints + 0.1, rng.normal(0.0, 1.0, len(PLAN))
+    joints, heights = command.joints + 0.1, rng.normal(0.0, 1.0, len(plan))
+    where = model.kind.sensed(model, subject.values, plan, True, False).where
+    where = where + rng.uniform(-0.3, 0.3, where.shape)
     bent = cause.geometry(geometry, theta)
     given = {
         "geometry": np.concatenate((geometry.points, geometry.directions, [geometry.lengths])),
@@ -62,27 +94,25 @@ def test_each_acts_in_its_own_stage_alone(cause: Cause) -> None:
     found = {
         "geometry": np.concatenate((bent.points, bent.directions, [bent.lengths])),
         "motion": cause.motion(joints, theta, command),
-        "contact": cause.contact(
-            heights, theta, place, rng.uniform(0.2, 0.8, len(PLAN)), PLAN, PROTOTYPE
-        ),
-        "record": cause.record(heights, theta, place, PLAN, PROTOTYPE),
+        "contact": cause.contact(heights, theta, place, where, plan, machine),
+        "record": cause.record(heights, theta, place, plan, machine),
     }
     changed = [stage for stage in Stage if not np.array_equal(given[stage], found[stage])]
     assert changed == [cause.stage]
 
 
 @every_cause
-def test_each_shows_in_the_readings_of_a_model_that_has_it(cause: Cause) -> None:
-    offsets = np.array([0.4, -0.9, 0.6])
+def test_each_shows_in_the_readings_of_a_model_that_has_it(cause: Cause, subject: Subject) -> None:
+    model, plan = subject.model, subject.plan
     theta = cause.scale * np.linspace(1.0, 2.0, cause.unknowns)
-    effect = cause.at(theta, cause.places(PLAN, PROTOTYPE)[-1])
+    effect = cause.at(theta, cause.places(plan, subject.machine)[-1])
     before, after = (
-        simulate(model, offsets, PLAN) for model in (NOMINAL, Model(PROTOTYPE, (effect,)))
+        simulate(each, subject.values, plan) for each in (model, model.extended([effect]))
     )
     assert np.abs(after - before).max() > 1e-2
 
 
-@every_cause
+@alone
 def test_each_tells_a_technician_what_it_is_and_what_to_do(cause: Cause) -> None:
     assert cause.title
     assert cause.title[0].islower()
@@ -92,42 +122,50 @@ def test_each_tells_a_technician_what_it_is_and_what_to_do(cause: Cause) -> None
 
 
 @every_cause
-def test_each_takes_its_size_from_the_tolerances(cause: Cause) -> None:
-    stds = cause.prior_std(PROTOTYPE)
+def test_each_takes_its_size_from_the_tolerances(cause: Cause, subject: Subject) -> None:
+    stds = cause.prior_std(subject.machine)
     assert stds.shape == (cause.unknowns,)
-    expected = PROTOTYPE.tolerances[cause.id] * cause.scale
+    expected = subject.machine.tolerances[cause.id] * cause.scale
     assert stds[: len(cause.names)] == pytest.approx(expected)
     assert cause.scale == {"mrad": 1e-3, "1e-3": 1e-3}.get(cause.unit, 1.0)
 
 
 @every_cause
-def test_its_default_is_what_the_prototype_s_file_states(cause: Cause) -> None:
-    assert cause.sizes["orthoglide"] == PROTOTYPE.tolerances[cause.id]
-    file = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
+def test_its_default_is_what_the_file_that_ships_states(cause: Cause, subject: Subject) -> None:
+    kind = subject.machine.kind
+    assert cause.sizes[kind] == subject.machine.tolerances[cause.id]
+    file = (ROOT / "configs" / subject.file).read_text(encoding="utf-8")
     unit = f"{cause.unit}; " if cause.unit else ""
-    assert re.search(
-        rf"^  {cause.id}: .*# {re.escape(unit + cause.size_reason)}$", file, re.MULTILINE
-    )
+    # What happens on several kinds has its reason there in the words of that machine.
+    reason = re.escape(cause.size_reason) if kind == next(iter(cause.sizes)) else r"\w.*"
+    assert re.search(rf"^  {cause.id}: .*# {re.escape(unit)}{reason}$", file, re.MULTILINE)
 
 
 def test_what_lies_in_the_measurement_is_never_compensable() -> None:
     for cause in CAUSES.values():
         assert cause.in_machine == (cause.stage in (Stage.GEOMETRY, Stage.MOTION))
         assert cause.in_machine or not cause.compensable
-        # Only the machine, and the bars that belong to it, are the same in the next session.
-        assert cause.lasting == (cause.in_machine or cause.id == "bar_skew")
+        # Only the machine, and the bars, bed and probe that belong to it, are the same in the
+        # next session.
+        belongs = cause.id in ("bar_skew", "bed_shape", "probe_tilt")
+        assert cause.lasting == (cause.in_machine or belongs)
 
 
 def test_what_a_table_can_compensate_does_not_change_with_time_or_approach() -> None:
     compensable = {id for id, cause in CAUSES.items() if cause.compensable}
     assert compensable == {"axis_gap", "axis_squareness", "leg_length", "encoder_scale"}
     timed = {id for id, cause in CAUSES.items() if cause.timed}
-    assert timed == {"backlash", "thermal_drift", "gauge_drift", "stand_shift"}
+    assert timed == {"backlash", "thermal_drift", "gauge_drift", "stand_shift", "probe_drift"}
     assert {id for id, cause in CAUSES.items() if cause.positive} == {"backlash"}
 
 
-@every_cause
+@alone
 def test_each_is_in_the_file_of_its_stage(cause: Cause) -> None:
+    """Or in the file of a part that one kind alone has; that, too, holds one stage."""
     path = inspect.getsourcefile(type(cause))
     assert path is not None
-    assert Path(path).stem == cause.stage
+    assert Path(path).stem == (
+        cause.stage
+        if "orthoglide" in cause.sizes
+        else {Stage.GEOMETRY: "towers", Stage.CONTACT: "probing"}[cause.stage]
+    )

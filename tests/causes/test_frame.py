@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import Floats, Machine, Model, Plan, double_posture, simulate, zero_free
+from orthoglide_cal.model import (
+    Floats,
+    GaugePlan,
+    Machine,
+    Model,
+    double_posture,
+    simulate,
+    zero_free,
+)
 from orthoglide_cal.model.machine import Geometry
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, nominal_rails, on_rails
@@ -13,7 +21,7 @@ OFFSETS = np.array([0.8, -1.3, 0.5])
 PAIRS = ((0, 1), (1, 2), (2, 0))
 
 
-def seen(machine: Machine, offsets: Floats, plan: Plan, rails: Geometry) -> Floats:
+def seen(machine: Machine, offsets: Floats, plan: GaugePlan, rails: Geometry) -> Floats:
     """Predicted readings without their gauge zeros."""
     return zero_free(plan) @ simulate(on_rails(machine, rails), offsets, plan)
 

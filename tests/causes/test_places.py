@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause, reading_label
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.model import (
     Cause,
     Contact,
     Floats,
+    GaugePlan,
     Model,
     Place,
-    Plan,
     Series,
     double_posture,
     simulate,
@@ -39,7 +39,9 @@ def relabel_cause(id: str) -> RelabelCause:
     return cause
 
 
-def written(cause: Cause, size: float | None, place: Place, plan: Plan, values: Floats) -> Floats:
+def written(
+    cause: Cause, size: float | None, place: Place, plan: GaugePlan, values: Floats
+) -> Floats:
     """What stands in the record of gauges that would show `values` without the cause."""
     theta = np.zeros(0) if size is None else np.array([size])
     heights = cause.contact(values, theta, place, np.full(len(plan), 0.5), plan, PROTOTYPE)
@@ -206,8 +208,8 @@ def test_labels_lead_a_technician_to_the_reading() -> None:
 
 def test_labels_count_in_time_and_name_any_displacement() -> None:
     plan = plan_of([PlannedReading(1, 0, d, Contact.FIXED) for d in (30.0, 0.0, 30.0, 0.0)])
-    late_first = Plan(**{**vars(plan), "order": [3, 2, 1, 0]})
-    assert [reading_label(late_first, PROTOTYPE, k) for k in range(4)] == [
+    late_first = GaugePlan(**{**vars(plan), "order": [3, 2, 1, 0]})
+    assert [late_first.words(PROTOTYPE, k) for k in range(4)] == [
         "leg y, direction x, 30 mm, cycle 2 (reading 4)",
         "leg y, direction x, iso, cycle 2 (reading 3)",
         "leg y, direction x, 30 mm, cycle 1 (reading 2)",
@@ -220,7 +222,7 @@ def test_labels_count_in_time_and_name_any_displacement() -> None:
 
 @every_relabel
 @pytest.mark.parametrize("plan", [PLAN, MIXED], ids=["in time", "mixed"])
-def test_twice_is_not_at_all(cause: RelabelCause, plan: Plan) -> None:
+def test_twice_is_not_at_all(cause: RelabelCause, plan: GaugePlan) -> None:
     values = np.random.default_rng(4).uniform(-2.0, 2.0, len(plan))
     for place in cause.places(plan, PROTOTYPE):
         assert cause.reversible(plan, place)

@@ -241,7 +241,7 @@ def test_only_what_is_asked_for_is_made(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_an_unexpected_failure_is_not_success(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(path: str, machine: object) -> None:
+    def fail(*given: object) -> None:
         raise ZeroDivisionError("unexpected")
 
     monkeypatch.setattr("orthoglide_cal.cli.common.read_input", fail)
@@ -251,7 +251,7 @@ def test_an_unexpected_failure_is_not_success(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_an_interruption_is_exit_code_130(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupt(path: str, machine: object) -> None:
+    def interrupt(*given: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("orthoglide_cal.cli.common.read_input", interrupt)

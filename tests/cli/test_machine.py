@@ -75,7 +75,8 @@ def test_tolerances_of_nothing_are_refused(given: str, words: str) -> None:
 
 
 def test_tolerances_are_asked_for_with_their_reasons(tmp_path: Path) -> None:
-    sized = [cause for cause in CAUSES.values() if cause.unit]
+    own = [cause for cause in CAUSES.values() if "orthoglide" in cause.sizes]
+    sized = [cause for cause in own if cause.unit]
     given = ("--tolerance", "backlash=0.01", *ANSWERS)
     with Terminal(tmp_path, command=("machine", "new", *given), agreed=False) as terminal:
         terminal.expect(r"usual tolerances \[Y/n\]: $")
@@ -94,6 +95,8 @@ def test_tolerances_are_asked_for_with_their_reasons(tmp_path: Path) -> None:
     seen = " ".join(terminal.seen.split())
     for cause in sized:
         assert (f"{cause.title} ({cause.size_reason})" in seen) == (cause.id != "backlash")
+    # Of what only another kind of machine has nothing is asked.
+    assert not any(cause.title in seen for cause in CAUSES.values() if cause not in own)
     known = dict(default_machine().machine.tolerances)
     tolerances = dict(read_machine(tmp_path / "machine.yaml").machine.tolerances)
     assert tolerances == {**known, "backlash": 0.01, "axis_squareness": 0.4}

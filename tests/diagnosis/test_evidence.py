@@ -79,3 +79,29 @@ def test_sums_do_not_overflow() -> None:
     values = np.array([[-1000.0, 700.0, 710.0], [3.0, 2.0, 1.0]])
     assert log_sum(values, 1) == pytest.approx([710.0 + np.log1p(np.exp(-10.0)), 3.4076059644])
     assert float(log_sum(values)) == pytest.approx(710.0 + np.log1p(np.exp(-10.0)))
+
+
+def test_a_shared_shape_is_a_dense_covariance() -> None:
+    """Evidence, and how patterns weigh and match, with every covariance written out."""
+    rng = np.random.default_rng(8)
+    columns, residual = rng.normal(size=(2, 9, 4)), rng.normal(scale=0.02, size=9)
+    patterns, sizes = (
+        rng.normal(size=(9, 3)),
+        np.array([[1.0, 1.0, 0.1, 0.1], [1.0, 1.0, 0.8, 0.8]]),
+    )
+    shares = np.log([0.4, 0.6])
+    grid = NoiseGrid.around(0.01, rng.uniform(0.0, 0.001, size=9))
+    assert grid.spectrum is not None
+    assert grid.rough is not None
+    density = grid.density(columns, sizes, shares)
+    log, (power, match) = density.by_noise(residual), density.against(patterns, residual)
+    assert log.shape == (2, 2, grid.sigma.size)
+    for b, s, g in np.ndindex(log.shape):
+        scaled = columns[b] * sizes[s]
+        own = grid.sigma[g] ** 2 + grid.rough[g] ** 2 * grid.spectrum
+        inverse = np.linalg.inv(np.diag(own) + scaled @ scaled.T)
+        log_det = -np.linalg.slogdet(inverse)[1]
+        wanted = shares[s] + grid.log_weight[g] - 0.5 * (residual @ inverse @ residual + log_det)
+        assert log[b, s, g] == pytest.approx(wanted, rel=1e-9)
+        assert power[b, s, g] == pytest.approx(np.diag(patterns.T @ inverse @ patterns), rel=1e-7)
+        assert match[b, s, g] == pytest.approx(patterns.T @ inverse @ residual, rel=1e-7)

@@ -6,7 +6,8 @@ import pytest
 from orthoglide_cal.causes import CAUSES, RelabelCause
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.diagnosis.assess import assess
-from orthoglide_cal.diagnosis.explanations import Candidates, Linearised, Whitened
+from orthoglide_cal.diagnosis.candidates import Candidates
+from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
 from orthoglide_cal.diagnosis.fit import fit_explanation
 from orthoglide_cal.diagnosis.scores import score_all
 from tests import truth

@@ -9,11 +9,12 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import Assessment, assess
+from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
-from orthoglide_cal.diagnosis.explanations import Ids, Whitened
+from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.scores import all_or_one
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import Cause, Effect, Floats, Plan, simulate
+from orthoglide_cal.model import Cause, Effect, Floats, GaugePlan, simulate
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.diagnosis.test_evidence import dense
@@ -223,14 +224,14 @@ def test_evidence_is_the_mean_over_all_and_each() -> None:
     ]
     expected = np.log(ALL * np.exp(together) + (1.0 - ALL) * np.mean(np.exp(each)))
     gap = rng.normal(0.0, 0.02, (20, 3))
-    alone = all_or_one([(cause, own, together)], others, residual, noise)
+    alone = all_or_one([(cause, own, together)], others, residual, noise, SCALES)
     both = [(CAUSES["axis_gap"], gap, 0.0), (cause, own, together)]
     assert alone == pytest.approx([expected], abs=1e-6)
-    assert all_or_one(both, others, residual, noise)[1] == pytest.approx(expected, abs=1e-6)
+    assert all_or_one(both, others, residual, noise, SCALES)[1] == pytest.approx(expected, abs=1e-6)
     assert each[1] == max(*each, together)
 
 
-def patterns(plan: Plan) -> Iterator[Floats]:
+def patterns(plan: GaugePlan) -> Iterator[Floats]:
     """Covariances (n, n) of patterns beyond the list, for one unit of their size squared.
 
     Independent of each other from cell to cell; a random walk within each set-up that has come to

@@ -14,6 +14,9 @@ from tests.diagnosis.sessions import known
 # Faults of the record, each with a seed whose truth stands clear of every rival.
 RECORD = {"misread": 1, "gauge_slip": 3, "sign_flip": 2, "swapped_gauges": 37}
 
+# What an Orthoglide can have.
+OWN = [id for id, cause in CAUSES.items() if "orthoglide" in cause.sizes]
+
 
 def hidden(cause: str) -> truth.Session:
     machine = truth.PROTOTYPE if RECORD[cause] % 2 else truth.LARGE
@@ -68,7 +71,7 @@ def test_a_machine_that_can_have_nothing_is_judged_all_the_same(tmp_path: Path) 
         session = hidden(cause) if cause else truth.make_session(21, truth.PROTOTYPE, truth.MICRON)
         readings, machine = written(tmp_path, session)
         (found,) = diagnose(
-            readings, "--machine", resized(machine, dict.fromkeys(CAUSES, 0.0)), "--json"
+            readings, "--machine", resized(machine, dict.fromkeys(OWN, 0.0)), "--json"
         ).lines()
         assert (found["verdict"], found["causes"], found["ambiguous_with"]) == (verdict, [], [])
 
@@ -100,11 +103,12 @@ def test_sizes_that_were_assumed_are_said(tmp_path: Path) -> None:
 def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:
     """Differences have no order in time: what is seen in it alone plays no part."""
     _, machine = written(tmp_path, hidden("misread"))
-    silent = resized(machine, dict.fromkeys(CAUSES))
+    silent = resized(machine, dict.fromkeys(OWN))
     (found,) = diagnose(SECOND, "--machine", silent, "--json").lines()
     assumed = set(found["assumed_tolerances"])
     assert {"axis_gap", "bar_skew", "misread"} <= assumed
     assert not assumed & {id for id, cause in CAUSES.items() if cause.timed}
+    assert assumed <= set(OWN)
 
 
 def test_json_says_how_the_answer_depends_on_the_sizes(tmp_path: Path) -> None:

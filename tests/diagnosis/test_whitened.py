@@ -86,7 +86,8 @@ def test_defaults_are_scaled_like_what_is_given() -> None:
     doubled = white.scaled(2.0).machine
     for id, cause in CAUSES.items():
         factor = 3.0 if cause.unit == "mm/h" else 1.0
-        assert cause.size(white.machine) == factor * cause.size(silent.machine) > 0.0, id
+        assert cause.size(white.machine) == factor * cause.size(silent.machine), id
+        assert (cause.size(white.machine) > 0.0) == ("orthoglide" in cause.sizes), id
         assert cause.size(doubled) == 2.0 * cause.size(white.machine), id
 
 

@@ -13,8 +13,8 @@ from orthoglide_cal.model import (
     Differences,
     Floats,
     Gauge,
+    GaugePlan,
     Model,
-    Plan,
     Readings,
     Source,
     cell_contrasts,
@@ -41,7 +41,9 @@ NAMED: dict[str, Difference] = {
 }
 
 
-def readings(model: Model, plan: Plan, offsets: Floats = OFFSETS, seed: int | None = 1) -> Readings:
+def readings(
+    model: Model, plan: GaugePlan, offsets: Floats = OFFSETS, seed: int | None = 1
+) -> Readings:
     """A session with the machine's own gauge, or with a perfect one if `seed` is None."""
     rng = np.random.default_rng(0 if seed is None else seed)
     gauge = PERFECT if seed is None else model.machine.gauge
@@ -75,16 +77,16 @@ def only(data: Differences, *names: str) -> Differences:
     return replace(data, which=tuple(NAMED[name] for name in names), value=data.value[index])
 
 
-def merged(*plans: Plan) -> Plan:
+def merged(*plans: GaugePlan) -> GaugePlan:
     """Plans one after the other, each with set-ups of its own."""
     parts = {
         item.name: np.concatenate([getattr(plan, item.name) for plan in plans])
-        for item in fields(Plan)
+        for item in fields(GaugePlan)
     }
     counts = np.cumsum([0, *(plan.setups for plan in plans)])
     parts["setup"] = np.concatenate([p.setup + n for p, n in zip(plans, counts, strict=False)])
     parts["order"] = np.arange(len(parts["leg"]))
-    return Plan(**parts)
+    return GaugePlan(**parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +99,7 @@ class Many:
     interval_mm: Floats
 
 
-def solve_many(model: Model, plan: Plan, values: Floats, kind: DataKind) -> Many:
+def solve_many(model: Model, plan: GaugePlan, values: Floats, kind: DataKind) -> Many:
     """Offsets and intervals of sessions (m, n) by the nonlinear method of this kind."""
     if kind is READINGS:
         matrix = cell_contrasts(plan)

@@ -21,8 +21,8 @@ from orthoglide_cal.model import (
     DataKind,
     Effect,
     Floats,
+    GaugePlan,
     Model,
-    Plan,
     double_posture,
     simulate,
     simulate_with_jacobian,
@@ -260,7 +260,7 @@ def covered(intervals: Floats, offsets: Floats) -> Floats:
 
 
 @pytest.mark.parametrize(("plan", "kind"), PLANS)
-def test_95_percent_intervals_cover_95_percent(plan: Plan, kind: DataKind) -> None:
+def test_95_percent_intervals_cover_95_percent(plan: GaugePlan, kind: DataKind) -> None:
     """10,000 healthy sessions with noise and rounding; ±1 % is 4.6 standard errors of one joint:
     chance of a false failure below 1e-4 for each of the fifteen."""
     rng = np.random.default_rng(3)

@@ -10,9 +10,9 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.model import (
     AXES,
     Contact,
+    GaugePlan,
     Measured,
     Model,
-    Plan,
     Posture,
     Series,
     double_posture,
@@ -37,7 +37,7 @@ def refused(data: Measured, model: Model) -> RankDeficientError:
     return caught.value
 
 
-def of(plan: Plan, leg: str, direction: str) -> np.ndarray:
+def of(plan: GaugePlan, leg: str, direction: str) -> np.ndarray:
     return plan.of(Series(AXES.index(leg), AXES.index(direction)))
 
 

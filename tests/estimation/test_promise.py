@@ -14,9 +14,9 @@ from orthoglide_cal.model import (
     DataKind,
     Difference,
     Floats,
+    GaugePlan,
     Measured,
     Model,
-    Plan,
     Posture,
     Series,
     double_posture,
@@ -82,7 +82,7 @@ def true_difference(kind: DataKind, difference: Difference, offsets: Floats) -> 
     return at[series, first, Contact.FIXED] - at[series, second, Contact.FIXED]
 
 
-def true_readings(plan: Plan, offsets: Floats) -> Floats:
+def true_readings(plan: GaugePlan, offsets: Floats) -> Floats:
     """Readings of the bent machine, by the truth, with a zero in every set-up [mm]."""
     at = true_heights(offsets)
     postures = [PROTOTYPE.posture_at(d) or Posture.ISO for d in plan.displacement.tolist()]

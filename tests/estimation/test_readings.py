@@ -12,8 +12,8 @@ from orthoglide_cal.model import (
     Cause,
     DataKind,
     Floats,
+    GaugePlan,
     Model,
-    Plan,
     Readings,
     double_posture,
     ideal_plan,
@@ -35,17 +35,20 @@ from tests.estimation.sessions import (
 )
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, extended, sure
 from tests.readings import some
+from tests.subjects import Subject, on_each_kind
 
 
 def explicit(session: Readings, model: Model) -> tuple[Floats, Floats]:
     """Offsets and covariance/σ² by Gauss–Newton on offsets and zeros together, the long way."""
-    offsets = np.zeros(3)
+    many = len(model.calibrated)
+    offsets = np.zeros(many)
+    weight = session.plan.precision[:, None]
     for _ in range(20):
         h, slope = simulate_with_jacobian(model, offsets, session.plan)
-        design = np.hstack((slope, session.plan.zeros))
-        step = np.linalg.lstsq(design, session.value - h, rcond=None)[0]
-        offsets = offsets + step[:3]
-    return offsets, np.asarray(np.linalg.inv(design.T @ design)[:3, :3], dtype=np.float64)
+        design = weight * np.hstack((slope, session.plan.zeros))
+        step = np.linalg.lstsq(design, weight[:, 0] * (session.value - h), rcond=None)[0]
+        offsets = offsets + step[:many]
+    return offsets, np.asarray(np.linalg.inv(design.T @ design)[:many, :many], dtype=np.float64)
 
 
 @both_models
@@ -95,9 +98,9 @@ def test_extra_postures_are_just_more_readings(model: Model) -> None:
     low, high = model.machine.joint_limits_mm
     plan = double_posture(model.machine, cycles=2)
     swap = {0.0: 0.1 * high, high: 0.6 * high, low: 0.35 * low}
-    parts = {item.name: getattr(plan, item.name) for item in fields(Plan)}
+    parts = {item.name: getattr(plan, item.name) for item in fields(GaugePlan)}
     parts["displacement"] = np.array([swap[float(d)] for d in plan.displacement])
-    other = Plan(**parts)
+    other = GaugePlan(**parts)
     more = solve(readings(model, merged(plan, other), seed=None), model)
     assert more.offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
     only = solve(readings(model, other, seed=None), model)
@@ -176,22 +179,21 @@ def test_predicted_readings_carry_their_fitted_zeros() -> None:
         assert np.ptp(shape[session.plan.setup == setup]) < 1e-12
 
 
-LASTING = [cause for cause in CAUSES.values() if cause.lasting]
-
-
-@pytest.mark.parametrize("cause", LASTING, ids=lambda cause: cause.id)
-def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause) -> None:
+@on_each_kind([cause for cause in CAUSES.values() if cause.lasting])
+def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause, subject: Subject) -> None:
     """Readings of one kind may be joined only where the cause cannot tell them apart."""
-    sizes = cause.prior_std(PROTOTYPE) * np.linspace(1.0, 2.0, cause.unknowns)
+    sizes = cause.prior_std(subject.machine) * np.linspace(1.0, 2.0, cause.unknowns)
     effect = cause.at(sizes)
     assert effect.cause.repeats != cause.timed
-    model = sure(NOMINAL).extended([effect])
-    session = readings(model, double_posture(PROTOTYPE), seed=4)
+    model = sure(subject.model).extended([effect])
+    session = subject.measured(model)
     offsets, covariance = explicit(session, model)
     solution = solve(session, model)
-    assert solution.offsets_mm == pytest.approx(offsets, abs=1e-9)
-    assert solution.covariance_mm2 == pytest.approx(solution.sigma_mm**2 * covariance, rel=1e-7)
-    assert np.abs(solve(session, NOMINAL).offsets_mm - offsets).max() > 1e-4
+    assert solution.offsets_mm == pytest.approx(offsets, abs=1e-8)
+    assert solution.covariance_mm2 == pytest.approx(
+        solution.sigma_mm**2 * covariance, rel=1e-6, abs=1e-12
+    )
+    assert np.abs(solve(session, subject.model).offsets_mm - offsets).max() > 1e-4
 
 
 @pytest.mark.parametrize("method", ["readings", "six", "twelve"])

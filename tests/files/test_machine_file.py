@@ -34,7 +34,8 @@ def test_the_prototype_is_the_default():
     assert machine.tool_offset_mm == 31.0
     assert machine.joint_limits_mm == (-100.0, 60.0)
     assert machine.gauge == Gauge(0.01, 10.0, 1.0, 0.006)
-    assert set(machine.tolerances) == set(CAUSES)
+    own = {id for id, cause in CAUSES.items() if machine.kind in cause.sizes}
+    assert set(machine.tolerances) == own
     for model in (read_machine(PROTOTYPE), read_machine(None)):
         assert (model.machine, model.accepted) == (machine, ())
 
@@ -89,7 +90,7 @@ BAD = [
     (L, "leg_length_mm: [1]", 7, "leg_length_mm", None, "number is wanted", "plain number"),
     (L, "leg_lenght_mm: 310.25", 3, "leg_length_mm", None, "missing", "leg_length_mm: …"),
     (L, L + "\nkind: orthoglied", 8, "kind", "orthoglied", "kind of machine",
-     "'orthoglide'? Known: orthoglide."),
+     "'orthoglide'? Known: orthoglide, linear_delta."),
     (L, L + "\nkind:", 8, "kind", None, "text is wanted", "word"),
     (L, L + "\nL: 3", 8, "L", "3", "not known", "Known here: schema_version"),
     (L, L + "\n" + L, 8, "leg_length_mm", "310.25", "stands twice", "Remove"),
@@ -154,7 +155,7 @@ def test_optional_parts(tmp_path):
     assert machine.gauge.revolution_mm is None
     assert machine.offsets_mm == (0.0, 0.0, 0.0)
     assert machine.homing_mm is None
-    assert model.homing_mm == 5.0
+    assert model.kind.plausible(machine) == (5.0, 5.0, 5.0)
     assert dict(machine.tolerances) == {}
     assert model.accepted == ()
 
@@ -340,10 +341,21 @@ def test_only_lasting_causes_are_part_of_a_machine():
     fault, line = wrong(text, "cause: axis_gap", "cause: misread")
     assert places([fault]) == [(line, "identified[1].cause", "misread")]
     assert "cannot be part of a machine" in fault.what
-    lasting = [id for id, cause in CAUSES.items() if cause.lasting]
+    own = {id: cause for id, cause in CAUSES.items() if "orthoglide" in cause.sizes}
+    lasting = [id for id, cause in own.items() if cause.lasting]
     assert fault.remedy == f"Use one of {', '.join(lasting)}."
     assert "axis_gap" in lasting
     assert not {"stand_shift", "swapped_gauges", "gauge_drift"} & set(lasting)
+
+
+def test_causes_of_another_kind_are_no_part_of_it():
+    """Neither found there nor plausible there."""
+    fault, line = wrong(text_with(accepted()), "cause: axis_gap", "cause: tower_lean")
+    assert places([fault]) == [(line, "identified[0].cause", "tower_lean")]
+    assert "of this kind of machine" in fault.what
+    fault, line = wrong(PROTOTYPE.read_text(), "  axis_gap: 0.5", "  tower_lean: 2.0")
+    assert places([fault]) == [(line, "tolerances.tower_lean", "tower_lean")]
+    assert "tower_lean" not in fault.remedy.split("Known:")[1]
 
 
 @pytest.mark.parametrize("new", ["yy: {", "g_yz: {"])

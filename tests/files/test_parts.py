@@ -16,7 +16,7 @@ from orthoglide_cal.files import (
     session_of_readings,
     write_session,
 )
-from orthoglide_cal.model import Model, Plan, Readings
+from orthoglide_cal.model import GaugePlan, Model, Readings
 from tests.machines import PROTOTYPE
 
 HEADER = "leg,posture,direction,reading_mm,part,bar,entered,gauge_at\n"
@@ -131,7 +131,7 @@ def test_files_give_back_what_was_read(tmp_path: Path, name: str) -> None:
         write_session(session_of_readings(before, Model(PROTOTYPE), {}), path)
     assert check_file(str(path), Model(PROTOTYPE)).valid
     after = read_input(str(path), Model(PROTOTYPE)).measured
-    for item in fields(Plan):
+    for item in fields(GaugePlan):
         given, found = (getattr(each.plan, item.name) for each in (before, after))
         assert np.allclose(given, found, rtol=0, atol=1e-9), item.name
 

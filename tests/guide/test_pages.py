@@ -11,7 +11,7 @@ import yaml
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.report.words import unit_words
 from tests.cli.program import DOUBLE, lines, run
-from tests.machines import PROTOTYPE, ROOT
+from tests.machines import ROOT
 from tests.markdown import blocks, mentioned, run_block
 
 FOLDER = ROOT / "orthoglide_cal" / "guide"
@@ -35,7 +35,15 @@ def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
     assert size
     assert "**What to do.**" in page
     if cause.names and not getattr(cause, "counts", None):
-        assert size[1].startswith(f"{cause.size(PROTOTYPE):g} {unit_words(cause.unit)}")
+        usual = next(iter(cause.sizes.values()))
+        assert size[1].startswith(f"{usual:g} {unit_words(cause.unit)}")
+    # Another kind of machine may have another size.
+    for kind, usual in cause.sizes.items():
+        if "orthoglide" in cause.sizes and usual != cause.sizes["orthoglide"]:
+            said = rf"{usual:g} {re.escape(unit_words(cause.unit))}.*{kind.replace('_', ' ')}"
+            assert re.search(said, " ".join(page.split())), f"its size on a {kind}"
+    if list(cause.sizes) == ["linear_delta"]:
+        assert "Of a linear delta." in page
 
 
 def test_every_page_stands_in_a_list() -> None:

@@ -8,10 +8,10 @@ from orthoglide_cal.model import (
     Cause,
     Contact,
     Floats,
+    GaugePlan,
     Machine,
     Model,
     Numbers,
-    Plan,
     Stage,
     double_posture,
 )
@@ -62,7 +62,7 @@ def tool_positions(machine: Machine, count: int = 400, seed: int = 3) -> Floats:
     return rng.uniform(low, high, (count, 3))
 
 
-def mixed_plan(machine: Machine) -> Plan:
+def mixed_plan(machine: Machine) -> GaugePlan:
     """Gauges at a different place for every reading, a third of them at the ends of the legs."""
     plan = double_posture(machine, cycles=2)
     n, rng = len(plan), np.random.default_rng(11)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from orthoglide_cal.model import Contact, Floats, Machine, Plan
+from orthoglide_cal.model import Contact, Floats, GaugePlan, Machine
 from orthoglide_cal.model.machine import Geometry
 from tests.model.paper_kinematics import tool_near
 
@@ -62,7 +62,7 @@ def gauge_reading(
 
 
 def gauge_readings(
-    machine: Machine, offsets: Floats, plan: Plan, rails: Geometry | None = None
+    machine: Machine, offsets: Floats, plan: GaugePlan, rails: Geometry | None = None
 ) -> Floats:
     """`gauge_reading` for each reading of a plan, shape (n,) [mm]."""
     rows = zip(

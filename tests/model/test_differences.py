@@ -10,9 +10,9 @@ from orthoglide_cal.model import (
     Contact,
     DataKind,
     Difference,
+    GaugePlan,
     Machine,
     Model,
-    Plan,
     Posture,
     Series,
     cell_contrasts,
@@ -99,13 +99,13 @@ def test_readings_of_different_set_ups_are_never_subtracted() -> None:
     setup[mine] = [6, 7, 7, 7, 8, 8]
     values = np.random.default_rng(6).normal(0.0, 1.0, len(plan))
     values[mine] = [100.0, -5.0, 3.0, -7.0, 4.0, -2.0]
-    again = Plan(**{**vars(plan), "setup": np.unique(setup, return_inverse=True)[1]})
+    again = GaugePlan(**{**vars(plan), "setup": np.unique(setup, return_inverse=True)[1]})
     row = reduction(DataKind.SIX, (Difference(Series(0, 1)),), PROTOTYPE, again)[0]
     assert row @ values == pytest.approx(((3.0 - (-6.0)) + (4.0 - (-2.0))) / 2.0)
 
 
 @pytest.mark.parametrize("plan", [double_posture(LARGE), single_posture(LARGE, 2)])
-def test_contrasts_are_orthonormal_and_complete(plan: Plan) -> None:
+def test_contrasts_are_orthonormal_and_complete(plan: GaugePlan) -> None:
     matrix = zero_free(plan)
     assert matrix @ matrix.T == pytest.approx(np.eye(len(matrix)), abs=1e-12)
     assert np.abs(matrix @ plan.zeros).max() < 1e-12

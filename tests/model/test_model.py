@@ -27,6 +27,7 @@ from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.model.workspace import compensation, workspace_error
 from tests.machines import LARGE, NOMINAL, PROTOTYPE, extended
 from tests.model.geometries import bent_rails, on_rails
+from tests.subjects import Subject, every_cause
 
 OFFSETS = np.array([0.7, -1.1, 0.4])
 PLAN = double_posture(PROTOTYPE, 1)
@@ -98,19 +99,23 @@ def test_contact_comes_before_the_record_whatever_the_order_of_the_causes() -> N
         assert found == pytest.approx(sign * (clean + step), abs=1e-12)
 
 
-@pytest.mark.parametrize("id", CAUSES)
-def test_what_a_cause_takes_from_the_model(id: str) -> None:
+REPEATING = (
+    "axis_gap", "axis_squareness", "leg_length", "encoder_scale", "bar_skew",
+    "tower_lean", "tower_radius", "bed_shape", "probe_tilt",
+)  # fmt: skip
+
+
+@every_cause
+def test_what_a_cause_takes_from_the_model(cause: Cause, subject: Subject) -> None:
     """Closed forms need a machine that stands still, shared readings one that repeats."""
-    cause = CAUSES[id]
-    place = cause.places(PLAN, PROTOTYPE)[0]
-    gap = CAUSES["axis_gap"].at(np.array([0.1, 0.2, 0.3]))
-    model = NOMINAL.extended([gap, cause.at(np.zeros(cause.unknowns), place)])
+    nominal = subject.model
+    place = cause.places(subject.plan, subject.machine)[0]
+    longer = CAUSES["leg_length"].at(np.array([0.1, 0.2, 0.3]))
+    model = nominal.extended([longer, cause.at(np.zeros(cause.unknowns), place)])
     assert model.still == (cause.stage is Stage.GEOMETRY)
-    assert model.repeats == (
-        id in ("axis_gap", "axis_squareness", "leg_length", "encoder_scale", "bar_skew")
-    )
-    assert NOMINAL.still
-    assert NOMINAL.repeats
+    assert model.repeats == (cause.id in REPEATING)
+    assert nominal.still
+    assert nominal.repeats
 
 
 def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:

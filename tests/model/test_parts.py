@@ -11,8 +11,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import Problem
 from orthoglide_cal.model import (
     Contact,
+    GaugePlan,
     Model,
-    Plan,
     differentiate,
     double_posture,
     simulate,
@@ -32,7 +32,7 @@ WRONG = (
 )
 
 
-def stepped_within(plan: Plan) -> Plan:
+def stepped_within(plan: GaugePlan) -> GaugePlan:
     """The closing readings of each leg are taken after a step was entered, stands untouched."""
     closing = np.array([np.flatnonzero(plan.setup == k)[-1] for k in range(plan.setups)])
     entered = np.zeros((len(plan), 3))

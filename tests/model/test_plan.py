@@ -8,8 +8,8 @@ import pytest
 from orthoglide_cal.model import (
     Contact,
     Floats,
+    GaugePlan,
     Machine,
-    Plan,
     Posture,
     Series,
     double_posture,
@@ -21,9 +21,9 @@ from orthoglide_cal.model.kinds import PlannedReading, plan_of
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 
 
-def small_plan() -> Plan:
+def small_plan() -> GaugePlan:
     """Four readings, given out of their order in time."""
-    return Plan(
+    return GaugePlan(
         leg=[0, 0, 1, 0],
         direction=[1, 1, 2, 2],
         displacement=[60.0, 0.0, -100.0, 60.0],
@@ -35,7 +35,7 @@ def small_plan() -> Plan:
     )
 
 
-def approach(plan: Plan) -> Floats:
+def approach(plan: GaugePlan) -> Floats:
     """Sign of each carriage's last motion before each reading."""
     return NOMINAL.kind.command(PROTOTYPE, plan).approach
 

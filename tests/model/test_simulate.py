@@ -14,11 +14,11 @@ from orthoglide_cal.model import (
     DataKind,
     Effect,
     Floats,
+    GaugePlan,
     Machine,
     Model,
     Numbers,
     Place,
-    Plan,
     Posture,
     Stage,
     carried_uncertainty,
@@ -40,12 +40,12 @@ from tests.model.geometries import bent_rails, mixed_plan, on_rails
 OFFSETS = np.array([1.7, -2.9, 0.8])
 
 
-def complex_jacobian(model: Model, offsets: Floats, plan: Plan) -> Floats:
+def complex_jacobian(model: Model, offsets: Floats, plan: GaugePlan) -> Floats:
     """∂readings/∂Δρ by complex steps of `simulate`, (n, 3): exact, and knows no closed form."""
     return simulate(model, offsets + 1j * STEP * np.eye(3), plan).imag.T / STEP
 
 
-def difference_jacobian(model: Model, offsets: Floats, plan: Plan) -> Floats:
+def difference_jacobian(model: Model, offsets: Floats, plan: GaugePlan) -> Floats:
     """The same by central differences of 1e-3 mm, which err by less than 1e-8."""
     moves = 1e-3 * np.eye(3)
     ahead, behind = (simulate(model, offsets + sign * moves, plan) for sign in (1.0, -1.0))
@@ -168,14 +168,14 @@ class Moving(Cause):
         theta: Numbers,
         place: Place,
         fraction: Numbers,
-        plan: Plan,
+        plan: GaugePlan,
         machine: Machine,
     ) -> Numbers:
         """A bar bent to a parabola."""
         return heights + 0.5 * fraction**2 if self.stage is Stage.CONTACT else heights
 
     def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: Plan, machine: Machine
+        self, readings: Numbers, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine
     ) -> Numbers:
         """A gauge that shows 3 % too much."""
         return readings * 1.03 if self.stage is Stage.RECORD else readings
@@ -316,7 +316,7 @@ def test_postures_without_a_tool_position_are_named() -> None:
 
 
 def test_a_displacement_as_long_as_the_leg_names_leg_and_size() -> None:
-    plan = Plan(
+    plan = GaugePlan(
         leg=[1], direction=[2], displacement=[-311.0], contact=[Contact.FIXED], gauge_at=[0.5],
         setup=[0], order=[0], hours=[0.0],
     )  # fmt: skip

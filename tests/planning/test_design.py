@@ -12,7 +12,7 @@ import pytest
 
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import fit_offsets, pose_plan
-from orthoglide_cal.model import DataKind, Floats, Machine, Model, Plan, double_posture
+from orthoglide_cal.model import DataKind, Floats, GaugePlan, Machine, Model, double_posture
 from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import best_design, design_of, readings_needed
 from orthoglide_cal.planning.expected import Session
@@ -140,7 +140,7 @@ def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
     assert prospect(model).share == pytest.approx(share, rel=1e-12)
 
 
-def _variance(model: Model, plan: Plan) -> float:
+def _variance(model: Model, plan: GaugePlan) -> float:
     """Largest variance of an offset [mm²]: sessions of the truth, solved with all readings."""
     known, rng = sure(model), np.random.default_rng(4)
     signal = true_readings(plan, model.machine, OFFSETS)

@@ -6,12 +6,10 @@ import pytest
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import Floats, Model, Readings
-from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE
+from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, OFFSET_MM
 from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.planning.expected import (
     MOST_CYCLES,
-    OFFSET_MM,
-    PLAUSIBLE_OFFSETS,
     Session,
     expected,
     fewest_cycles,
@@ -144,7 +142,7 @@ def test_no_number_of_cycles_reaches_below_the_floor() -> None:
 
 
 def test_plausible_offsets_are_independent_and_of_one_size() -> None:
-    mean = PLAUSIBLE_OFFSETS.T @ PLAUSIBLE_OFFSETS / len(PLAUSIBLE_OFFSETS)
+    mean = NOMINAL.kind.supposed.T @ NOMINAL.kind.supposed / len(NOMINAL.kind.supposed)
     assert mean == pytest.approx(OFFSET_MM**2 * np.eye(3))
 
 

@@ -12,7 +12,7 @@ from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.files.input import input_from_document
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.model import Effect, Floats, Plan, Posture, Readings, double_posture
+from orthoglide_cal.model import Effect, Floats, GaugePlan, Posture, Readings, double_posture
 from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.planning import Next, best_next, joined, ranked
 from orthoglide_cal.planning.options import options
@@ -48,7 +48,7 @@ def chosen(found: Diagnosis, *words: str) -> Next:
     return next(each for each in ranked(found) if all(w in each.option.what for w in words))
 
 
-def measured(plan: Plan, cause: str, seed: int = 3) -> Readings:
+def measured(plan: GaugePlan, cause: str, seed: int = 3) -> Readings:
     rng = np.random.default_rng(seed)
     return synthetic_session(MODEL.extended([acting(cause)]), plan, OFFSETS, rng)
 

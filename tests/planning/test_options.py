@@ -1,11 +1,11 @@
 """What can be done next: it can be done, and takes as long as its steps."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from orthoglide_cal.model import Contact, Plan, double_posture, single_posture
+from orthoglide_cal.model import Contact, GaugePlan, double_posture, single_posture
 from orthoglide_cal.model.kinds import MINUTES_PER_SETUP
 from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import best_design
@@ -75,7 +75,7 @@ def test_each_teaches_something_else() -> None:
 
 
 def test_what_is_entered_for_a_step_stays_in_what_was_entered_before() -> None:
-    entered = Plan(**{**vars_of(FIRST), "entered": np.tile((0.2, 0.0, -0.1), (len(FIRST), 1))})
+    entered = GaugePlan(**{**vars_of(FIRST), "entered": np.tile((0.2, 0.0, -0.1), (len(FIRST), 1))})
     for option in options(entered, MACHINE):
         more = option.plan.entered - (0.2, 0.0, -0.1)
         stepped = "mm short" in option.what
@@ -128,5 +128,5 @@ def test_without_stands_in_space_all_are_set_up() -> None:
     assert not any(option.continues for option in unknown)
 
 
-def vars_of(plan: Plan) -> dict[str, np.ndarray]:
-    return {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
+def vars_of(plan: GaugePlan) -> dict[str, np.ndarray]:
+    return {name: getattr(plan, name) for name in (item.name for item in fields(GaugePlan))}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orthoglide_cal.model import Contact, Floats, Ints, Machine, Plan
+from orthoglide_cal.model import Contact, Floats, GaugePlan, Ints, Machine
 from tests import truth
 from tests.truth.effects import state_with
 from tests.truth.forward import carriages_and_tool, signals
@@ -56,7 +56,7 @@ def standing(
     )
 
 
-def true_readings(plan: Plan, machine: Machine, offsets: Floats) -> Floats:
+def true_readings(plan: GaugePlan, machine: Machine, offsets: Floats) -> Floats:
     """What perfect gauges read, shape (n,) [mm], of a plan of one part."""
     pairs = zip(plan.leg.tolist(), plan.displacement.tolist(), strict=True)
     joints = np.array([joints_at(machine.leg_length_mm, leg, moved) for leg, moved in pairs])

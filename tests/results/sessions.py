@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orthoglide_cal.files import Conditions, Input, session_of_readings, write_session
-from orthoglide_cal.model import Model, Plan, Readings, double_posture, simulate
+from orthoglide_cal.model import GaugePlan, Model, Readings, double_posture, simulate
 from tests.machines import NOMINAL
 from tests.readings import readings_of
 
@@ -30,7 +30,7 @@ def session(
     offsets: Sequence[float] | np.ndarray,
     seed: int,
     model: Model = NOMINAL,
-    plan: Plan | None = None,
+    plan: GaugePlan | None = None,
     gain: float = 1.0,
 ) -> Readings:
     """A simulated session with noise, rounding and arbitrary gauge zeros.

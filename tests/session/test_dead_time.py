@@ -74,7 +74,9 @@ def measured(terminal: Terminal, press: Press, count: int) -> None:
 
 @pytest.mark.parametrize("apart", APART_S)
 @pytest.mark.parametrize("other", [True, pytest.param(False, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("before", [0, 1])  # the second press meets the other gauge, or posture
+@pytest.mark.parametrize(
+    "before", [1, pytest.param(0, marks=pytest.mark.slow)]
+)  # the second press meets the other gauge, or posture
 def test_a_second_press_is_no_reading(
     tmp_path: Path, at_the_machine: tuple[Terminal, Press], apart: float, other: bool, before: int
 ) -> None:

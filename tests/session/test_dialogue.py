@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.estimation.influences import Origin
 from orthoglide_cal.files import read_input
+from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
 from orthoglide_cal.results import calibrate
 from orthoglide_cal.session import Dialogue, Quit, Style

@@ -16,7 +16,7 @@ from orthoglide_cal.estimation.forecast import (
     Outlook,
     misfit_mm,
 )
-from orthoglide_cal.model import Effect, Model, Plan, simulate
+from orthoglide_cal.model import Effect, GaugePlan, Model, simulate
 from orthoglide_cal.model.kinds import plan_of
 from orthoglide_cal.model.machine import Geometry
 from tests.machines import NOMINAL, PROTOTYPE
@@ -26,14 +26,14 @@ from .virtual import readings_of, steps_of
 
 
 def in_full(
-    plan: Plan, effects: tuple[Effect, ...] = (), fresh: np.ndarray | None = None
+    plan: GaugePlan, effects: tuple[Effect, ...] = (), fresh: np.ndarray | None = None
 ) -> Forecast:
     """The forecast of a whole plan."""
     outlook = Outlook(NOMINAL.extended(effects), plan)
     return outlook.forecast(np.arange(len(plan)), plan.setup, plan.order, plan.hours, fresh=fresh)
 
 
-def timed_plan(count: int = 60) -> Plan:
+def timed_plan(count: int = 60) -> GaugePlan:
     """The first steps of a session at an uneven pace."""
     steps = steps_of()[:count]
     hours = np.array([0.3 * k + 5.0 * s.setup for k, s in enumerate(steps)]) / 60.0
@@ -48,7 +48,7 @@ def covariance(model: Forecast, size: int) -> np.ndarray:
     return model.common + model.misfits[size] ** 2 * model.cells
 
 
-def unknowns(plan: Plan, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def unknowns(plan: GaugePlan, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The formula of a reading, one unknown at a time: columns of unit variance (n, p), (n, c)."""
     known = fresh == 0
     columns, misfits = [], []

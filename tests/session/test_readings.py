@@ -10,7 +10,7 @@ from scipy import stats
 
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import read_input, write_session
-from orthoglide_cal.model import Plan, Readings
+from orthoglide_cal.model import GaugePlan, Readings
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence
 from orthoglide_cal.session.events import (
     Answered,
@@ -93,7 +93,7 @@ def test_live_readings_are_those_of_the_file(
     filed = read.measured
     assert isinstance(filed, Readings)
     assert len(live) == len(steps_of(protocol)) - 1
-    for item in fields(Plan):
+    for item in fields(GaugePlan):
         assert np.array_equal(getattr(live.plan, item.name), getattr(filed.plan, item.name)), item
     for name in ("value", "cycle", "temperature"):
         one, other = getattr(live, name), getattr(filed, name)

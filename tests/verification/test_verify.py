@@ -12,7 +12,7 @@ from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
     Differences,
-    Plan,
+    GaugePlan,
     Posture,
     Source,
     double_posture,
@@ -94,7 +94,7 @@ def test_intervals_cover_one_in_95_percent_of_healthy_pairs():
 
 
 @pytest.mark.parametrize("plan", [double_posture(PROTOTYPE), single_posture(PROTOTYPE, cycles=3)])
-def test_raw_sessions_of_both_protocols(plan: Plan):
+def test_raw_sessions_of_both_protocols(plan: GaugePlan):
     result = verify(before(1, plan=plan), after(TRUE, 2, plan=plan), TRUE)
     assert result.comparison.kind is DataKind.READINGS
     assert result.response.behaviour is Behaviour.AS_MODELLED

@@ -8,39 +8,38 @@ gauge touches, and which readings a protocol takes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from itertools import product
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.errors import UnreachableError
-from orthoglide_cal.model.cause import Command
+from orthoglide_cal.errors import PostureError, UnreachableError
+from orthoglide_cal.model.cause import Command, Sensed
+from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.kinds.layouts import Layout
+from orthoglide_cal.model.kinds.speech import OFFSETS
 from orthoglide_cal.model.machine import (
     Geometry,
     Machine,
     Points,
+    batch_of,
+    behind_batch,
     column,
+    components,
     rail_position,
     tool_derivative_components,
 )
-from orthoglide_cal.model.readings import (
-    AXES,
-    Contact,
-    Floats,
-    Ints,
-    Numbers,
-    Plan,
-    Posture,
-    other_axes,
-    places_of,
-    read_only,
-)
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan
 
-# Pace assumed where nobody measured the time: readings, and moves of the stand [min].
-MINUTES_PER_POSTURE = 0.4
-MINUTES_PER_SETUP = 4.0
-POSTURES = (Posture.ISO, Posture.MAX, Posture.MIN)
-HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they measure along z
+if TYPE_CHECKING:
+    from orthoglide_cal.model.model import Model
+
+# Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
+OFFSET_MM = 0.5
 
 
 class Moments(NamedTuple):
@@ -72,11 +71,47 @@ class Orthoglide:
 
     id = "orthoglide"
     calibrated = AXES
+    units = ("mm", "mm", "mm")
+    # Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
+    supposed = read_only(OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)]))
+    # What is calibrated is told as an excess over what the controller has, and may be recorded.
+    absolute, recorded = False, True
+    decimals = None
+    has_cube = True  # the error of its tool is shown over a cube of its workspace
+    formats = ("linuxcnc", "table")
+    speech = OFFSETS
     # Causes that no reading tells from the offsets: a longer leg looks like a smaller offset.
     unseen = ("leg_length",)
+    held = ()
     # The home switch or index pulse of such a carriage is set to within a few millimetres; an
     # offset beyond that is a wrong unit, label or machine file.
     homing_mm = 5.0
+    # A tolerance is a standard deviation, yet one fault in five is several times as large: scale of
+    # the sizes of a fault, and its share. Priced at the tolerance alone a bar skewed by three of
+    # them would be taken for a smaller skew beside a second fault.
+    scales: Mapping[float, float] = MappingProxyType({1.0: 0.8, 3.0: 0.2})
+    # How many times more must speak for a fault than elsewhere before it is named.
+    caution = 1.0
+    # Causes in the machine that may act beside any other one, and what is not claimed with them.
+    companions: Mapping[str, str] = MappingProxyType({})
+
+    def active(self, machine: Machine) -> tuple[float, ...]:
+        """What the controller has of each calibrated parameter: the offsets [mm]."""
+        return machine.offsets_mm
+
+    def plausible(self, machine: Machine) -> tuple[float, ...]:
+        """The largest size of each calibrated parameter that a machine can have [mm]."""
+        stated = machine.homing_mm
+        return (self.homing_mm if stated is None else stated,) * len(AXES)
+
+    def told_within(self, machine: Machine) -> tuple[float, ...]:
+        """The largest U with which an offset is told: any, with its U beside it."""
+        return (math.inf,) * len(AXES)
+
+    def geometry_words(self, machine: Machine) -> str:
+        """Its nominal geometry in one line."""
+        low, high = machine.joint_limits_mm
+        return f"leg {machine.leg_length_mm:g} mm, travel {low:g} to {high:+g} mm"
 
     def rails(self, machine: Machine) -> Geometry:
         """Orthogonal rails that meet in the origin, equal legs (modelling assumption iv)."""
@@ -147,7 +182,7 @@ class Orthoglide:
         excess = max(high - low - machine.workspace_mm, 0.0) / 2.0
         return low + excess, high - excess
 
-    def command(self, machine: Machine, plan: Plan) -> Command:
+    def command(self, machine: Machine, plan: GaugePlan) -> Command:
         """Where the controller sends the carriages for each reading of a plan.
 
         Raises:
@@ -158,7 +193,71 @@ class Orthoglide:
             read_only(joints), self.home(machine), plan.hours, plan.in_time, plan.entered
         )
 
-    def touched(self, points: Points, plan: Plan, moments: Moments) -> Touch:
+    def closed_form(self, model: Model) -> bool:
+        """Whether `sensed` knows the derivative: where the offsets alone move the carriages."""
+        return model.still
+
+    def sensed(
+        self, model: Model, offsets: Numbers, plan: GaugePlan, strict: bool, derivative: bool
+    ) -> Sensed:
+        """What the gauges are pushed to; arguments and errors as of `simulate`."""
+        real = model.geometry
+        joints, moments = _joints(model, self.command(model.machine, plan), plan, offsets)
+        batch = batch_of(joints, real)
+        try:
+            points = Points.of(real, joints, batch, strict)
+        except PostureError as error:
+            named = _which(Points.of(real, joints, batch, strict=False), plan, moments.reading)
+            raise type(error)(f"{named}: {error.what}", error.remedy) from error
+        heights, fraction = self.touched(points, plan, moments)
+        slope = None
+        if derivative:
+            jacobian = self.touched_derivative(points, plan, moments, fraction)
+            slope = behind_batch(jacobian, 2)
+        return Sensed(behind_batch(heights, 1), behind_batch(fraction, 1), slope)
+
+    def recalibrated(self, before: Machine, after: Machine) -> bool:
+        """No: what was entered in between is known, see `--applied`."""
+        return False
+
+    def further(self, plan: GaugePlan) -> Iterator[tuple[str, GaugePlan, float]]:
+        """None beyond those of its protocols."""
+        return iter(())
+
+    def layouts(self, machine: Machine) -> tuple[Layout, ...]:
+        """None: its readings are taken by protocols."""
+        return ()
+
+    def local(self, machine: Machine, plan: GaugePlan) -> Influence | None:
+        """No local shape: each gauge touches one place of one bar."""
+        return None
+
+    def uncertain(
+        self, machine: Machine, plan: GaugePlan, predict: Callable[[GaugePlan], Floats]
+    ) -> Iterator[Influence]:
+        """What nobody knows exactly of the gauges: their scale, and where they stand.
+
+        Args:
+            machine: its gauge gives the sizes.
+            plan: n readings.
+            predict: readings of a plan, (n,) [mm].
+        """
+        gauge, predicted = machine.gauge, predict(plan)
+        scale = gauge.scale_std * predicted[:, None]
+        yield Influence(Origin.GAUGE_SCALE, gauge.scale_std, "", gauge.scale_u is None, scale)
+        if np.any(plan.contact == Contact.FIXED):
+            # As far along the leg as the stand plausibly is from where it was meant to be.
+            along = gauge.placement_std_mm / machine.leg_length_mm
+            shift = predict(replace(plan, gauge_at=plan.gauge_at + along)) - predicted
+            yield Influence(
+                Origin.GAUGE_PLACEMENT,
+                gauge.placement_std_mm,
+                "mm",
+                gauge.placement_mm is None,
+                shift[:, None] * plan.zeros,
+            )
+
+    def touched(self, points: Points, plan: GaugePlan, moments: Moments) -> Touch:
         """The points that the gauges touch (Table 2, eqs. 18–24, errata).
 
         Args:
@@ -182,7 +281,7 @@ class Orthoglide:
         return Touch(side + fraction * across, fraction)
 
     def touched_derivative(
-        self, points: Points, plan: Plan, moments: Moments, fraction: Numbers
+        self, points: Points, plan: GaugePlan, moments: Moments, fraction: Numbers
     ) -> Floats:
         """∂heights/∂Δρ in closed form, shape (n, 3, ...).
 
@@ -211,107 +310,36 @@ class Orthoglide:
         return jacobian
 
 
-class PlannedReading(NamedTuple):
-    """One reading to take, in the terms of `Plan`; the place of a gauge at an end is that end."""
+def _joints(
+    model: Model, command: Command, plan: GaugePlan, offsets: Numbers
+) -> tuple[Numbers, Moments]:
+    """Where the carriages stand at each moment and, last, where they did for each set-up.
 
-    leg: int
-    direction: int
-    displacement: float  # mm
-    contact: Contact
-    minutes: float = 0.0
-    gauge_at: float = 0.5
-    part: int = 0
-    turned: bool = False
-    entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
-
-
-def plan_of(readings: Sequence[PlannedReading]) -> Plan:
-    """The plan of readings in time order; one set-up for each of `places_of`."""
-    leg = np.array([r.leg for r in readings], dtype=np.intp)
-    direction = np.array([r.direction for r in readings], dtype=np.intp)
-    contact = np.array([r.contact for r in readings], dtype=np.intp)
-    part = np.array([r.part for r in readings], dtype=np.intp)
-    gauge_at = np.array([r.gauge_at for r in readings], dtype=np.float64)
-    turned = np.array([r.turned for r in readings], dtype=np.bool_)
-    places = places_of(leg, direction, contact, gauge_at, part, turned)
-    return Plan(
-        leg=leg,
-        direction=direction,
-        displacement=np.array([r.displacement for r in readings]),
-        contact=contact,
-        gauge_at=np.where(contact == Contact.FIXED, gauge_at, contact == Contact.TOOL),
-        setup=np.unique(np.reshape(places, (-1, 5)), axis=0, return_inverse=True)[1].reshape(-1),
-        order=np.arange(len(readings)),
-        hours=np.array([r.minutes for r in readings]) / 60.0,
-        part=part,
-        turned=turned,
-        entered=np.reshape([r.entered for r in readings], (-1, 3)),
-    )
-
-
-def double_posture(
-    machine: Machine,
-    cycles: int = 3,
-    closing: bool = True,
-    postures: Sequence[Posture] = POSTURES,
-    gauge_at: float = 0.5,
-) -> Plan:
-    """Iso → Max → Min, repeated, for the x-, y- and z-leg in turn (sec. 3.3, 4.1).
-
-    Two gauges stand at mid-leg, fixed in space; the leg moves under them.
-
-    Args:
-        machine: its joint limits are the Max and Min postures.
-        cycles: repeats of the postures on each leg, at least 1.
-        closing: take a last isotropic reading on each leg; it shows drift and knocks.
-        postures: of one cycle.
-        gauge_at: place of the gauges along the leg at the isotropic posture.
+    A cause of the motion may depend on time: then every reading is its own moment; otherwise
+    readings at one posture share theirs. Gauges are set up at the isotropic posture, with what
+    was entered then.
 
     Returns:
-        A plan of 6·(len(postures)·cycles + closing) readings in time order.
+        Components first, shape (3, m + s, ...) [mm]; the moments of each reading.
     """
-    visited = list(postures) * cycles + ([Posture.ISO] if closing else [])
-    return visiting([machine.displacement_mm(posture) for posture in visited], gauge_at)
+    stood, which = plan.set_up_moments
+    set_up = command.home - stood
+    if model.still:
+        first, moment = plan.moments
+        both = np.concatenate((command.sent[first], set_up)).T
+        joints = column(both, offsets.ndim - 1) + components(offsets, 1)[:, None]
+        return joints, Moments(moment, len(first) + which)
+    joints = model.true_joints(command, offsets)
+    shape = (*joints.shape[:-2], *set_up.shape)
+    gauged = np.broadcast_to(set_up + offsets[..., None, :], shape)
+    both = np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2)
+    return components(both, 2), Moments(np.arange(len(plan)), len(plan) + which)
 
 
-def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> Plan:
-    """The same postures for the x-, y- and z-leg in turn, two gauges beside each other.
-
-    Args:
-        displacements: of the leg's own carriage, in order [mm].
-        gauge_at: place of the gauges along the leg at the isotropic posture.
-
-    Returns:
-        A plan of 6·len(displacements) readings in time order.
-    """
-    readings = []
-    minutes = 0.0
-    for leg in range(3):
-        for moved in displacements:
-            for direction in other_axes(leg):
-                readings.append(
-                    PlannedReading(leg, direction, moved, Contact.FIXED, minutes, gauge_at)
-                )
-            minutes += MINUTES_PER_POSTURE
-        minutes += MINUTES_PER_SETUP
-    return plan_of(readings)
-
-
-def single_posture(machine: Machine, cycles: int = 1) -> Plan:
-    """Iso, Max, Min of the x-leg, then of the y-leg; at each, joint end and tool end along z.
-
-    The height of both leg ends above the base, at the same posture (sec. 3.2).
-
-    Returns:
-        A plan of 12·cycles readings in time order; one gauge zero per leg.
-    """
-    readings = []
-    minutes = 0.0
-    for leg in (0, 1):
-        for posture in POSTURES * cycles:
-            moved = machine.displacement_mm(posture)
-            for end in (Contact.JOINT, Contact.TOOL):
-                readings.append(PlannedReading(leg, HEIGHT, moved, end, minutes))
-                minutes += MINUTES_PER_POSTURE
-        minutes += MINUTES_PER_SETUP
-    return plan_of(readings)
+def _which(points: Points, plan: GaugePlan, moment: Ints) -> str:
+    """The first posture that the machine cannot take, in words."""
+    failed = np.isnan(points.tool[0])
+    bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
+    if not bad.size:
+        return "Isotropic posture"
+    return f"Leg {AXES[plan.leg[bad[0]]]} displaced by {plan.displacement[bad[0]]:g} mm"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import decimals_for
 from orthoglide_cal.estimation.budget import Budget, Contribution
-from orthoglide_cal.estimation.influences import Origin
+from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.words import coverage_words, short, two_figures, unit_words
 
@@ -31,9 +32,13 @@ _SOURCES: Mapping[str, tuple[str, str]] = {
         "places of the gauges along the legs",
         "Measure where they stand, and state how well as placement_mm of the gauge.",
     ),
+    Origin.BED_TEXTURE: (
+        "local shape of the bed",
+        "Probe more places; state how rough the bed is as texture_mm of the probe.",
+    ),
     Origin.TEMPERATURE: ("temperature, off 20 °C (steel)", "Measure nearer to 20 °C."),
     Origin.EXPLANATIONS: (
-        "what is wrong beside the offsets",
+        "what else is wrong",
         "The data leave it open: see what diagnose says.",
     ),
 }
@@ -47,12 +52,17 @@ _STATE = "State how well that is known under tolerances in the machine file."
 _SMALL = 0.1
 
 
-def budget_section(budget: Budget) -> doc.Section:
-    """Each source with its size and what it adds to the offsets [mm]."""
+def budget_section(budget: Budget, kind: Any) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter of the kind of machine."""
     shown = [each for each in budget.contributions if np.any(each.std_mm > _SMALL * budget.std_mm)]
     rest = [each for each in budget.contributions if each not in shown]
     rows = [
-        (source_words(each)[0], each.evaluation.value, _size(each), *map(two_figures, each.std_mm))
+        (
+            source_words(each, kind)[0],
+            each.evaluation.value,
+            _size(each),
+            *map(two_figures, each.std_mm),
+        )
         for each in sorted(shown, key=lambda each: -float(each.std_mm.max()))
     ]
     if rest:
@@ -61,25 +71,38 @@ def budget_section(budget: Budget) -> doc.Section:
     rows.append(("together, u", "", "", *map(two_figures, budget.std_mm)))
     reach = map(two_figures, budget.expanded_mm)
     rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *reach))
-    what, remedy = source_words(budget.largest)
+    what, remedy = source_words(budget.largest, kind)
     return doc.Section(
-        "Uncertainty of the offsets, mm",
+        f"Uncertainty of the {kind.speech.many}{_unit(kind)}",
         (
-            doc.Grid(("source", "type", "size", "x", "y", "z"), tuple(rows)),
+            doc.Grid(("source", "type", "size", *_heads(kind)), tuple(rows)),
             doc.Paragraph(f"Most of it: {what}. {remedy}"),
         ),
     )
 
 
-def source_words(each: Contribution) -> tuple[str, str]:
+def _unit(kind: Any) -> str:
+    """The unit of all columns, if they have one."""
+    units = set(kind.units)
+    return f", {units.pop()}" if len(units) == 1 else ""
+
+
+def _heads(kind: Any) -> list[str]:
+    """The parameters; with their units where these differ."""
+    if _unit(kind):
+        return list(kind.calibrated)
+    return [f"{name}, {unit}" for name, unit in zip(kind.calibrated, kind.units, strict=True)]
+
+
+def source_words(each: Contribution, kind: Any) -> tuple[str, str]:
     """A source in words, and what would lessen it."""
     if each.source in _SOURCES:
         return _SOURCES[each.source]
     causes = [CAUSES[id] for id in each.source.split(" and ")]
-    what = " and ".join(cause.title for cause in causes)
+    what = kind.speech.said(" and ".join(cause.title for cause in causes))
     if each.possible:
         return f"whether {what}", _OPEN
-    return what, f"{causes[0].advice} {_STATE}"
+    return what, kind.speech.said(f"{causes[0].advice} {_STATE}")
 
 
 def _size(each: Contribution) -> str:

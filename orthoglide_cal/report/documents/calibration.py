@@ -17,12 +17,19 @@ from orthoglide_cal.model.workspace import WorkspaceError
 from orthoglide_cal.report import charts
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.canvas import interval_lines
-from orthoglide_cal.report.controller import cautions, remedy_words
+from orthoglide_cal.report.controller import cautions, joints_data, remedy_words
 from orthoglide_cal.report.documents import evidence
 from orthoglide_cal.report.documents.budget import budget_section
 from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.documents.diagnosis import diagnosis_data
 from orthoglide_cal.report.documents.motion import motion
+from orthoglide_cal.report.documents.parameters import (
+    offsets_grid,
+    offsets_title,
+    open_blocks,
+    parameters_of,
+    result_of,
+)
 from orthoglide_cal.report.documents.solution import solution_data
 from orthoglide_cal.report.documents.verification import (
     entered_and_left,
@@ -31,7 +38,7 @@ from orthoglide_cal.report.documents.verification import (
     verification_outcome,
     verification_to_do,
 )
-from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, fields_of, input_data
+from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.report.words import (
     SCOPE,
     coverage_words,
@@ -74,8 +81,10 @@ def _page(calibration: Calibration, machine_file: Path | None, interactive: bool
     pages = [verification_outcome(verification)] if verification else []
     if calibration.adjustment is not None:
         sheet += _answer(calibration, calibration.adjustment)
-        pages.append(_intervals(calibration, calibration.adjustment))
-        pages.append(budget_section(calibration.adjustment.budget))
+        if not calibration.adjustment.kind.absolute:
+            # Parameters of several units have no scale in common.
+            pages.append(_intervals(calibration, calibration.adjustment))
+        pages.append(budget_section(calibration.adjustment.budget, calibration.adjustment.kind))
     pages += evidence.evidence(calibration, machine_file)
     if interactive and calibration.travel is not None:
         pages.append(motion(calibration.travel, calibration.input.model.machine))
@@ -124,22 +133,26 @@ def calibration_data(calibration: Calibration, machine_file: Path | None = None)
         "expected": _size_data(calibration.expected),
         "as_left": verification_data(left) if left else None,
         "answer": _answer_data(found) if found else None,
-        "adjustment": {
-            joint.axis: fields_of(joint, "previous_mm", "change_mm", "new_mm")
-            for joint in found.joints
-        }
-        if found
-        else None,
+        "adjustment": _adjustment_data(found) if found else None,
         "workspace": _workspace_data(calibration.workspace),
         "solution": solution_data(calibration) if calibration.solution else None,
         "diagnosis": diagnosis_data(calibration) if diagnosis else None,
     }
 
 
+def _adjustment_data(found: Adjustment) -> dict[str, Any]:
+    if found.kind.absolute:
+        return joints_data(found)
+    return {
+        joint.axis: fields_of(joint, "previous_mm", "change_mm", "new_mm") for joint in found.joints
+    }
+
+
 def _answer_data(found: Adjustment) -> dict[str, Any]:
     return {
         "model": list(found.causes),
-        **axes_of(found, "offsets_mm", "std_mm", "expanded_mm"),
+        **parameters_of(found),
+        **result_of(found, "offsets_mm", "std_mm", "expanded_mm"),
         "coverage_factor": found.budget.k,
         "confidence": found.confidence,
         "dof": _dof(found),
@@ -186,7 +199,8 @@ def _answer(calibration: Calibration, adjustment: Adjustment) -> list[doc.Sectio
     """The offsets, and what they mend."""
     left = calibration.verification
     if left is None:
-        sections = [_offsets(adjustment, calibration.release.usable)]
+        draw = _parameters if adjustment.kind.absolute else _offsets
+        sections = [draw(calibration, adjustment)]
     else:
         sections = [entered_and_left(adjustment, left)]
     if calibration.as_found is not None:
@@ -198,8 +212,19 @@ def _answer(calibration: Calibration, adjustment: Adjustment) -> list[doc.Sectio
     return sections
 
 
-def _offsets(adjustment: Adjustment, usable: bool) -> doc.Section:
+def _parameters(calibration: Calibration, adjustment: Adjustment) -> doc.Section:
+    """Parameters that the firmware states, and what the readings leave open."""
+    usable = calibration.release.usable
+    coverage = doc.Paragraph(_coverage(adjustment), small=True)
+    return doc.Section(
+        offsets_title(adjustment, usable),
+        (offsets_grid(adjustment, usable), *open_blocks(calibration, adjustment), coverage),
+    )
+
+
+def _offsets(calibration: Calibration, adjustment: Adjustment) -> doc.Section:
     """The offsets with expanded uncertainty."""
+    usable = calibration.release.usable
     digits, joints = adjustment.decimals, adjustment.joints
     values = zip(adjustment.offsets_mm.tolist(), joints, strict=True)
     columns: dict[str, Iterable[doc.Blank]] = {
@@ -230,7 +255,7 @@ def _coverage(adjustment: Adjustment) -> str:
     return (
         f"U = k·u is the expanded uncertainty with {coverage_words(adjustment.budget.k)}"
         f" ({source}), for a confidence of {100 * adjustment.confidence:.0f} %."
-        + (f" Model: offsets and {causes}." if causes else "")
+        + (f" Model: {adjustment.kind.speech.many} and {causes}." if causes else "")
     )
 
 

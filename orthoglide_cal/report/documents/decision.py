@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from orthoglide_cal.report import document as doc
@@ -22,14 +23,15 @@ from orthoglide_cal.results import Adjustment, Calibration, Recording, recording
 def decision_notice(calibration: Calibration) -> doc.Notice:
     """The decision in one box."""
     solution, decision = calibration.solution, calibration.release
+    many = calibration.input.model.kind.speech.many
     if solution is None:
         return doc.Notice(doc.Tone.BAD, "There is no result", decision.reasons)
     if not decision.usable:
-        return doc.Notice(doc.Tone.BAD, "Do not enter these offsets", decision.reasons)
+        return doc.Notice(doc.Tone.BAD, f"Do not enter these {many}", decision.reasons)
     told = cautions(calibration)
     if told:
-        return doc.Notice(doc.Tone.WARN, "The offsets may be entered, with care", told)
-    return doc.Notice(doc.Tone.GOOD, "The offsets may be entered", (solution.judgement,))
+        return doc.Notice(doc.Tone.WARN, f"The {many} may be entered, with care", told)
+    return doc.Notice(doc.Tone.GOOD, f"The {many} may be entered", (solution.judgement,))
 
 
 def to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
@@ -48,21 +50,15 @@ def to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
 def _entering(
     calibration: Calibration, adjustment: Adjustment, machine_file: Path | None
 ) -> list[doc.Instruction]:
-    # Each axis with its value: a narrow page must not break between the two.
-    x, y, z = (
-        doc.Strong(f"{joint.axis} {signed(joint.new_mm, adjustment.decimals)}")
-        for joint in adjustment.joints
-    )
+    speech = adjustment.kind.speech
+    given = follow_up("export", calibration, machine_file, f"--format {adjustment.kind.formats[0]}")
     items = [
         doc.Instruction(
-            ("The machine file says that these are in the controller: ", x, ", ", y, ", ", z, ".")
+            ("The machine file says that these are in the controller: ", *_listed(adjustment))
         )
         if recording(calibration.input) is Recording.DONE
-        else doc.Instruction(
-            ("Enter the new joint offsets in the controller, in mm: ", x, ", ", y, ", ", z, "."),
-            follow_up("export", calibration, machine_file, "--format linuxcnc"),
-        ),
-        doc.Instruction("Re-home all three axes."),
+        else doc.Instruction((speech.enter, *_listed(adjustment)), given),
+        doc.Instruction(speech.restart),
     ]
     record = record_command(calibration, machine_file)
     if record is not None:
@@ -86,3 +82,13 @@ def _entering(
         )
     )
     return items
+
+
+def _listed(adjustment: Adjustment) -> Iterator[doc.Inline]:
+    """The new values; of many parameters they stand in the table and in the export."""
+    if adjustment.kind.absolute:
+        return
+    for number, joint in enumerate(adjustment.joints):
+        # Each axis with its value: a narrow page must not break between the two.
+        yield doc.Strong(f"{joint.axis} {signed(joint.new_mm, adjustment.decimals)}")
+        yield "." if number == len(adjustment.joints) - 1 else ", "

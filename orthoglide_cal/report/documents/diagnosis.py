@@ -5,12 +5,10 @@ The calibration report shows the same blocks for the verdict, its causes and wha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Explanation, NamedCause, Verdict
@@ -18,27 +16,26 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.model import (
     Cause,
-    Contact,
     Differences,
     Estimate,
-    Floats,
-    Ints,
-    Measured,
-    Readings,
     Series,
     other_axes,
 )
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.next_reading import next_blocks, told_data
-from orthoglide_cal.report.documents.solution import offsets_grid
-from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, fields_of, input_data
+from orthoglide_cal.report.documents.parameters import (
+    offsets_grid,
+    offsets_title,
+    open_blocks,
+    parameters_of,
+    result_of,
+)
+from orthoglide_cal.report.documents.pictures import residual_pictures
+from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.report.words import (
-    comparison_words,
     data_words,
-    end_words,
     percent,
     plain,
-    signed,
     unit_words,
     with_uncertainty,
 )
@@ -48,19 +45,19 @@ from orthoglide_cal.results import Calibration
 _VERDICTS = {
     Verdict.CONSISTENT: (
         doc.Tone.GOOD,
-        "Consistent: nothing shows beyond this gauge's noise; the model fits.",
+        "Consistent: nothing shows beyond this {noise}'s noise; the model fits.",
         "",
     ),
     Verdict.NAMED: (doc.Tone.WARN, "Named: {causes}.", ", the cause taken into account"),
     Verdict.AMBIGUOUS: (
         doc.Tone.WARN,
         "Ambiguous: these data leave open what is wrong. Likeliest: {causes}.",
-        ", the open choice part of std. dev.",
+        ", the open choice part of {spread}",
     ),
     Verdict.UNEXPLAINED: (
         doc.Tone.BAD,
         "Unexplained: something is wrong that no listed cause explains.",
-        ", the unexplained part of std. dev.",
+        ", the unexplained part of {spread}",
     ),
 }
 # A parameter of one leg and direction has the name of that series.
@@ -71,9 +68,6 @@ _PLACES = {
 # Probability from which "nothing is wrong" is mentioned beside a cause.
 _WORTH_SAYING = 0.005
 _BEST = 5  # explanations in the ranking
-_LEGEND = "Mean of the repeats, then one sign for each: · noise, + − over 2σ, ▲ ▼ over 4σ."
-# More signs than this would not fit beside a name: the largest deviations of each stand for all.
-_SIGNS = 30
 
 
 def diagnosis_document(
@@ -102,8 +96,10 @@ def _diagnosis_page(
         *next_blocks(diagnosis, calibration.following),
     )
     release = calibration.release
-    told = () if release.usable else ("Do not enter the offsets.", *release.reasons)
-    title = "Joint offsets, mm (true = indicated + Δρ)"
+    speech = found.kind.speech
+    told = () if release.usable else (f"Do not enter the {speech.many}.", *release.reasons)
+    title = offsets_title(found, True, short=True)
+    spread = "U" if found.kind.absolute else "std. dev."
     return doc.Page(
         kind="Diagnosis",
         title=file_words(diagnosis.source.path),
@@ -116,10 +112,14 @@ def _diagnosis_page(
         notice=doc.Notice(tone if release.sound else doc.Tone.BAD, headline(diagnosis), told),
         sections=(
             *((doc.Section(None, causes),) if causes else ()),
-            *_pictures(diagnosis, calibration.input.measured),
+            *residual_pictures(diagnosis, fit_blocks(diagnosis)),
             doc.Section(
-                title if found is calibration.alone else title + taken,
-                (offsets_grid(found, release.usable), *note_blocks(diagnosis)),
+                title if found is calibration.alone else title + taken.format(spread=spread),
+                (
+                    offsets_grid(found, release.usable),
+                    *open_blocks(calibration, found),
+                    *note_blocks(diagnosis),
+                ),
             ),
         ),
     )
@@ -140,7 +140,8 @@ def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
         "causes": [_cause_data(cause) for cause in diagnosis.causes],
         "ambiguous_with": list(diagnosis.ambiguous_with),
         "next_measurement": None if following is None else told_data(following),
-        **axes_of(found, "offsets_mm", "std_mm"),
+        **parameters_of(found),
+        **result_of(found, "offsets_mm", "std_mm"),
         **fields_of(calibration.release, "usable", "reasons"),
         "assumed_tolerances": dict(diagnosis.assumed_tolerances),
         "sensitivity": {
@@ -166,8 +167,9 @@ def _cause_data(cause: NamedCause) -> dict[str, Any]:
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
-    titles = " and ".join(CAUSES[cause.id].title for cause in diagnosis.causes)
-    return _VERDICTS[diagnosis.verdict][1].format(causes=titles)
+    speech = diagnosis.model.kind.speech
+    titles = " and ".join(speech.said(CAUSES[cause.id].title) for cause in diagnosis.causes)
+    return _VERDICTS[diagnosis.verdict][1].format(causes=titles, noise=speech.noise)
 
 
 def cause_blocks(
@@ -178,15 +180,16 @@ def cause_blocks(
     if not causes:
         return ()
     blocks: list[doc.Block] = []
+    said = diagnosis.model.kind.speech.said
     gain = _gain(diagnosis, held_out_file)
     for cause in causes:
         own = _cause(cause, diagnosis, machine_file)
-        blocks.append(doc.Paragraph((doc.Strong(cause.id), f": {CAUSES[cause.id].title}")))
+        blocks.append(doc.Paragraph((doc.Strong(cause.id), f": {said(CAUSES[cause.id].title)}")))
         blocks.append(doc.Facts((*own, *gain) if len(causes) == 1 else own))
     if len(causes) > 1:
         blocks += [doc.Paragraph(doc.Strong("Both together")), doc.Facts(gain)]
     if diagnosis.verdict is Verdict.AMBIGUOUS:
-        rivals = tuple((rival, CAUSES[rival].title) for rival in diagnosis.ambiguous_with)
+        rivals = tuple((id, said(CAUSES[id].title)) for id in diagnosis.ambiguous_with)
         blocks += [doc.Paragraph("These data are explained as well by"), doc.Facts(rivals)]
     return tuple(blocks)
 
@@ -198,8 +201,11 @@ def _cause(
     if cause.where:
         rows.append(("where", cause.where))
     if cause.parameters:
-        rows.append(("size", _size(cause.parameters)))
-    rows.append(("mend", cause.advice))
+        rows.append(("size", _size(cause.parameters, diagnosis.model.kind.speech.axes)))
+    rows.append(("mend", diagnosis.model.kind.speech.said(cause.advice)))
+    doubt = diagnosis.model.kind.companions.get(cause.id)
+    if doubt is not None:
+        rows.append(("doubt", doubt))
     if cause.recommended:
         path, option = diagnosis.source.path, f"--accept {cause.id}"
         accept = command("diagnose", path, machine=machine_file, options=option)
@@ -213,12 +219,12 @@ def _cause(
     return tuple(rows)
 
 
-def _size(parameters: Mapping[str, Estimate]) -> str:
+def _size(parameters: Mapping[str, Estimate], axes: Mapping[str, str]) -> str:
     """Parameters with their standard deviations."""
     sizes = []
     for name, found in parameters.items():
         # A single parameter needs no name.
-        place = _PLACES.get(name, name)
+        place = axes.get(name) or _PLACES.get(name, name)
         size = with_uncertainty(found.value, found.std) if found.std else f"{found.value:+g}"
         named = f"{place} {size}" if len(parameters) > 1 else size
         sizes.append(f"{named} {unit_words(found.unit)}".rstrip())
@@ -229,9 +235,10 @@ def _gain(diagnosis: Diagnosis, held_out_file: bool) -> tuple[tuple[str, doc.Bla
     """What all accepted causes together are worth."""
     first = diagnosis.causes[0]
     with_it = "with them" if len(diagnosis.causes) > 1 else "with it"
+    many = diagnosis.model.kind.speech.many
 
     def gain(before: float, after: float, what: str) -> str:
-        return f"{plain(before, 4)} mm {what}with offsets only, {plain(after, 4)} mm {with_it}"
+        return f"{plain(before, 4)} mm {what}with {many} only, {plain(after, 4)} mm {with_it}"
 
     rows: list[tuple[str, doc.Blank]] = [("probability", percent(first.probability, 1))]
     nothing = diagnosis.ranking.get(Explanation(), 0.0)
@@ -252,7 +259,7 @@ def ranking_grid(diagnosis: Diagnosis) -> doc.Grid:
     def words(explanation: Explanation) -> str:
         ids = explanation.causes
         if len(ids) == 1:
-            return CAUSES[ids[0]].title
+            return str(diagnosis.model.kind.speech.said(CAUSES[ids[0]].title))
         return explanation.pattern or " and ".join(ids) or "no cause"
 
     best = list(diagnosis.ranking.items())[:_BEST]
@@ -288,11 +295,14 @@ def _assumed(cause: Cause, size: float) -> str:
 def fit_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
     """Do the offsets alone explain the data?"""
     lack = diagnosis.lack_of_fit
-    left = rms(diagnosis.measured_mm - diagnosis.nominal_mm)
+    speech, measured = diagnosis.model.kind.speech, diagnosis.measured
+    apart = diagnosis.measured_mm - diagnosis.nominal_mm
+    left = rms(apart if isinstance(measured, Differences) else measured.plan.precision * apart)
     # Both are root mean squares: the fit takes a part of the noise away, too.
     noise = left * lack.noise_mm / lack.residual_mm if lack.residual_mm else lack.noise_mm
     said = [
-        f"Offsets only leave {plain(left, 4)} mm r.m.s.; this gauge's noise would leave"
+        f"{speech.many.capitalize()} only leave {plain(left, 4)} mm r.m.s.; this {speech.noise}'s"
+        f" noise{speech.beside} would leave"
         f" {plain(noise, 4)} mm. Noise alone leaves as much in {_sessions(lack.p_value)}"
         f" ({lack.dof} degrees of freedom)."
     ]
@@ -313,93 +323,3 @@ def _sessions(p_value: float) -> str:
         return "fewer than 1 of a million sessions"
     share = 100.0 * p_value
     return f"{share:.0f} % of sessions" if share >= 10.0 else f"{share:.2g} % of sessions"
-
-
-def _pictures(diagnosis: Diagnosis, measured: Measured) -> tuple[doc.Section, ...]:
-    """Measured minus predicted, without and with the accepted causes; do the offsets suffice?"""
-    fit = fit_blocks(diagnosis)
-    if isinstance(measured, Differences):
-        return (doc.Section("Differences, mm", (_differences(measured, diagnosis), *fit)),)
-    models = {"offsets only": diagnosis.nominal_mm}
-    if diagnosis.causes:
-        names = " and ".join(cause.id for cause in diagnosis.causes)
-        models[f"with {names}"] = diagnosis.explained_mm
-    sections = []
-    for name, predicted in models.items():
-        residual = diagnosis.measured_mm - predicted
-        grid = _residuals(measured, residual, diagnosis.lack_of_fit.noise_mm)
-        sections.append(doc.Section(f"Measured minus predicted, µm: {name}", (grid,)))
-    return (*sections, doc.Section(None, (doc.Paragraph(_LEGEND, small=True), *fit)))
-
-
-def _differences(measured: Differences, diagnosis: Diagnosis) -> doc.Grid:
-    """One row per difference: measured, predicted, left without and with the causes [mm]."""
-    columns = {
-        "measured": diagnosis.measured_mm,
-        "predicted by offsets": diagnosis.nominal_mm,
-        "left": diagnosis.measured_mm - diagnosis.nominal_mm,
-    }
-    if diagnosis.causes:
-        head = "left with the cause" + "s" * (len(diagnosis.causes) > 1)
-        columns[head] = diagnosis.measured_mm - diagnosis.explained_mm
-    rows = (
-        (each.name, *(signed(float(values[k]), 3) for values in columns.values()))
-        for k, each in enumerate(measured.which)
-    )
-    return doc.Grid(("", *columns), tuple(rows), caption=comparison_words(measured.which)[1])
-
-
-def _residuals(measured: Readings, residual: Floats, sigma: float) -> doc.Grid:
-    """One row per series, one column per posture.
-
-    Args:
-        measured: n readings.
-        residual: measured − predicted, shape (n,) [mm].
-        sigma: standard deviation of one reading [mm].
-    """
-    postures = list(dict.fromkeys(measured.posture))
-    columns: list[list[str]] = [[] for _ in postures]
-    names = []
-    for name, own in _series(measured):
-        names.append(name)
-        in_time = own[np.argsort(measured.plan.order[own], kind="stable")]
-        for posture, column in zip(postures, columns, strict=True):
-            chosen = [k for k in in_time if measured.posture[k] == posture]
-            column.append(_mean_and_signs(residual[chosen], sigma))
-    for column in columns:
-        # Signs begin below each other, however many repeats there are.
-        longest = max(len(cell.partition(" ")[2]) for cell in column)
-        column[:] = [cell + " " * (longest - len(cell.partition(" ")[2])) for cell in column]
-    return doc.Grid(("leg, direction", *postures), tuple(zip(names, *columns, strict=True)))
-
-
-def _series(measured: Readings) -> Iterator[tuple[str, Ints]]:
-    """Readings of one leg, direction, leg end, gauge place and part: its name, which they are."""
-    plan = measured.plan
-    several = np.unique(plan.gauge_at).size > 1
-    keys = np.stack((plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part), axis=1)
-    for key in np.unique(keys, axis=0):
-        name, contact = Series(int(key[0]), int(key[1])).words, Contact(int(key[2]))
-        if contact.end:
-            name += end_words(contact.end)
-        elif several:
-            name += f", at {key[3]:g}"
-        if plan.parts > 1:
-            name += f", part {key[4] + 1:.0f}"
-        yield name, np.flatnonzero(np.all(keys == key, axis=1))
-
-
-def _mean_and_signs(residual: Floats, sigma: float) -> str:
-    """The mean over the repeats [µm] and a sign for each, in order of time."""
-    if not residual.size:
-        return ""
-    parts = np.array_split(residual, min(residual.size, _SIGNS))
-    signs = "".join(_sign(float(part[np.argmax(np.abs(part))]), sigma) for part in parts)
-    return f"{signed(1000.0 * float(residual.mean()), 1)} {signs}"
-
-
-def _sign(residual: float, sigma: float) -> str:
-    if abs(residual) <= 2.0 * sigma:
-        return "·"
-    large = abs(residual) > 4.0 * sigma
-    return ("▲" if large else "+") if residual > 0.0 else ("▼" if large else "−")

@@ -14,7 +14,7 @@ from orthoglide_cal.diagnosis import Diagnosis, NamedCause, Verdict
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.files import Conditions
-from orthoglide_cal.model import AXES, Differences, Machine, Measured, Model, Readings
+from orthoglide_cal.model import AXES, Differences, Machine, Measured, Model, Readings, View
 from orthoglide_cal.model.workspace import WorkspaceError
 from orthoglide_cal.report import charts, views
 from orthoglide_cal.report import document as doc
@@ -27,6 +27,7 @@ from orthoglide_cal.report.documents.diagnosis import (
     ranking_grid,
 )
 from orthoglide_cal.report.documents.next_reading import next_blocks
+from orthoglide_cal.report.documents.pictures import BED_LEGEND, bed_maps
 from orthoglide_cal.report.documents.solution import left_after, noise_grid
 from orthoglide_cal.report.slices import legend, slices
 from orthoglide_cal.report.words import (
@@ -57,10 +58,14 @@ def evidence(calibration: Calibration, machine_file: Path | None) -> list[doc.Se
     """
     solution, adjustment = calibration.solution, calibration.adjustment
     residuals, workspace = calibration.residuals, calibration.workspace
-    if solution is None or adjustment is None or residuals is None:
+    if solution is None or adjustment is None:
         return []
     sections = [_steps(calibration), left_after(solution, adjustment.promised, in_full=True)]
-    sections.append(_wrong(calibration.input.measured, solution, residuals))
+    measured = calibration.input.measured
+    if residuals is not None:
+        sections.append(_wrong(measured, solution, residuals))
+    elif isinstance(measured, Readings):
+        sections.append(_touched(measured, solution, calibration.diagnosis))
     if calibration.diagnosis is not None:
         sections.append(_diagnosis(calibration.diagnosis, calibration, machine_file))
     if workspace is not None:
@@ -99,6 +104,20 @@ def _wrong(measured: Measured, solution: Solution, found: Residuals) -> doc.Sect
         f" ({where}). One reading's noise is {1000 * noise:.0f} µm (standard deviation).",
     )
     return doc.Section("What the simulation gets wrong", (doc.Paragraph(lead), *pictures))
+
+
+def _touched(measured: Readings, solution: Solution, found: Diagnosis | None) -> doc.Section:
+    """What the simulation gets wrong of each touch, on a map of the bed."""
+    left = {f"{solution.model.kind.speech.many} only": measured.value - solution.predicted_mm}
+    if found is not None and found.causes:
+        names = " and ".join(cause.id for cause in found.causes)
+        left[f"with {names}"] = measured.value - found.explained_mm
+    blocks: list[doc.Block] = []
+    drawn = bed_maps(measured, left, solution.sigma_stated_mm)
+    for name, maps in zip(left, drawn, strict=True):
+        blocks += [doc.Paragraph(doc.Strong(name.capitalize())), *maps]
+    blocks.append(doc.Paragraph(BED_LEGEND, small=True))
+    return doc.Section("What the simulation gets wrong, µm", tuple(blocks))
 
 
 def _differences(measured: Differences, found: Residuals, rms: float) -> doc.Figure:
@@ -155,7 +174,8 @@ def _explained(parts: Explained, found: Diagnosis) -> doc.Figure:
     """How much of the residuals the causes explain."""
     cause = " and ".join(cause.id for cause in found.causes)
     left, before = percent(parts.unexplained), two_figures(parts.rms_before_mm)
-    models, residuals = ["offsets alone"], [parts.before_mm]
+    speech = found.model.kind.speech
+    models, residuals = [f"{speech.many} alone"], [parts.before_mm]
     finding = f"{left} of the residuals' sum of squares stays unexplained: r.m.s. {before} mm."
     if cause:
         models.append(f"with {cause}")
@@ -176,7 +196,8 @@ def _explained(parts: Explained, found: Diagnosis) -> doc.Figure:
         charts.residual_strips(models, residuals, parts.leg, found.lack_of_fit.noise_mm),
         sketch=bar_lines(list(shares), sizes, [percent(share) for share in sizes], width=30),
         columns=2,
-        key="Leg x ●, y ▲, z ■. Band: what the gauge's noise explains (95 %).",
+        key=f"{'' if parts.leg is None else 'Leg x ●, y ▲, z ■. '}"
+        f"Band: what the {speech.noise}'s noise explains (95 %).",
     )
 
 
@@ -234,7 +255,8 @@ def _workspace(found: WorkspaceError, model: Model) -> doc.Section:
 def conditions(calibration: Calibration) -> doc.Section:
     """Under which conditions, with which gauges: blank where not given."""
     given, machine = calibration.input.conditions, calibration.input.model.machine
-    stated = machine.gauge
+    stated, noise = machine.gauge, calibration.input.model.kind.speech.noise
+    legs = calibration.input.measured.view is View.LEGS
     rows: list[tuple[str, doc.Blank]] = [
         *method_facts(machine, given.finished or given.started),
         ("Protocol", _given(given.protocol)),
@@ -255,24 +277,23 @@ def conditions(calibration: Calibration) -> doc.Section:
     head, caption = ("gauge", "certificate", "resolution, mm"), "Gauges that were used."
     nothing = ((None, None, None),)
     sizes = (
-        f"The machine file states for its gauge: resolution {short(stated.resolution_mm, 6)} mm,"
+        f"The machine file states for its {noise}: resolution {short(stated.resolution_mm, 6)} mm,"
         f" repeatability {short(stated.repeatability_mm, 6)} mm (one standard deviation)."
     )
-    blocks: list[doc.Block] = [
-        doc.Facts(tuple(rows)),
-        doc.Grid(head, tuple(gauges) or nothing, words=(0, 1), caption=caption),
-        doc.Paragraph(sizes, small=True),
-    ]
+    blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
+    if legs:
+        blocks.append(doc.Grid(head, tuple(gauges) or nothing, words=(0, 1), caption=caption))
+    blocks.append(doc.Paragraph(sizes, small=True))
     if calibration.solution is None:
-        return doc.Section("Conditions and gauges", tuple(blocks))
-    if isinstance(calibration.input.measured, Readings):
+        return doc.Section(f"Conditions and {noise}s", tuple(blocks))
+    if legs and isinstance(calibration.input.measured, Readings):
         blocks.append(_gauges(calibration.input.measured, machine, calibration.diagnosis))
         sign = "A reading grows when the leg moves towards the dial."
         blocks.append(doc.Paragraph(sign, small=True))
     if given.notes:
         notes = tuple((str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES])
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
-    return doc.Section("Conditions and gauges", tuple(blocks))
+    return doc.Section(f"Conditions and {noise}s", tuple(blocks))
 
 
 def moment(written: str | None) -> doc.Given | None:
@@ -342,7 +363,6 @@ def origin(calibration: Calibration) -> doc.Section:
     """The input, the software, the numbers behind the uncertainty."""
     measured, model = calibration.input.measured, calibration.input.model
     identity, machine = calibration.identity, model.machine
-    low, high = machine.joint_limits_mm
     rows: list[tuple[str, doc.Blank]] = [
         ("Number", doc.Code(identity.number)),
         ("Issued", f"{identity.issued:%Y-%m-%d %H:%M:%S} UTC"),
@@ -351,7 +371,7 @@ def origin(calibration: Calibration) -> doc.Section:
         ("SHA-256", doc.Code(measured.source.sha256)),
         ("Data", data_words(len(measured), measured.kind)),
         ("Machine", doc.Given(machine.name)),
-        ("Geometry", f"leg {machine.leg_length_mm:g} mm, travel {low:g} to {high:+g} mm"),
+        ("Geometry", model.kind.geometry_words(machine)),
     ]
     if model.accepted:
         accepted = ", ".join(effect.cause.id for effect in model.accepted)

@@ -25,23 +25,15 @@ def _data(model: Model) -> dict[str, Any]:
 
 
 def _page(model: Model) -> doc.Page:
-    machine, gauge = model.machine, model.machine.gauge
-    turn = gauge.revolution_mm
-    dial = "no dial" if turn is None else f"one turn {short(turn, 4)}"
-    facts: list[tuple[str, doc.Blank]] = [
-        ("Kind", machine.kind),
-        ("Workspace", f"{short(machine.workspace_mm, 3)} mm cube"),
-        (
-            "Gauge",
-            f"divisions of {short(gauge.resolution_mm, 6)}, range {short(gauge.range_mm, 3)},"
-            f" {dial}, repeatability {short(gauge.repeatability_mm, 6)} mm",
-        ),
-        ("In the controller", f"{_triple(machine.offsets_mm)} mm (x, y, z)"),
-    ]
+    machine = model.machine
+    facts: list[tuple[str, doc.Blank]] = [("Kind", machine.kind)]
+    facts += _parameters(model) if model.kind.absolute else _offsets(machine)
     facts += [*owner_facts(machine), *method_facts(machine)]
-    figure = doc.Figure(None, "Leg X at its isotropic posture, not to scale but its travel.", (),
-                        sketch=tuple(_drawing(machine)))  # fmt: skip
-    sections = [doc.Section("Geometry, mm", (figure,))]
+    sections = []
+    if model.kind.has_cube:
+        figure = doc.Figure(None, "Leg X at its isotropic posture, not to scale but its travel.",
+                            (), sketch=tuple(_drawing(machine)))  # fmt: skip
+        sections.append(doc.Section("Geometry, mm", (figure,)))
     if machine.history:
         entered = tuple(
             (each.date[:10], _triple(each.before_mm), _triple(each.after_mm), each.data_sha256[:12])
@@ -66,6 +58,30 @@ def _page(model: Model) -> doc.Page:
     return doc.Page(
         kind="Machine", title=machine.name, facts=doc.Facts(tuple(facts)), sections=tuple(sections)
     )
+
+
+def _offsets(machine: Machine) -> Iterator[tuple[str, doc.Blank]]:
+    """Workspace, gauge and joint offsets."""
+    gauge, turn = machine.gauge, machine.gauge.revolution_mm
+    dial = "no dial" if turn is None else f"one turn {short(turn, 4)}"
+    yield "Workspace", f"{short(machine.workspace_mm, 3)} mm cube"
+    yield (
+        "Gauge",
+        f"divisions of {short(gauge.resolution_mm, 6)}, range {short(gauge.range_mm, 3)},"
+        f" {dial}, repeatability {short(gauge.repeatability_mm, 6)} mm",
+    )
+    yield "In the controller", f"{_triple(machine.offsets_mm)} mm (x, y, z)"
+
+
+def _parameters(model: Model) -> Iterator[tuple[str, doc.Blank]]:
+    """Geometry, probe, and what the firmware has of each calibrated parameter."""
+    kind, gauge = model.kind, model.machine.gauge
+    yield "Geometry", kind.geometry_words(model.machine)
+    yield kind.speech.noise.capitalize(), f"repeatability {short(gauge.repeatability_mm, 6)} mm"
+    for name, unit, value in zip(
+        kind.calibrated, kind.units, kind.active(model.machine), strict=True
+    ):
+        yield name, f"{short(value, 6)} {unit}"
 
 
 def _drawing(machine: Machine) -> Iterator[str]:

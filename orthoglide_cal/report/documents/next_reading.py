@@ -7,10 +7,12 @@ from typing import Any
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
+from orthoglide_cal.model import Model
 from orthoglide_cal.planning import Next
 from orthoglide_cal.planning.next_reading import SETTLES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.json import axes_of, fields_of
+from orthoglide_cal.report.documents.parameters import JOINTS, by_joint
+from orthoglide_cal.report.json import fields_of
 from orthoglide_cal.report.words import percent, two_figures
 
 _SHOWN = 6  # of the ranking
@@ -44,7 +46,7 @@ def next_section(found: Sequence[Next]) -> doc.Section:
             str(number),
             f"{each.option.minutes:.0f}",
             *((percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()),
-            two_figures(float(each.expanded_mm.max())),
+            two_figures(float(each.expanded_mm[:JOINTS].max())),
             each.option.what,
         )
         for number, each in enumerate(found[:_SHOWN], start=1)
@@ -68,11 +70,11 @@ def next_section(found: Sequence[Next]) -> doc.Section:
     )
 
 
-def next_data(found: Sequence[Next]) -> list[dict[str, Any]]:
+def next_data(found: Sequence[Next], model: Model) -> list[dict[str, Any]]:
     """Key `next` of the plan's contract."""
     return [
-        {**told_data(each), "minutes": each.option.minutes, **axes_of(each, "expanded_mm")}
-        | {"chance": each.chance}
+        {**told_data(each), "minutes": each.option.minutes}
+        | {"expanded_mm": by_joint(model, each.expanded_mm), "chance": each.chance}
         for each in found
     ]
 

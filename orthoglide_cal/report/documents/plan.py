@@ -12,11 +12,12 @@ import numpy as np
 from orthoglide_cal.errors import command
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Cause
+from orthoglide_cal.model.kinds import OFFSET_MM
 from orthoglide_cal.planning import Next
 from orthoglide_cal.planning.bar import MARGIN, bar_warning, worst_touch
-from orthoglide_cal.planning.expected import MOST_CYCLES, OFFSET_MM, Expected
+from orthoglide_cal.planning.expected import MOST_CYCLES, Expected
 from orthoglide_cal.planning.prospect import MOST_COMPARED, Comparison, GivenUp, Prospect
-from orthoglide_cal.planning.separation import TRACE_SIGMA
+from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.budget import budget_section, source_words
@@ -90,7 +91,7 @@ def plan_data(plan: Prospect, following: Sequence[Next] = ()) -> dict[str, Any]:
             "share_of_readings": plan.share,
             "given_up": [_loss_data(each) for each in plan.given_up],
         },
-        **({"next": next_data(following)} if following else {}),
+        **({"next": next_data(following, plan.model)} if following else {}),
     }
 
 
@@ -152,9 +153,9 @@ def _page(
         sections=(
             *((next_section(following),) if following else ()),
             _by_cycles(plan),
-            budget_section(plan.chosen.budget),
+            budget_section(plan.chosen.budget, plan.model.kind),
             _compared(plan),
-            _separation(plan),
+            separation_section(plan.separations, counted(min(plan.cycles, MOST_COMPARED), "cycle")),
             _design(plan, machine_file),
         ),
     )
@@ -214,15 +215,15 @@ def _unreached(plan: Prospect) -> tuple[str, ...]:
     assert plan.target_mm is not None
     floor = plan.floor
     if floor is not None and float(floor.expanded_mm.max()) > plan.target_mm:
-        return (f"No number of cycles helps. {_floor_words(floor)}",)
+        return (f"No number of cycles helps. {_floor_words(floor, plan.model.kind)}",)
     return (
         f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings: take a"
         " finer gauge or a better stand.",
     )
 
 
-def _floor_words(floor: Budget) -> str:
-    what, remedy = source_words(floor.largest)
+def _floor_words(floor: Budget, kind: Any) -> str:
+    what, remedy = source_words(floor.largest, kind)
     left = two_figures(float(floor.expanded_mm.max()))
     return f"± {left} mm stay: {what}. {remedy}"
 
@@ -233,7 +234,8 @@ def _limit(plan: Prospect) -> str:
     noise = float(np.max(plan.chosen.noise_std_mm / chosen.std_mm))
     if floor is None or noise > 0.8:
         return "The scatter of the readings limits it: more cycles help."
-    return f"More cycles {'hardly help' if noise < 0.5 else 'help little'}. {_floor_words(floor)}"
+    help_ = "hardly help" if noise < 0.5 else "help little"
+    return f"More cycles {help_}. {_floor_words(floor, plan.model.kind)}"
 
 
 def _by_cycles(plan: Prospect) -> doc.Section:
@@ -280,14 +282,15 @@ def _compared(plan: Prospect) -> doc.Section:
     return doc.Section("Other ways to the same uncertainty", (grid,))
 
 
-def _separation(plan: Prospect) -> doc.Section:
-    seen, hidden = plan.separations.visible, plan.separations.invisible
+def separation_section(found: Separations, by: str) -> doc.Section:
+    """Which causes some readings can tell apart; `by` says how many readings in words."""
+    seen, hidden = found.visible, found.invisible
     names = [cause.id for cause in seen.causes]
     near = [pair for pair in seen.pairs if pair[2] < TRACE_SIGMA]
     named = "; ".join(f"{a.id} and {b.id}" for a, b, _ in near[:_SHOWN_PAIRS])
     finding = (
         f"Of {len(seen.pairs)} pairs of causes of their usual size {len(near)} cannot be told apart"
-        f" by {counted(min(plan.cycles, MOST_COMPARED), 'cycle')}{f': {named}' if named else ''}."
+        f" by {by}{f': {named}' if named else ''}."
     )
     figure = doc.Figure(
         None,

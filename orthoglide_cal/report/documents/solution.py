@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,20 @@ from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.estimation import PromisedDifference, Solution
 from orthoglide_cal.estimation.accuracy import rms
-from orthoglide_cal.model import AXES, DataKind
+from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.budget import budget_section
 from orthoglide_cal.report.documents.decision import decision_notice, to_do
-from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of, input_data
+from orthoglide_cal.report.documents.parameters import (
+    JOINTS,
+    by_joint,
+    offsets_grid,
+    offsets_title,
+    open_blocks,
+    parameters_of,
+    result_of,
+)
+from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.report.words import (
     METHOD_WORDS,
     comparison_words,
@@ -27,7 +36,7 @@ from orthoglide_cal.report.words import (
     signed,
     two_figures,
 )
-from orthoglide_cal.results import Adjustment, Calibration
+from orthoglide_cal.results import Calibration
 
 
 def solution_document(calibration: Calibration, machine_file: Path | None = None) -> doc.Document:
@@ -59,7 +68,7 @@ def _solution_page(calibration: Calibration, machine_file: Path | None) -> doc.P
         sections=(
             _offsets(calibration),
             left_after(solution, found.promised, usable=calibration.release.usable),
-            budget_section(found.budget),
+            budget_section(found.budget, found.kind),
             _noise(calibration),
         ),
     )
@@ -73,17 +82,16 @@ def solution_data(calibration: Calibration) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "input": input_data(solution.source, solution.kind, solution.count),
         **fields_of(solution, "machine", "method"),
-        **axes_of(found, "offsets_mm", "std_mm"),
-        "ci95_mm": by_axis(found.interval_mm),
-        **axes_of(found, "expanded_mm"),
+        **parameters_of(found),
+        **result_of(found),
         "k": found.budget.k,
         "budget": [
             {
                 "source": each.source,
                 "type": each.evaluation,
-                **axes_of(each, "std_mm"),
+                "std_mm": by_joint(found, each.std_mm),
                 **fields_of(each, "size", "unit", "assumed"),
-                "sensitivity": by_axis(each.std_mm / each.size) if each.size else None,
+                "sensitivity": by_joint(found, each.std_mm / each.size) if each.size else None,
             }
             for each in found.budget.contributions
         ],
@@ -105,48 +113,18 @@ def solution_data(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def offsets_grid(found: Adjustment, usable: bool, beside: Adjustment | None = None) -> doc.Grid:
-    """The offsets, and only if they may be entered what to type in: those active now plus Δρ.
-
-    Args:
-        found: with uncertainty.
-        usable: whether they may be entered.
-        beside: the offsets as a cause that was found would have them.
-    """
-    digits = found.decimals
-    columns: dict[str, Iterable[doc.Blank]] = {
-        "": AXES,
-        "Δρ": [signed(value, digits) for value in found.offsets_mm.tolist()],
-        "std. dev.": map(two_figures, found.std_mm.tolist()),
-        "95 % interval": [
-            f"{signed(low, digits)} … {signed(high, digits)}"
-            for low, high in found.interval_mm.tolist()
-        ],
-        "active now": [signed(joint.previous_mm, digits) for joint in found.joints],
-    }
-    if beside is not None:
-        head = f"with {' and '.join(beside.causes)}"
-        columns[head] = [signed(value, digits) for value in beside.offsets_mm.tolist()]
-    if usable:
-        columns["type in"] = [doc.Strong(signed(joint.new_mm, digits)) for joint in found.joints]
-    return doc.Grid(tuple(columns), tuple(zip(*columns.values(), strict=True)))
-
-
 def _offsets(calibration: Calibration) -> doc.Section:
     solution, found = calibration.found
     usable, diagnosis = calibration.release.usable, calibration.diagnosis
-    correlation = solution.correlation
+    names, correlation = found.kind.calibrated[:JOINTS], solution.correlation
     pairs = ", ".join(
-        f"{AXES[i]}{AXES[j]} {signed(correlation[i, j], 2)}" for i, j in ((0, 1), (1, 2), (2, 0))
+        f"{names[i]}{names[j]} {signed(correlation[i, j], 2)}" for i, j in ((0, 1), (1, 2), (2, 0))
     )
     together = f"Correlations: {pairs}. Together: σ_ρ = {two_figures(solution.sigma_rho_mm)} mm."
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED and not usable
     beside = calibration.adjustment if named else None
-    kind = "Joint offsets" if usable else "Joint offsets as found"
-    return doc.Section(
-        f"{kind}, mm (true position = indicated + Δρ)",
-        (offsets_grid(found, usable, beside), doc.Paragraph(together)),
-    )
+    blocks = (*open_blocks(calibration, found), doc.Paragraph(together))
+    return doc.Section(offsets_title(found, usable), (offsets_grid(found, usable, beside), *blocks))
 
 
 def left_after(
@@ -167,7 +145,7 @@ def left_after(
     quality = doc.Paragraph(
         f"Residual r.m.s. of the {'readings' if raw else 'differences'}:"
         f" {plain(solution.rms_before_mm, 4)} before, {plain(solution.rms_after_mm, 4)} with the"
-        " offsets."
+        f" {solution.model.kind.speech.many}."
     )
     if not table:
         return doc.Section(None, (quality,))

@@ -1,0 +1,85 @@
+"""The causes that compete on one data set, and how plausible each set of them is beforehand.
+
+Tried are "nothing is wrong", one cause, and two causes. A base is a set of causes with many
+parameters acting everywhere (none, one of the machine or the bars, or both); an extra is one cause
+at one of many places, or one that relabels readings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.model import Cause, Model, Stage
+
+Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is wrong"
+
+# Prior weight of the kinds of explanation; the rest is shared by the unlisted patterns.
+NOTHING = 0.48
+ONE_CAUSE = 0.36
+TWO_CAUSES = 0.12
+UNLISTED = 0.04
+
+
+def ids_of(*causes: Cause) -> Ids:
+    """Ids of a set of causes, sorted."""
+    return tuple(sorted(cause.id for cause in causes))
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The causes to be tried on one data set.
+
+    Attributes:
+        broad: causes with machine-wide parameters.
+        pairs: of them, those that may act together.
+        extras: causes that add one pattern at one of many places, then those that relabel.
+        log_prior: ln prior weight of each set of ids.
+    """
+
+    broad: tuple[Cause, ...]
+    pairs: tuple[tuple[Cause, ...], ...]
+    extras: tuple[PatternCause | RelabelCause, ...]
+    log_prior: Mapping[Ids, float]
+
+    @classmethod
+    def of(cls, model: Model, ordered: bool) -> Candidates:
+        """Causes that are possible on the machine, and sets of one or two of them.
+
+        Two act together only if at least one lies in the contact or the record, or is a companion
+        of all on that kind of machine; two others of the machine at once are left to "unlisted".
+
+        Args:
+            model: tolerances, gauge, and the causes that are known already.
+            ordered: whether the time order of the readings is known.
+        """
+        known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
+        usable = [
+            cause
+            for cause in tried
+            if cause.possible(model.machine) and (ordered or not cause.timed)
+            if cause.id not in known
+        ]
+        extras: tuple[PatternCause | RelabelCause, ...] = (
+            *(cause for cause in usable if isinstance(cause, PatternCause)),
+            *(cause for cause in usable if isinstance(cause, RelabelCause)),
+        )
+        broad = tuple(cause for cause in usable if cause not in extras)
+        contact = [cause for cause in broad if cause.stage is Stage.CONTACT]
+        beside = [cause for cause in broad if cause.id in model.kind.companions]
+        pairs = tuple((a, b) for a in broad if a.in_machine for b in contact)
+        pairs += tuple((a, b) for a in broad if a.in_machine and a not in beside for b in beside)
+        both = [*pairs, *((cause, extra) for cause in broad for extra in extras)]
+        log_prior: dict[Ids, float] = {(): math.log(NOTHING)}
+        for share, sets in ((ONE_CAUSE, [(cause,) for cause in usable]), (TWO_CAUSES, both)):
+            weight = {ids_of(*causes): math.prod(c.weight for c in causes) for causes in sets}
+            total = sum(weight.values())
+            log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
+        return cls(broad, pairs, extras, log_prior)
+
+    @property
+    def bases(self) -> tuple[tuple[Cause, ...], ...]:
+        """No cause of the broad ones, or one."""
+        return ((), *((cause,) for cause in self.broad))

@@ -1,0 +1,101 @@
+"""What only the machine file of a linear delta says: towers, arms, endstops, bed and probe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from orthoglide_cal.files.yaml_tree import Group, between, not_negative, positive
+from orthoglide_cal.model import Gauge
+from orthoglide_cal.model.kinds.linear_delta import TOWERS
+
+# A calliper shows hundredths, but it is put to edges that were printed.
+CALLIPER_MM = 0.06
+
+_LENGTH = between(1.0, 1e5, positive)
+_HEIGHT = between(-1e4, 1e4)
+_FINE = between(1e-6, 10.0, positive)
+_STEP = between(0.0, 10.0, not_negative)
+
+
+def delta_values(file: Group) -> dict[str, Any]:
+    """Fields of a `DeltaMachine` from the keys of its file; faults are noted in the group."""
+    arms, radius = _arms(file), file.take("delta_radius_mm", _LENGTH)
+    angles, probe = file.numbers("tower_angles_deg", 3), file.group("probe")
+    bed = file.take("bed_radius_mm", _LENGTH)
+    ends = file.group("endstops_mm")
+    endstops = tuple(ends.take(tower, _HEIGHT) for tower in TOWERS)
+    ends.refuse_unknown()
+    resolution = probe.take("resolution_mm", _STEP)
+    repeatability = probe.take("repeatability_mm", _FINE)
+    calliper, texture = (
+        probe.take("calliper_mm", _FINE, CALLIPER_MM),
+        probe.take("texture_mm", _STEP, None),
+    )
+    probe.refuse_unknown()
+    if angles is not None and not counter_clockwise(angles):
+        file.note(
+            "The towers a, b, c must follow each other counter-clockwise, seen from above.",
+            "Give the angles as the firmware has them, such as [210, 330, 90].",
+            "tower_angles_deg",
+        )
+    if None not in (*arms, radius) and radius >= min(arms):
+        file.note(
+            "The radius is as large as an arm is long.",
+            "Give the horizontal distance between the arm's joints with the tool in the middle.",
+            "delta_radius_mm",
+        )
+    if not (file.sound and probe.sound and ends.sound):
+        return {}
+    return {
+        "leg_length_mm": sum(arms) / len(arms),
+        "parallelogram_width_mm": 0.0,
+        "tool_offset_mm": 0.0,
+        "joint_limits_mm": (-max(endstops), 0.0),
+        "workspace_mm": 2.0 * bed,
+        "gauge": Gauge(resolution, max(arms), None, repeatability),
+        "offsets_mm": endstops,
+        "arm_lengths_mm": arms,
+        "delta_radius_mm": radius,
+        "tower_angles_deg": angles,
+        "bed_radius_mm": bed,
+        "calliper_mm": calliper,
+        "texture_mm": texture,
+    }
+
+
+def delta_keys(machine: Any) -> dict[str, Any]:
+    """The same keys and values as the file has them."""
+    probe = {
+        "resolution_mm": machine.gauge.resolution_mm,
+        "repeatability_mm": machine.gauge.repeatability_mm,
+        "calliper_mm": machine.calliper_mm,
+    }
+    texture = {} if machine.texture_mm is None else {"texture_mm": machine.texture_mm}
+    return {
+        "arm_length_mm": list(machine.arm_lengths_mm),
+        "delta_radius_mm": machine.delta_radius_mm,
+        "tower_angles_deg": list(machine.tower_angles_deg),
+        "endstops_mm": dict(zip(TOWERS, machine.offsets_mm, strict=True)),
+        "bed_radius_mm": machine.bed_radius_mm,
+        "probe": {**probe, **texture},
+    }
+
+
+def _arms(file: Group) -> tuple[Any, ...]:
+    """One length for all arms, or one for each tower."""
+    if isinstance(file.content.get("arm_length_mm"), list):
+        given = file.numbers("arm_length_mm", 3) or (None,) * 3
+        if all(each is not None and each > 1.0 for each in given):
+            return given
+        if None not in given:
+            file.note("An arm is longer than a millimetre.", "Give it in mm.", "arm_length_mm")
+        return (None,) * 3
+    return (file.take("arm_length_mm", _LENGTH),) * 3
+
+
+def counter_clockwise(angles: Sequence[float]) -> bool:
+    """Whether three towers follow each other in this sense; angles in degrees, of any turn."""
+    turns = [(b - a) % 360.0 for a, b in zip(angles, (*angles[1:], angles[0]), strict=True)]
+    return all(turn > 1.0 for turn in turns) and math.isclose(sum(turns), 360.0)

@@ -1,0 +1,402 @@
+"""Klipper's printer.cfg as it stands to the parameters in force and what it stores of probing.
+
+Of a linear delta only: sections [printer], [stepper_a … c], [probe], [delta_calibrate] and
+[bed_mesh]. Included files are not opened. Options, units and defaults: Klipper's documents
+"Configuration reference", "Delta calibration" and "Bed Mesh".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.delta_machine import counter_clockwise
+from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, within
+from orthoglide_cal.files.text import Document
+from orthoglide_cal.model import Floats, Source
+from orthoglide_cal.model.plan import Ints, freeze
+
+Bools = NDArray[np.bool_]
+
+_TOWERS = ("stepper_a", "stepper_b", "stepper_c")
+_ANGLES = (210.0, 330.0, 90.0)  # of a file that states none
+_PROBES = ("probe", "bltouch", "smart_effector")
+_CALIBRATION = "delta_calibrate"
+_PROFILE = "bed_mesh "
+_NEEDED = {"printer", *_TOWERS, *_PROBES, _CALIBRATION, "bed_mesh"}
+
+_STEPS = 1e8
+_ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
+
+
+@dataclass(frozen=True)
+class StoredHeights:
+    """Touches of the bed by the probe, or by the nozzle on a feeler; n of them.
+
+    Attributes:
+        carriages: joint positions as indicated: heights of the carriage joints over the bed by the
+            parameters in force, shape (n, 3) [mm].
+        height: of the nozzle over the bed there, shape (n,) [mm]: the probe's offset, or a height
+            that was entered by hand.
+        manual: whether it was entered by hand, shape (n,).
+        line: in the file, shape (n,).
+    """
+
+    carriages: Floats
+    height: Floats
+    manual: Bools
+    line: Ints
+
+    def __post_init__(self) -> None:
+        freeze(self, "carriages", "height", "manual", "line")
+
+
+@dataclass(frozen=True)
+class StoredDistances:
+    """Distances between two places on a printed object, as callipers showed them; n of them.
+
+    Attributes:
+        first, second: joint positions as indicated at the two places, shape (n, 3) [mm].
+        distance: shape (n,) [mm].
+        line: in the file, shape (n,).
+    """
+
+    first: Floats
+    second: Floats
+    distance: Floats
+    line: Ints
+
+    def __post_init__(self) -> None:
+        freeze(self, "first", "second", "distance", "line")
+
+
+@dataclass(frozen=True)
+class StoredMesh:
+    """The probed points of a mesh without those that only repeat a neighbour; n of them.
+
+    Attributes:
+        profile: its name.
+        x, y: commanded place of the nozzle, shape (n,) [mm]; the probe touches its offset from it.
+        height: at which the probe triggered, less its z offset, shape (n,) [mm].
+        order: when each was probed, 0 to n - 1, shape (n,): row after row, the first in the
+            direction of +x, the second of -x, and so on.
+        line: in the file, shape (n,).
+        padded: number of points left out.
+    """
+
+    profile: str
+    x: Floats
+    y: Floats
+    height: Floats
+    order: Ints
+    line: Ints
+    padded: int
+
+    def __post_init__(self) -> None:
+        freeze(self, "x", "y", "height", "order", "line")
+
+
+@dataclass(frozen=True)
+class PrinterFile:
+    """What a printer.cfg states and stores of a linear delta.
+
+    Attributes:
+        radius: of the towers about the centre [mm].
+        angles: of the towers, shape (3,) [deg].
+        arms: lengths, shape (3,) [mm].
+        endstops: nozzle's height over the bed when each carriage is at its endstop, shape (3,)
+            [mm].
+        print_radius: farthest place from the centre that is used [mm].
+        probe: what is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and
+            the nozzle's height when the probe triggers.
+        heights, distances, mesh: what is stored; None where there is nothing.
+        source: the file.
+        remarks: what to know about it.
+    """
+
+    radius: float
+    angles: Floats
+    arms: Floats
+    endstops: Floats
+    print_radius: float
+    probe: Floats
+    heights: StoredHeights | None
+    distances: StoredDistances | None
+    mesh: StoredMesh | None
+    source: Source
+    remarks: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, "angles", "arms", "endstops", "probe")
+
+
+def read_printer_file(document: Document) -> PrinterFile:
+    """What a printer.cfg says.
+
+    Raises:
+        InvalidFileError: with everything that is wrong in the lines that matter here.
+    """
+    settings = Settings(document, _matters)
+    settings.faults.check()  # what follows from a broken line is no fault of its own
+    _check_kind(settings)
+    radius = settings.number("printer", "delta_radius", low=0.0)
+    arms = _each(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
+    endstops = _each(settings, "position_endstop", -LARGEST_MM)
+    angles = [
+        settings.number(tower, "angle", default, low=-720.0)
+        for tower, default in zip(_TOWERS, _ANGLES, strict=True)
+    ]
+    _check_towers(settings, angles)
+    print_radius = settings.number("printer", "print_radius", radius, low=0.0)
+    sensor = next((name for name in _PROBES if name in settings.sections), "probe")
+    probe = [settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"]
+    joints = _Joints(settings, radius, arms, endstops)
+    heights, distances = _heights(settings, joints), _distances(settings, joints)
+    mesh = _mesh(settings, probe)
+    settings.faults.check()
+    return PrinterFile(
+        radius=radius,
+        angles=np.array(angles),
+        arms=np.array(arms),
+        endstops=np.array(endstops),
+        print_radius=print_radius,
+        probe=np.array(probe),
+        heights=heights,
+        distances=distances,
+        mesh=mesh,
+        source=document.source,
+        remarks=tuple(settings.remarks),
+    )
+
+
+def _check_towers(settings: Settings, angles: list[float]) -> None:
+    """The arms reach downwards only if the towers follow each other in one sense."""
+    if any(map(math.isnan, angles)) or counter_clockwise(angles):
+        return
+    given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
+    settings.faults.add(
+        "The towers a, b, c must follow each other counter-clockwise, seen from above.",
+        "Check the angles of [stepper_a], [stepper_b], [stepper_c]; they are usually near 210, 330"
+        " and 90.",
+        line=max(value.line for value in given if value is not None),
+        column="angle",
+    )
+
+
+class _Joints:
+    """The map from steps below the endstops to heights of the carriage joints."""
+
+    def __init__(
+        self, settings: Settings, radius: float, arms: list[float], endstops: list[float]
+    ) -> None:
+        self._settings = settings
+        pairs = zip(arms, endstops, strict=True)
+        self._home = [endstop + math.sqrt(max(arm**2 - radius**2, 0.0)) for arm, endstop in pairs]
+        self._steps: list[float] | None = None
+
+    def at(self, stem: str, end: str) -> list[float]:
+        """Joint positions at the steps that option `stem` + `end` holds, NaN if it is wrong."""
+        if self._steps is None:  # a file that stores no steps need not say how long they are
+            self._steps = [_step(self._settings, tower) for tower in _TOWERS]
+        value = self._settings.options.get((_CALIBRATION, stem))
+        if (_CALIBRATION, stem + end) not in self._settings.options and value:
+            what = f"{stem} has no stepper positions: {stem}{end} is missing."
+            remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
+            self._settings.note(_CALIBRATION, stem, value.line, what, remedy, value.text)
+        nothing = [math.nan] * len(_TOWERS)
+        steps = self._settings.read(_CALIBRATION, stem + end, _three, nothing, nothing)
+        each = zip(self._home, steps, self._steps, strict=True)
+        return [home - count * step for home, count, step in each]
+
+
+def _matters(section: str) -> bool:
+    return section in _NEEDED or section.startswith(_PROFILE)
+
+
+def _check_kind(settings: Settings) -> None:
+    """Raises for a machine of another kind, or a file of something else."""
+    kind = settings.options.get(("printer", "kinematics"))
+    if kind and kind.text.lower() != "delta":
+        what = "The machine is not a linear delta."
+        settings.note("printer", "kinematics", kind.line, what, "Give a delta's file.", kind.text)
+        raise settings.faults.error()
+    if not kind and not {"printer", *_TOWERS} & set(settings.sections):
+        what = "The file holds no linear delta: there is no [printer] and no [stepper_a]."
+        raise InputError(what, "Give the printer.cfg of a delta.", file=settings.faults.file)
+
+
+def _each(settings: Settings, option: str, low: float) -> list[float]:
+    """A number of each tower; that of the first stands for the others where they have none."""
+    first = settings.number(_TOWERS[0], option, low=low)
+    return [first, *(settings.number(tower, option, first, low) for tower in _TOWERS[1:])]
+
+
+def _step(settings: Settings, tower: str) -> float:
+    """Way of a carriage with one step [mm]."""
+    turn, old = "rotation_distance", "step_distance"  # the latter until 2021
+    if (tower, turn) not in settings.options and (tower, old) in settings.options:
+        return settings.number(tower, old, low=0.0)
+    way = settings.number(tower, turn, low=0.0)
+    steps = settings.count(tower, "full_steps_per_rotation", 200)
+    steps *= settings.count(tower, "microsteps")
+    return way / (max(steps, 1) * settings.read(tower, "gear_ratio", _gears, math.nan, 1.0))
+
+
+def _stored(settings: Settings, name: str, ends: Sequence[str]) -> tuple[list[str], list[int]]:
+    """Stems such as "height0" of what [delta_calibrate] stores under a name, and their lines."""
+    pattern = re.compile(rf"({name}([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
+    found: dict[tuple[int, str], int] = {}
+    for (section, option), value in settings.options.items():
+        match = pattern.fullmatch(option)
+        if section == _CALIBRATION and match:
+            found.setdefault((int(match[2]), match[1]), value.line)
+    for (_, stem), line in found.items():
+        if (_CALIBRATION, stem) not in settings.options:
+            settings.missing(_CALIBRATION, stem, line)
+    return [stem for _, stem in sorted(found)], [found[key] for key in sorted(found)]
+
+
+def _heights(settings: Settings, joints: _Joints) -> StoredHeights | None:
+    stems, lines = _stored(settings, "height", ["_pos"])
+    by_hand, more = _stored(settings, "manual_height", ["_pos"])
+    height = [settings.number(_CALIBRATION, stem, math.nan) for stem in stems + by_hand]
+    carriages = [joints.at(stem, "_pos") for stem in stems + by_hand]
+    if settings.faults or not carriages:
+        return None
+    manual = [False] * len(stems) + [True] * len(by_hand)
+    return StoredHeights(
+        np.array(carriages), np.array(height), np.array(manual), np.array(lines + more)
+    )
+
+
+def _distances(settings: Settings, joints: _Joints) -> StoredDistances | None:
+    stems, lines = _stored(settings, "distance", ["_pos1", "_pos2"])
+    distance = [settings.number(_CALIBRATION, stem, math.nan, low=0.0) for stem in stems]
+    first, second = ([joints.at(stem, end) for stem in stems] for end in ("_pos1", "_pos2"))
+    if settings.faults or not stems:
+        return None
+    return StoredDistances(np.array(first), np.array(second), np.array(distance), np.array(lines))
+
+
+def _mesh(settings: Settings, probe: list[float]) -> StoredMesh | None:
+    profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
+    if not profiles:
+        return None
+    section = next((name for name in profiles if name == f"{_PROFILE}default"), profiles[0])
+    profile = section.removeprefix(_PROFILE).strip()
+    if len(profiles) > 1:
+        settings.remarks.append(f"Of {len(profiles)} stored meshes, {profile!r} was taken.")
+    x, y = (_grid(settings, section, axis) for axis in "xy")
+    lines, rows = _rows(settings, section, len(x), len(y))
+    places = np.meshgrid(x, y)
+    stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
+    if settings.faults:
+        return None
+    probed = _probed(*places, rows, stated)
+    # Old versions stored the offsets with the mesh, and the places of the nozzle.
+    stored = (section, "x_offset") in settings.options
+    across, along = (0.0, 0.0) if stored else probe[:2]
+    return StoredMesh(
+        profile=profile,
+        x=places[0][probed] - across,
+        y=places[1][probed] - along,
+        height=rows[probed],
+        order=_order(probed),
+        line=np.repeat(lines, len(x)).reshape(rows.shape)[probed],
+        padded=int(np.sum(~probed)),
+    )
+
+
+def _grid(settings: Settings, section: str, axis: str) -> Floats:
+    """The places of a mesh along one axis [mm]; empty if they cannot be read."""
+    low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
+    count = settings.count(section, f"{axis}_count")
+    if low >= high:
+        value = settings.options[section, f"max_{axis}"]
+        what = "The mesh ends before it begins."
+        remedy = "Probe the bed and save the mesh again."
+        settings.note(section, f"max_{axis}", value.line, what, remedy, value.text)
+    return np.linspace(low, high, count)
+
+
+def _rows(settings: Settings, section: str, across: int, along: int) -> tuple[list[int], Floats]:
+    """Line of each row of a mesh, and the heights, shape (along, across)."""
+    points = settings.options.get((section, "points"))
+    if points is None:
+        settings.missing(section, "points")
+        return [], np.empty((0, 0))
+    again = "Probe the bed and save the mesh again."
+    rows = []
+    for line, text in points.texts:
+        cells = text.split(",")
+        if across and len(cells) != across:
+            what = f"The row of the mesh has {len(cells)} heights, x_count says {across}."
+            settings.note(section, "points", line, what, again, "")
+            continue
+        try:
+            rows.append([within(cell, -LARGEST_MM, LARGEST_MM) for cell in cells])
+        except InputError as error:
+            settings.note(section, "points", line, error.what, error.remedy, error.value or "")
+    if along and len(points.texts) != along:
+        what = f"The mesh has {len(points.texts)} rows, y_count says {along}."
+        settings.note(section, "points", points.line, what, again, "")
+    heights = np.empty((0, 0)) if settings.faults else np.array(rows)
+    return [line for line, _ in points.texts], heights
+
+
+def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
+    """Which points of a mesh were probed, shape as the others.
+
+    On a round bed only those in the circle are; the rest of each row repeats its outermost one.
+    The circle is the mesh radius about the middle; a mesh was not always taken with the radius that
+    the file states now: where the two do not fit together, its own width decides, and whether the
+    values repeat.
+    """
+    away = np.hypot(x - x.mean(), y - y.mean())
+    width = np.ptp(x) / 2.0
+    fits = -_ROUNDED <= stated - width <= _ROUNDED * x.shape[1]
+    inside = away <= (stated if fits else width) + _ROUNDED
+    repeats = all(_repeats(row, kept) for row, kept in zip(height, inside, strict=True))
+    return inside if fits or repeats else np.ones_like(inside)
+
+
+def _order(probed: Bools) -> Ints:
+    """When each probed point had its turn, shape (n,)."""
+    along = np.broadcast_to(np.arange(probed.shape[1]), probed.shape).copy()
+    along[1::2] *= -1
+    row = np.broadcast_to(np.arange(len(probed))[:, None], probed.shape)
+    return np.argsort(np.lexsort((along[probed], row[probed])))
+
+
+def _repeats(row: Floats, kept: Bools) -> bool:
+    """Whether the rest of a row repeats the outermost of those kept."""
+    places = np.flatnonzero(kept)
+    if not places.size:
+        return False
+    first, last = places[0], places[-1]
+    return bool(np.all(row[:first] == row[first]) and np.all(row[last:] == row[last]))
+
+
+def _three(text: str) -> list[float]:
+    """Stepper positions of the towers."""
+    parts = text.split(",")
+    if len(parts) != len(_TOWERS):
+        raise InputError("These are not three stepper positions.", "Write a,b,c: one per tower.")
+    return [within(part, -_STEPS, _STEPS) for part in parts]
+
+
+def _gears(text: str) -> float:
+    """The turns of the motor for one of the pulley: "5:1, 80:16" is 25."""
+    ratio = 1.0
+    for pair in text.split(","):
+        teeth = pair.split(":")
+        if len(teeth) != 2:
+            raise InputError("This is not a gear ratio.", "Write 5:1, or 5:1, 80:16.")
+        ratio *= within(teeth[0], 0.0, LARGEST_MM) / within(teeth[1], 0.0, LARGEST_MM)
+    return ratio

@@ -1,0 +1,182 @@
+"""Lines of Klipper's printer.cfg to the options in force, each with its line.
+
+A value goes on in lines that are indented more than its option. "#" begins a remark anywhere, ";"
+after a blank. The lines that SAVE_CONFIG wrote ("#*# …") win over those above them. Sections that
+do not matter may hold anything; nothing in them is interpreted.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.text import Document, Faults, parse_count, parse_number, shortened
+
+T = TypeVar("T")
+
+_SAVED = "#*#"
+_SECTION = re.compile(r"\[(.+)\]\s*$")
+_OPTION = re.compile(r"([^:=]+?)\s*[:=]\s*(.*)")
+_COMMENT = re.compile(r"#.*$|(?:^|(?<=\s));.*$")
+
+_MOST = 1000  # steps of a turn, points of a mesh along one axis
+LARGEST_MM = 10_000.0
+
+
+@dataclass(frozen=True)
+class Value:
+    """The value of an option: (line in the file, text), without empty lines."""
+
+    line: int
+    texts: tuple[tuple[int, str], ...]
+
+    @property
+    def text(self) -> str:
+        return " ".join(text for _, text in self.texts)
+
+
+class _Lines:
+    """Lines of one part of the file to options."""
+
+    def __init__(self, faults: Faults, matters: Callable[[str], bool]) -> None:
+        self.sections: dict[str, int] = {}
+        self.options: dict[tuple[str, str], Value] = {}
+        self._faults = faults
+        self._matters = matters
+        self._section = ""
+        self._option: str | None = None
+        self._indent = 0
+
+    def take(self, line: int, raw: str) -> None:
+        """The next line, without what marks its part."""
+        text = _COMMENT.sub("", raw).rstrip()
+        plain = text.lstrip()
+        if not plain:
+            return
+        indent = len(text) - len(plain)
+        if self._option is not None and indent > self._indent:
+            key = self._section, self._option
+            value = self.options[key]
+            self.options[key] = Value(value.line, (*value.texts, (line, plain)))
+            return
+        section, option = _SECTION.match(plain), _OPTION.match(plain)
+        self._option = None
+        self._indent = indent
+        if section:
+            self._section = section[1].strip()
+            self.sections.setdefault(self._section, line)
+        elif plain.startswith("["):
+            self._section = ""
+            what = "The section's name has no closing bracket."
+            self._faults.add(what, "Write [name].", line=line, value=shortened(plain))
+        elif option:
+            self._option = option[1].lower()
+            texts = ((line, option[2]),) if option[2] else ()
+            self.options[self._section, self._option] = Value(line, texts)
+        elif self._matters(self._section):
+            what = f"The line in [{self._section}] is not an option."
+            remedy = "Write “option: value”, or “#” in front of a remark."
+            self._faults.add(what, remedy, line=line, value=shortened(plain))
+
+
+class Settings:
+    """The options in force; what is wrong with one is noted, never raised.
+
+    Args:
+        document: the file.
+        matters: whether a section of this name is needed.
+
+    Attributes:
+        faults: what is wrong with it.
+        sections: name → line.
+        options: (section, option) → value.
+        included: whether it includes other files, which are not read.
+        remarks: options that SAVE_CONFIG overrules.
+    """
+
+    def __init__(self, document: Document, matters: Callable[[str], bool]) -> None:
+        faults = Faults(document.path)
+        own, saved = _Lines(faults, matters), _Lines(faults, matters)
+        for line, text in enumerate(document.text.split("\n"), start=1):
+            if text.startswith(_SAVED):
+                saved.take(line, text.removeprefix(_SAVED))
+            else:
+                own.take(line, text)
+        self.faults = faults
+        self.sections: Mapping[str, int] = {**own.sections, **saved.sections}
+        self.options: Mapping[tuple[str, str], Value] = {**own.options, **saved.options}
+        self.included = any(name.startswith("include ") for name in own.sections)
+        self.remarks = [
+            f"Line {own.options[key].line}, {key[1]} of [{key[0]}], was not used: line"
+            f" {value.line}, which SAVE_CONFIG wrote, says otherwise."
+            for key, value in saved.options.items()
+            if key in own.options and own.options[key].text != value.text and matters(key[0])
+        ]
+
+    def note(self, section: str, option: str, line: int, what: str, remedy: str, text: str) -> None:
+        """A fault in the value of an option."""
+        column = f"{option} of [{section}]"
+        value = shortened(text) or None
+        self.faults.add(what, remedy, line=line, column=column, value=value)
+
+    def missing(self, section: str, option: str, line: int | None = None) -> None:
+        """The fault that an option is not there."""
+        remedy = f"Add “{option}: …” to [{section}]."
+        if self.included:
+            remedy = f"Copy [{section}] from the included file into this one."
+        column = f"{option} of [{section}]"
+        line = line or self.sections.get(section)
+        self.faults.add("The option is missing.", remedy, line=line, column=column)
+
+    def read(
+        self, section: str, option: str, rule: Callable[[str], T], fault: T, default: T | None
+    ) -> T:
+        """What a rule makes of an option.
+
+        Args:
+            rule: text to value; raises InputError.
+            fault: for an option that breaks the rule.
+            default: for one that is not there; None if it must be.
+        """
+        value = self.options.get((section, option))
+        if value is None:
+            if default is None:
+                self.missing(section, option)
+            return fault if default is None else default
+        try:
+            return rule(value.text)
+        except InputError as error:
+            self.note(section, option, value.line, error.what, error.remedy, value.text)
+            return fault
+
+    def number(
+        self, section: str, option: str, default: float | None = None, low: float = -LARGEST_MM
+    ) -> float:
+        """A number above `low`; NaN if it is wrong."""
+        return self.read(
+            section, option, lambda text: within(text, low, LARGEST_MM), math.nan, default
+        )
+
+    def count(self, section: str, option: str, default: int | None = None) -> int:
+        """A whole number from 1; 0 if it is wrong."""
+        return self.read(section, option, _count, 0, default)
+
+
+def within(text: str, low: float, high: float) -> float:
+    """The number that a text writes, between the two. Raises InputError without a place."""
+    value = parse_number(text)
+    if not low < value < high:
+        raise InputError(f"The number is outside {low:g} … {high:g}.", "Check it.", value=text)
+    return value
+
+
+def _count(text: str) -> int:
+    """A whole number from 1. Raises InputError."""
+    value = parse_count(text, 1)
+    if value > _MOST:
+        raise InputError(f"The number is larger than {_MOST}.", "Check it.", value=text)
+    return value

@@ -1,0 +1,281 @@
+"""The linear delta: three upright rails around a round bed, probed from above.
+
+The frame is the bed's: x and y as the controller has them, z upwards from the bed. Its tilt
+against the towers and the endstops are one and the same to a probe, so the bed is level; its turn
+is fixed by tower c, whose angle is not calibrated.
+
+A touch is a place at which the controller believed the nozzle when the probe triggered; its
+reading is how much higher that is than the touched surface should be. A distance is what a
+calliper reads between two places of a printed object; its reading is the excess over the distance
+that was commanded. Both are zero on a perfect machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from orthoglide_cal.model.cause import Command, Sensed
+from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.kinds.layouts import (
+    BLOCKS_MM,
+    MINUTES_PER_BLOCK,
+    MINUTES_PER_TOUCH,
+    Layout,
+    compared,
+    telling,
+)
+from orthoglide_cal.model.kinds.probe_plan import ProbePlan
+from orthoglide_cal.model.kinds.speech import FIRMWARE
+from orthoglide_cal.model.machine import (
+    Geometry,
+    Machine,
+    Points,
+    batch_of,
+    behind_batch,
+    components,
+    rail_position,
+)
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
+
+if TYPE_CHECKING:
+    from orthoglide_cal.model.model import Model
+
+TOWERS = ("a", "b", "c")
+# To be touched once more: so many places, on blocks.
+FEW = 13
+# Where the machine file says nothing: foil, glue and magnets under a plate.
+TEXTURE_MM = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeltaMachine(Machine):
+    """The nominal linear delta, as its controller has it.
+
+    Attributes:
+        arm_lengths_mm: of towers a, b, c.
+        delta_radius_mm: from the middle to each arm's upper joint, seen from above, with the tool
+            in the middle.
+        tower_angles_deg: where the towers stand, counter-clockwise from x: a, b, c in this order.
+        bed_radius_mm: within which the tool can touch.
+        calliper_mm: standard deviation of a measured distance.
+        texture_mm: standard deviation of the local shape of its bed; None if nobody stated it.
+        offsets_mm: the endstops a, b, c: height of the nozzle above the bed, in the middle, with
+            all carriages where that endstop triggers.
+    """
+
+    arm_lengths_mm: tuple[float, ...]
+    delta_radius_mm: float
+    tower_angles_deg: tuple[float, ...]
+    bed_radius_mm: float
+    calliper_mm: float
+    texture_mm: float | None = None
+
+
+class LinearDelta:
+    """The kind of machine of many printers: endstops, radius and two tower angles are calibrated.
+
+    The third angle fixes the turn of the frame. Arm lengths are not: on one height they and the
+    radius are nearly the same, and only distances would tell.
+    """
+
+    id = "linear_delta"
+    calibrated = (*TOWERS, "radius", "angle_a", "angle_b")
+    units = ("mm", "mm", "mm", "mm", "deg", "deg")
+    # What is expected of readings hardly depends on how far such a machine is off.
+    supposed = read_only(np.zeros((1, 6)))
+    # What hides behind each other on a flat bed.
+    rivals = ("tower_lean", "bed_shape")
+    unseen = ()
+    # Of this the controller's value is taken as it stands; the calibrated parameters make up for
+    # its error, and are as unsure as it is.
+    held = ("leg_length",)
+    homing_mm = 5.0
+    # Frames and beds of printers are good or bad by a factor of ten: no size is more plausible
+    # within that, and none is to decide between causes.
+    scales = MappingProxyType(dict.fromkeys((0.25, 0.5, 1.0, 2.0, 4.0, 8.0), 1.0 / 6.0))
+    # On one height several causes draw nearly the same picture, and their chances add up: of 400
+    # sound machines 4 were called faulty without it.
+    caution = 2.0
+    # Belts have lost motion whatever else is wrong.
+    companions = MappingProxyType(
+        {
+            "backlash": "That these touches depend on the direction from which they were come to"
+            " is established; that lost motion of the carriages is the reason, is not."
+        }
+    )
+    # A radius is measured with a ruler, and towers are bolted to plates: beyond this it is another
+    # machine, and readings that know a parameter no better than this do not determine it.
+    radius_mm = 5.0
+    angle_deg = 2.0
+    # The values themselves are told, as firmwares have them; they stay in the firmware's own file.
+    absolute, recorded = True, False
+    decimals = 4
+    has_cube = False
+    formats = ("klipper", "reprapfirmware", "marlin")
+    speech = FIRMWARE
+
+    def active(self, machine: DeltaMachine) -> tuple[float, ...]:
+        """What the controller has of each calibrated parameter [mm, deg]."""
+        return (*machine.offsets_mm, machine.delta_radius_mm, *machine.tower_angles_deg[:2])
+
+    def plausible(self, machine: DeltaMachine) -> tuple[float, ...]:
+        """The largest size of each calibrated parameter that a printer can have [mm, deg]."""
+        homing = self.homing_mm if machine.homing_mm is None else machine.homing_mm
+        return (*[homing] * len(TOWERS), self.radius_mm, self.angle_deg, self.angle_deg)
+
+    def told_within(self, machine: DeltaMachine) -> tuple[float, ...]:
+        """The largest U with which a parameter is told: any printer is known that well."""
+        return self.plausible(machine)
+
+    def geometry_words(self, machine: DeltaMachine) -> str:
+        """Its nominal geometry in one line."""
+        arms = ", ".join(f"{arm:g}" for arm in dict.fromkeys(machine.arm_lengths_mm))
+        return f"arms {arms} mm, bed of radius {machine.bed_radius_mm:g} mm"
+
+    def rails(self, machine: DeltaMachine) -> Geometry:
+        """Upright rails on a circle; arms as long as the controller has them."""
+        points = np.zeros((3, 3))
+        points[:, :2] = _on_circle(machine.delta_radius_mm, np.radians(machine.tower_angles_deg))
+        upright = np.tile([0.0, 0.0, 1.0], (3, 1))
+        return Geometry(points, upright, np.array(machine.arm_lengths_mm))
+
+    def home(self, machine: DeltaMachine) -> float:
+        """Height of the carriages, about, with the tool in the middle of the bed [mm]."""
+        return float(np.mean(_above(machine, machine.delta_radius_mm)))
+
+    def indicated(self, machine: DeltaMachine, tool: Floats) -> Floats:
+        """Inverse kinematics of the controller: carriage heights (..., 3) for places (..., 3) [mm].
+
+        Raises:
+            UnreachableError: an arm is too short for the place.
+        """
+        return np.asarray(rail_position(self.rails(machine), np.asarray(tool, dtype=np.float64)))
+
+    def command(self, machine: DeltaMachine, plan: ProbePlan) -> Command:
+        """Where the controller sends the carriages: all first places, then all second ones."""
+        first = self.indicated(machine, np.concatenate((plan.place, plan.other)))
+        nothing = read_only(np.zeros(first.shape))
+        # From touch to touch; a printed object was come to from all sides.
+        touched = plan.in_time[~plan.distance[plan.in_time]]
+        hours = np.tile(plan.hours, 2)
+        return Command(read_only(first), self.home(machine), hours, touched, nothing)
+
+    def calibrated_as(
+        self, machine: DeltaMachine, geometry: Geometry, parameters: Numbers
+    ) -> tuple[Geometry, Numbers]:
+        """Rails, and offsets of the carriages, with other values of what is calibrated.
+
+        Args:
+            machine: the values in the controller.
+            geometry: rails and arms as they really are at these.
+            parameters: what each real value exceeds them by, (..., 6) [mm, deg].
+        """
+        radius = machine.delta_radius_mm + parameters[..., 3, None]
+        third = 0.0 * parameters[..., :1]
+        turned = np.concatenate((parameters[..., 4:], third), axis=-1)
+        angles = np.radians(machine.tower_angles_deg) + np.radians(1.0) * turned
+        nominal = _on_circle(machine.delta_radius_mm, np.radians(machine.tower_angles_deg))
+        moved = _on_circle(radius, angles) - nominal
+        shift = np.concatenate((moved, 0.0 * moved[..., :1]), axis=-1)
+        # The carriage stands where the endstop says for a tool in the middle.
+        raised = _above(machine, radius) - _above(machine, machine.delta_radius_mm)
+        real = Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
+        return real, parameters[..., :3] + raised
+
+    def recalibrated(self, before: DeltaMachine, after: DeltaMachine) -> bool:
+        """Whether the controller of the same machine has other parameters now: it was homed anew
+        under them, and what the real ones exceed them by is unknown again."""
+        parameters = ("offsets_mm", "delta_radius_mm", "tower_angles_deg", "arm_lengths_mm")
+        return any(getattr(before, name) != getattr(after, name) for name in parameters)
+
+    def closed_form(self, model: Model) -> bool:
+        """The derivative is taken by complex steps."""
+        return False
+
+    def sensed(
+        self, model: Model, parameters: Numbers, plan: ProbePlan, strict: bool, derivative: bool
+    ) -> Sensed:
+        """What probe and calliper read, and where the tool is then; as of `simulate`."""
+        machine = cast(DeltaMachine, model.machine)
+        real, offsets = self.calibrated_as(machine, model.geometry, parameters)
+        joints = model.true_joints(self.command(machine, plan), offsets).swapaxes(-1, -2)
+        joints = components(joints, 2)
+        points = Points.of(real, joints, batch_of(joints, real), strict)
+        tool = behind_batch(points.tool, 2).swapaxes(-1, -2)
+        first, second = tool[..., : len(plan), :], tool[..., len(plan) :, :]
+        readings = plan.place[:, 2] - first[..., 2]
+        if plan.distance.any():
+            # Beside a touch a length of one, whose derivative is finite.
+            apart = np.sqrt(((second - first) ** 2).sum(axis=-1) + ~plan.distance)
+            wanted = np.sqrt(((plan.other - plan.place) ** 2).sum(axis=-1) + ~plan.distance)
+            readings = np.where(plan.distance, apart - wanted, readings)
+        return Sensed(readings, first, None)
+
+    def uncertain(
+        self, machine: DeltaMachine, plan: ProbePlan, predict: Callable[[ProbePlan], Floats]
+    ) -> Iterator[Influence]:
+        """The local shape of the bed."""
+        yield self.local(machine, plan)
+
+    def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
+        """What can be touched next: in words, its plan, and its minutes.
+
+        On a flat bed a frame that is out of square and a bed that is bent are the same; higher up
+        only the frame is another one.
+        """
+        touches = np.flatnonzero(~plan.distance)
+        some = plan.subset(touches[_spread(plan.place[touches, :2], FEW)])
+        for height in BLOCKS_MM:
+            up = np.array([0.0, 0.0, height])
+            yield (
+                f"Touch {len(some)} places all over the bed again with a block of known height,"
+                f" {height:g} mm, under the probe. (Or turn the plate by a third and probe again:"
+                " what turns with it is its own shape.)",
+                replace(
+                    some,
+                    place=some.place + up,
+                    other=some.other + up,
+                    surface=some.surface + height,
+                    order=np.arange(len(some)),
+                    hours=np.linspace(0.0, (len(some) - 1) * MINUTES_PER_TOUCH / 60.0, len(some)),
+                ),
+                len(some) * (MINUTES_PER_TOUCH + MINUTES_PER_BLOCK),
+            )
+
+    def layouts(self, machine: DeltaMachine) -> tuple[Layout, ...]:
+        """Ways to measure that are worth comparing."""
+        return compared(machine.bed_radius_mm, machine.gauge.noise_mm / machine.calliper_mm)
+
+    def telling(self, machine: DeltaMachine) -> tuple[Layout, ...]:
+        """Touches that tell a frame out of square from a bent bed more or less, quickest first."""
+        return telling(machine.bed_radius_mm)
+
+    def local(self, machine: DeltaMachine, plan: ProbePlan) -> Influence:
+        """What neighbours share, and what nobody calls an error: the local shape of the bed."""
+        assumed = machine.texture_mm is None
+        size = TEXTURE_MM if machine.texture_mm is None else machine.texture_mm
+        return Influence(Origin.BED_TEXTURE, size, "mm", assumed, size * plan.texture, local=True)
+
+
+def _spread(place: Floats, count: int) -> Ints:
+    """Some places that are as far from each other as can be, indices (count,) of (n, 2)."""
+    chosen = [int(np.argmin(np.linalg.norm(place, axis=1)))]
+    while len(chosen) < min(count, len(place)):
+        apart = np.linalg.norm(place[:, None] - place[chosen], axis=-1).min(axis=1)
+        chosen.append(int(np.argmax(apart)))
+    return np.sort(np.array(chosen, dtype=np.intp))
+
+
+def _on_circle(radius: Numbers | float, angles: Numbers) -> Numbers:
+    """Places (..., 3, 2) at angles (..., 3) on a circle of radius (..., 1)."""
+    return np.stack((radius * np.cos(angles), radius * np.sin(angles)), axis=-1)
+
+
+def _above(machine: DeltaMachine, radius: Numbers | float) -> Numbers:
+    """Height of each carriage over the tool in the middle, (..., 3) [mm]."""
+    return np.sqrt(np.array(machine.arm_lengths_mm) ** 2 - radius**2)

@@ -1,0 +1,97 @@
+"""What people call that which a calibration of a kind of machine determines, and its steps."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Speech:
+    """Words of one kind of machine; every page takes them from here.
+
+    Attributes:
+        one, many: what is calibrated: "offset", "offsets".
+        title: its full name, as a heading: "Joint offsets".
+        found: what was found of it, as a column's head: "Δρ".
+        relation: how the found value belongs to the real one.
+        enter: how the new values are entered; they follow, or the command that shows them.
+        restart: what makes the controller use them.
+        beyond: why a value is impossible; "{limit}" stands for the largest plausible ones.
+        recheck: what to look at where a value is impossible.
+        more: which readings would determine more.
+        fewest: which readings determine all of it; None where the missing ones can be named.
+        noise: whose noise the readings have: "gauge".
+        probing: how such a machine measures itself, and what to bring; None where somebody reads
+            gauges.
+        beside: what belongs to that noise, too.
+        leg: what such a machine calls a leg.
+        axes: what it calls the first, second and third of its rails, where not x, y and z.
+    """
+
+    one: str
+    many: str
+    title: str
+    found: str
+    relation: str
+    enter: str
+    restart: str
+    beyond: str
+    recheck: str
+    more: str
+    fewest: str | None
+    noise: str
+    probing: str | None = None
+    beside: str = ""
+    leg: str = "leg"
+    axes: Mapping[str, str] = field(default_factory=dict)
+
+    def said(self, text: str) -> str:
+        """What is said of a cause of several kinds of machine, in the words of this one."""
+        return re.sub(r"\bleg(s?)\b", rf"{self.leg}\1", text)
+
+
+# Joint offsets that somebody measures with gauges and types in.
+OFFSETS = Speech(
+    one="offset",
+    many="offsets",
+    title="Joint offsets",
+    found="Δρ",
+    relation="true position = indicated + Δρ",
+    enter="Enter the new joint offsets in the controller, in mm: ",
+    restart="Re-home all three axes.",
+    beyond="no home switch is that far off (up to {limit} is plausible).",
+    recheck="Check the unit of the readings, their legs and directions, and the leg length in"
+    " the machine file. If a carriage really is that far off, move its home switch,"
+    " or state homing_mm in the machine file.",
+    more="Measure again with more postures.",
+    fewest=None,
+    noise="gauge",
+)
+
+# Parameters of a firmware, which probes the bed by itself.
+FIRMWARE = Speech(
+    one="parameter",
+    many="parameters",
+    title="Parameters",
+    found="found",
+    relation="real value = the controller's + found",
+    enter="Take the new parameters over into the firmware:",
+    restart="Restart the firmware, home the printer, and make a new bed mesh.",
+    beyond="no printer is that far off (up to {limit} is plausible).",
+    recheck="Check the unit of the readings and the numbers of the machine: arm lengths,"
+    " radius, endstops.",
+    more="Probe more places, spread over the whole bed; if that does not do, the same places"
+    " again on blocks of two known heights, or measure distances on a printed object.",
+    fewest="Touch at least seven places spread over the whole bed: the middle and six near the"
+    " edge, evenly around. More places, or heights, say how sure that is.",
+    noise="probe",
+    probing="Klipper: DELTA_CALIBRATE or BED_MESH_CALIBRATE, then SAVE_CONFIG, and bring"
+    " printer.cfg. Others: probe with G30 at places all over the bed, bed mesh off, and write"
+    " x, y and the height at which it triggers in a CSV: orthocal template touches. Then:"
+    " orthocal diagnose FILE",
+    beside=" and the bed's local shape",
+    leg="arm",
+    axes={"x": "tower a", "y": "tower b", "z": "tower c"},
+)

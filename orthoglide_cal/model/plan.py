@@ -1,0 +1,211 @@
+"""What is read, of whatever kind of machine: a plan says which readings are (to be) taken.
+
+It holds no measured value. Readings may share unknown zeros, and may differ in how precise they
+are; what is estimated from them is estimated from combinations that no zero enters, weighted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from enum import StrEnum
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+# Real in use; complex only while a derivative is taken by a complex step.
+Numbers = NDArray[Any]
+
+
+class View(StrEnum):
+    """What a picture of readings is drawn on."""
+
+    LEGS = "legs"
+    BED = "bed"
+
+
+def read_only(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
+    """A private copy of `values` that nobody can write to."""
+    array = np.array(values, dtype=dtype)
+    array.setflags(write=False)
+    return array
+
+
+def freeze(value: object, *names: str) -> None:
+    """Replace arrays of a frozen dataclass by read-only copies; for its `__post_init__`."""
+    for name in names:
+        given = getattr(value, name)
+        if given is not None:
+            object.__setattr__(value, name, read_only(given, np.asarray(given).dtype))
+
+
+# Of the arrays of a plan; all others hold whole numbers.
+_DTYPES: Mapping[str, Any] = MappingProxyType(
+    dict.fromkeys(
+        ("displacement", "gauge_at", "hours", "entered", "place", "other", "surface", "weight"),
+        np.float64,
+    )
+    | dict.fromkeys(("turned", "distance"), np.bool_)
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """Readings to be taken, of whatever kind; every array is read-only, of shape (n, ...).
+
+    What is given once for all readings is repeated for each. A kind of machine adds where each
+    reading is taken.
+
+    Attributes:
+        order: rank in time; equal only for readings that are never compared in time, (n,).
+        hours: since the session began, (n,) [h].
+        part: 0 …; readings of one sitting, (n,): between parts the gauges are set up, and told
+            apart, anew. A fault of the measurement is one of a part.
+    """
+
+    order: Ints
+    hours: Floats
+    part: Ints = field(default_factory=lambda: read_only(0, np.intp))
+
+    view: ClassVar[View]
+    # Length of a row of the arrays that have more than one number for each reading.
+    rows: ClassVar[Mapping[str, int]] = MappingProxyType({})
+
+    def __post_init__(self) -> None:
+        n = np.shape(self.order)
+        for item in fields(self):
+            array = np.asarray(getattr(self, item.name), _DTYPES.get(item.name, np.intp))
+            shape = (*n, self.rows[item.name]) if item.name in self.rows else n
+            if item.default_factory is not MISSING and array.ndim < len(shape):
+                array = np.broadcast_to(array, shape)
+            if array.shape != shape or len(n) != 1:
+                raise ValueError(f"{item.name} has shape {array.shape}, order has {n}")
+            object.__setattr__(self, item.name, read_only(array, array.dtype))
+
+    def __len__(self) -> int:
+        return int(self.order.size)
+
+    @property
+    def parts(self) -> int:
+        """Number of parts, empty ones before the last included."""
+        return int(self.part.max()) + 1 if len(self) else 0
+
+    @cached_property
+    def in_time(self) -> Ints:
+        """Indices of the readings from first to last, shape (n,)."""
+        return read_only(np.argsort(self.order, kind="stable"), np.intp)
+
+    @property
+    def reductions(self) -> tuple[str, ...]:
+        """Kinds of differences that can be made of such readings; none by default."""
+        return ()
+
+    @property
+    def setups(self) -> int:
+        """Number of unknown zeros that the readings share."""
+        raise NotImplementedError
+
+    @property
+    def zeros(self) -> Floats:
+        """Design matrix of these zeros, shape (n, setups): 1 where a reading has that zero."""
+        raise NotImplementedError
+
+    @property
+    def precision(self) -> Floats:
+        """How precise each reading is beside a common one: ratio of their σ, shape (n,)."""
+        raise NotImplementedError
+
+    @property
+    def same(self) -> np.ndarray:
+        """Whether two readings share what creeps or is knocked, shape (n, n)."""
+        raise NotImplementedError
+
+    @cached_property
+    def onwards(self) -> Floats:
+        """Column i is 1 at reading i and all later ones that share what it shares, (n, n)."""
+        return np.asarray(self.same & (self.order[:, None] >= self.order), dtype=np.float64)
+
+    @property
+    def cells(self) -> Ints:
+        """Number of each reading's cell, shape (n,): those that are left out together."""
+        raise NotImplementedError
+
+    @property
+    def repeats(self) -> Ints:
+        """Number of the readings that each one repeats exactly, zero and all, shape (n,)."""
+        raise NotImplementedError
+
+    @property
+    def distinct(self) -> tuple[Ints, Ints]:
+        """Readings equal but for zero and time: one of each kind, (m,), each one's kind, (n,)."""
+        raise NotImplementedError
+
+    @property
+    def last_travel(self) -> Ints:
+        """The last readings, from which the carriages come to the next one, in time order."""
+        return self.in_time[-1:]
+
+    def subset(self, chosen: Ints) -> Self:
+        """The plan of some of its readings (indices or mask)."""
+        parts = {item.name: getattr(self, item.name)[chosen] for item in fields(self)}
+        return type(self)(**parts)
+
+    def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
+        """What readings may hold that no cause describes: in words, columns of unit size (n, q).
+
+        Args:
+            ordered: whether the order in time is known.
+        """
+        raise NotImplementedError
+
+    def words(self, machine: Any, index: int) -> str:
+        """One reading in words."""
+        raise NotImplementedError
+
+
+def alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
+    """Rows that agree in all keys: the first of each kind, (m,), and each row's kind, (n,)."""
+    rows = np.stack(keys, axis=1)
+    _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return read_only(first, np.intp), read_only(kind.reshape(-1), np.intp)
+
+
+def zero_free(plan: Plan) -> Floats:
+    """Contrasts that no zero enters, of independent, equal noise, shape (n − setups, n).
+
+    Orthonormal where all readings are equally precise. Least squares on the contrasts is
+    generalised least squares on the readings with one unknown zero per set-up.
+    """
+    q, _ = np.linalg.qr(plan.zeros, mode="complete")
+    return np.ascontiguousarray(q[:, plan.setups :].T) * plan.precision
+
+
+def cell_contrasts(plan: Plan) -> Floats:
+    """`zero_free` for readings that repeat each other exactly: contrasts of cells.
+
+    Where the model says the same of all repeats of one reading, only their mean matters: least
+    squares on the weighted means, with the zeros removed, is least squares on all readings, with m
+    cells instead of n readings.
+
+    Returns:
+        Shape (m − setups, n).
+    """
+    cell = plan.repeats
+    _, first, count = np.unique(cell, return_index=True, return_counts=True)
+    weight = np.sqrt(count)
+    q, _ = np.linalg.qr(weight[:, None] * plan.zeros[first], mode="complete")
+    return np.ascontiguousarray((q[:, plan.setups :].T / weight)[:, cell]) * plan.precision
+
+
+def without_zeros(plan: Plan, values: Floats) -> Floats:
+    """Values (..., n) less the mean of their gauge set-up: what no gauge zero can explain."""
+    if not plan.setups:
+        return values
+    means = values @ (plan.zeros / plan.zeros.sum(axis=0))
+    return np.asarray(values - means @ plan.zeros.T)

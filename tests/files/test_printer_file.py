@@ -1,0 +1,337 @@
+"""Klipper's printer.cfg: what is read of it, what is passed over, and every fault with its line."""
+
+import math
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.printer_file import read_printer_file
+
+from .helpers import document, problems
+
+# A round bed of five by five points: thirteen lie in the circle.
+MESH = """\
+#*# [bed_mesh default]
+#*# version = 1
+#*# points =
+#*# \t  0.100, 0.100, 0.100, 0.100, 0.100
+#*# \t  0.210, 0.210, 0.220, 0.230, 0.230
+#*# \t  0.300, 0.310, 0.320, 0.330, 0.340
+#*# \t  -0.410, -0.410, -0.420, -0.430, -0.430
+#*# \t  0.500, 0.500, 0.500, 0.500, 0.500
+#*# x_count = 5
+#*# y_count = 5
+#*# min_x = -99.98
+#*# max_x = 99.98
+#*# min_y = -99.98
+#*# max_y = 99.98
+"""
+STEPPERS = """\
+[stepper_a]
+microsteps: 16
+rotation_distance: 40
+position_endstop = 300.5 ; by hand
+arm_length: 250.25
+[stepper_b]
+microsteps: 32
+rotation_distance: 20
+gear_ratio: 5:1, 80:16
+angle: 329.5
+[stepper_c]
+step_distance: .0125
+arm_length: 250.75
+position_endstop: 299.75
+"""
+CALIBRATION = """\
+#*# [delta_calibrate]
+#*# height0 = 1.5
+#*# height0_pos = 100.000,200.000,300.500
+#*# height1 = 1.5
+#*# height1_pos = -100.000,0.000,10.000
+#*# manual_height0 = 0.1
+#*# manual_height0_pos = 0.000,0.000,400.000
+#*# distance0 = 65.02
+#*# distance0_pos1 = 1000.000,2000.000,3000.000
+#*# distance0_pos2 = 0.000,0.000,80.000
+"""
+GOOD = (
+    """\
+# a machine
+[include macros.cfg]
+[printer]
+kinematics: delta   # of course
+delta_radius: 130.5
+print_radius: 110
+
+"""
+    + STEPPERS
+    + """\
+[probe]
+pin: ^PA1
+x_offset: 2
+y_offset: -3.5
+[gcode_macro START]
+gcode:
+    {% if printer.toolhead.z < 5 %}
+      G1 Z{5 + 1}   ; up: first
+    [stepper_a]
+    arm_length: 1
+    {% endif %}
+no value here at all
+[bed_mesh]
+mesh_radius: 100
+[delta_calibrate]
+radius: 90
+#*# <---------------------- SAVE_CONFIG ---------------------->
+#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
+#*#
+#*# [probe]
+#*# z_offset = 1.5
+#*#
+"""
+    + MESH
+    + "#*#\n"
+    + CALIBRATION
+)
+
+
+def read(text):
+    return read_printer_file(document(text, "printer.cfg"))
+
+
+def line_of(text, start):
+    lines = text.split("\n")
+    return next(n for n, line in enumerate(lines, 1) if line.startswith(start))
+
+
+def test_parameters_in_force_and_what_stands_for_those_not_given():
+    found = read(GOOD)
+    assert (found.radius, found.print_radius) == (130.5, 110.0)
+    assert found.arms.tolist() == [250.25, 250.25, 250.75]
+    assert found.endstops.tolist() == [300.5, 300.5, 299.75]
+    assert found.angles.tolist() == [210.0, 329.5, 90.0]
+    assert found.probe.tolist() == [2.0, -3.5, 1.5]
+    assert found.remarks == ()
+    assert read(GOOD.replace("print_radius: 110\n", "")).print_radius == 130.5
+
+
+def test_steps_below_the_endstops_are_heights_of_the_carriages():
+    found = read(GOOD)
+    step = [40 / (200 * 16), 20 / (200 * 32 * 5 * 5), 0.0125]
+    home = [
+        endstop + math.sqrt(arm**2 - 130.5**2)
+        for endstop, arm in zip([300.5, 300.5, 299.75], [250.25, 250.25, 250.75], strict=True)
+    ]
+
+    def at(*counts):
+        return [top - count * way for top, count, way in zip(home, counts, step, strict=True)]
+
+    heights = [at(100, 200, 300.5), at(-100, 0, 10), at(0, 0, 400)]
+    np.testing.assert_allclose(found.heights.carriages, heights, rtol=1e-14)
+    assert found.heights.height.tolist() == [1.5, 1.5, 0.1]
+    assert found.heights.manual.tolist() == [False, False, True]
+    starts = ["#*# height0 ", "#*# height1 ", "#*# manual_height0 "]
+    assert found.heights.line.tolist() == [line_of(GOOD, start) for start in starts]
+    np.testing.assert_allclose(found.distances.first, [at(1000, 2000, 3000)], rtol=1e-14)
+    np.testing.assert_allclose(found.distances.second, [at(0, 0, 80)], rtol=1e-14)
+    assert found.distances.distance.tolist() == [65.02]
+    assert found.distances.line.tolist() == [line_of(GOOD, "#*# distance0 ")]
+
+
+def test_full_steps_of_a_turn_may_be_stated():
+    other = read(
+        GOOD.replace("rotation_distance: 40", "rotation_distance: 80\nfull_steps_per_rotation: 400")
+    )
+    np.testing.assert_array_equal(other.heights.carriages, read(GOOD).heights.carriages)
+
+
+def test_points_beyond_the_mesh_radius_are_left_out():
+    mesh = read(GOOD).mesh
+    assert (mesh.profile, mesh.padded, len(mesh.x)) == ("default", 12, 13)
+    np.testing.assert_allclose(mesh.x[:4] + 2.0, [0.0, -49.99, 0.0, 49.99], atol=1e-12)
+    np.testing.assert_allclose(mesh.y[:4] - 3.5, [-99.98, -49.99, -49.99, -49.99])
+    assert mesh.height.tolist() == [
+        0.1, 0.21, 0.22, 0.23, 0.3, 0.31, 0.32, 0.33, 0.34, -0.41, -0.42, -0.43, 0.5,
+    ]  # fmt: skip
+    assert mesh.order.tolist() == [0, 3, 2, 1, 4, 5, 6, 7, 8, 11, 10, 9, 12]
+    assert mesh.line[0] == line_of(GOOD, "#*# points") + 1
+    assert mesh.line[-1] == mesh.line[0] + 4
+
+
+@pytest.mark.parametrize("stated", ["", "mesh_radius: 140\n", "mesh_radius: 60\n"])
+def test_the_circle_shows_in_the_mesh_where_the_radius_stated_is_another(stated):
+    mesh = read(GOOD.replace("mesh_radius: 100\n", stated)).mesh
+    assert (mesh.padded, len(mesh.x)) == (12, 13)
+
+
+def test_a_mesh_that_repeats_nothing_is_whole():
+    text = GOOD.replace("mesh_radius: 100\n", "").replace(
+        "0.100, 0.100, 0.100", "0.110, 0.120, 0.130"
+    )
+    assert (read(text).mesh.padded, len(read(text).mesh.x)) == (0, 25)
+
+
+def test_a_circle_about_another_middle():
+    text = GOOD.replace("min_x = -99.98", "min_x = -89.98").replace(
+        "max_x = 99.98", "max_x = 109.98"
+    )
+    mesh = read(text).mesh
+    assert mesh.padded == 12
+    assert mesh.x[0] == pytest.approx(10.0 - 2.0)
+
+
+def test_offsets_stored_with_the_mesh_say_that_its_places_are_the_nozzles():
+    text = GOOD.replace("#*# x_count = 5", "#*# x_offset = 2\n#*# x_count = 5")
+    np.testing.assert_allclose(read(text).mesh.x, read(GOOD).mesh.x + 2.0)
+
+
+def test_another_profile_where_there_is_no_default():
+    text = GOOD.replace("[bed_mesh default]", "[bed_mesh hot bed]")
+    assert read(text).mesh.profile == "hot bed"
+    two = read(GOOD + MESH.replace("[bed_mesh default]", "[bed_mesh hot]").replace("0.3", "0.9"))
+    assert two.mesh.profile == "default"
+    assert two.mesh.height[4] == 0.3
+    assert two.remarks == ("Of 2 stored meshes, 'default' was taken.",)
+
+
+def test_what_was_saved_wins_and_the_difference_is_told():
+    text = GOOD + "#*# [stepper_a]\n#*# arm_length = 251.125\n#*# angle = 210.25\n"
+    found = read(text)
+    assert found.arms.tolist() == [251.125, 251.125, 250.75]
+    assert found.angles[0] == 210.25
+    above, saved = line_of(text, "arm_length: 250.25"), line_of(text, "#*# arm_length = 251.125")
+    assert found.remarks == (
+        f"Line {above}, arm_length of [stepper_a], was not used: line {saved}, which SAVE_CONFIG"
+        " wrote, says otherwise.",
+    )
+
+
+def test_what_was_saved_again_is_not_told():
+    assert read(GOOD + "#*# [stepper_a]\n#*# arm_length = 250.25\n").remarks == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD.replace("\n", "\r\n"),
+        GOOD.rstrip("\n"),
+        GOOD.replace("delta_radius: 130.5", "delta_radius\t=\t130.5\t# mm"),
+        GOOD.replace("delta_radius: 130.5", "Delta_Radius:130.5"),
+        GOOD.replace("delta_radius: 130.5", "delta_radius: 1\ndelta_radius: 130.5"),
+        GOOD.replace("kinematics: delta ", "  kinematics: delta "),
+        GOOD.replace("delta_radius: 130.5", "; delta_radius: 9\n#x: 8\ndelta_radius: 130.5"),
+        GOOD.replace("print_radius: 110", "[stepper_a]\n[printer]\nprint_radius: 110"),
+        GOOD.replace("#*# \t  0.210", "#*#   \t\n#*# \t0.210"),
+        GOOD.replace("\t  ", "    "),
+        GOOD.replace("kinematics: delta   # of course\n", ""),
+        GOOD.replace("[gcode_macro START]", "[heater_bed]\nsensor: {}: = ;\n[gcode_macro START]"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_difference(text):
+    found, same = read(text), read(GOOD)
+    assert (found.radius, found.print_radius) == (same.radius, same.print_radius)
+    assert found.arms.tolist() == same.arms.tolist()
+    np.testing.assert_array_equal(found.heights.carriages, same.heights.carriages)
+    np.testing.assert_array_equal(found.distances.first, same.distances.first)
+    np.testing.assert_array_equal(found.mesh.height, same.mesh.height)
+
+
+def test_what_is_not_stored_is_none():
+    found = read(GOOD.replace(MESH, "").replace(CALIBRATION, ""))
+    assert (found.heights, found.distances, found.mesh) == (None, None, None)
+
+
+def test_a_file_without_steps_need_not_say_how_long_they_are():
+    text = GOOD.replace(CALIBRATION, "").replace("rotation_distance: 40\n", "")
+    assert read(text).mesh.padded == 12
+
+
+# Old text, new text, start of the line that is at fault (None: no line), words of the message.
+BROKEN = [
+    ("kinematics: delta", "kinematics: corexy", "kinematics", "not a linear delta"),
+    ("kinematics: delta", "kinematics: rotary_delta", "kinematics", "not a linear delta"),
+    ("delta_radius: 130.5\n", "", "[printer]", "missing"),
+    ("delta_radius: 130.5", "delta_radius: 13O.5", "delta_radius", "not a number"),
+    ("delta_radius: 130.5", "delta_radius: nan", "delta_radius", "not a number"),
+    ("delta_radius: 130.5", "delta_radius: -130.5", "delta_radius", "outside"),
+    ("delta_radius: 130.5", "delta_radius 130.5", "delta_radius 1", "not an option"),
+    ("arm_length: 250.25", "arm_length: 100", "arm_length: 100", "outside"),
+    ("arm_length: 250.25", "arm_length:", "arm_length:", "not a number"),
+    ("position_endstop = 300.5", "#", "[stepper_a]", "missing"),
+    ("rotation_distance: 40\n", "", "[stepper_a]", "missing"),
+    ("microsteps: 16\n", "", "[stepper_a]", "missing"),
+    ("microsteps: 16", "microsteps: 0", "microsteps: 0", "whole number"),
+    ("gear_ratio: 5:1, 80:16", "gear_ratio: 5", "gear_ratio", "gear ratio"),
+    ("gear_ratio: 5:1, 80:16", "gear_ratio: 5:0", "gear_ratio", "outside"),
+    ("step_distance: .0125", "step_distance: 0", "step_distance: 0", "outside"),
+    ("[stepper_b]", "[stepper_b", "[stepper_b", "bracket"),
+    ("#*# height1_pos = -100.000,0.000,10.000\n", "", "#*# height1 ", "height1_pos is missing"),
+    ("#*# height1 = 1.5\n", "", "#*# height1_pos", "missing"),
+    ("-100.000,0.000,10.000", "-100.000,0.000", "#*# height1_pos", "three stepper positions"),
+    ("-100.000,0.000,10.000", "-100.000,,10.000", "#*# height1_pos", "not a number"),
+    ("#*# height1 = 1.5", "#*# height1 1.5", "#*# height1 1.5", "not an option"),
+    ("distance0 = 65.02", "distance0 = -65.02", "#*# distance0 ", "outside"),
+    ("#*# distance0_pos2 = 0.000,0.000,80.000\n", "", "#*# distance0 ", "_pos2 is missing"),
+    ("0.210, 0.210, 0.220", "0.210, 0.220", "#*# \t  0.210", "4 heights"),
+    ("0.210, 0.210, 0.220", "0.210, x, 0.220", "#*# \t  0.210", "not a number"),
+    ("#*# \t  0.210, 0.210, 0.220, 0.230, 0.230\n", "", "#*# points", "4 rows"),
+    ("x_count = 5", "x_count = 6", "#*# \t  0.100", "5 heights"),
+    ("x_count = 5", "x_count = 900000000", "#*# x_count", "larger"),
+    ("max_y = 99.98", "max_y = -99.99", "#*# max_y", "ends before"),
+    ("#*# max_y = 99.98\n", "", "#*# [bed_mesh default]", "missing"),
+    ("x_offset: 2", "x_offset: two", "x_offset", "not a number"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "start", "words"), BROKEN)
+def test_a_broken_line_is_named(old, new, start, words):
+    assert GOOD.count(old) >= 1
+    text = GOOD.replace(old, new, 1)
+    faults = problems(read, text)
+    assert words in faults[0].what
+    assert faults[0].file == "printer.cfg"
+    assert faults[0].line == line_of(text, start)
+    assert faults[0].remedy
+
+
+@pytest.mark.parametrize("old", ["delta_radius: 130.5\n", "microsteps: 16\n", "0.210, "])
+def test_one_broken_line_is_one_fault_but_for_what_follows_from_it(old):
+    assert len(problems(read, GOOD.replace(old, "", 1))) == 1
+
+
+def test_all_faults_are_found_at_once():
+    text = GOOD.replace("130.5", "x").replace("height0 = 1.5", "height0 = y").replace("65.02", "z")
+    assert [fault.value for fault in problems(read, text)] == ["x", "y", "z"]
+
+
+@pytest.mark.parametrize("text", ["[heater_bed]\npin: 1\n", "leg,posture\nx,iso\n", "[mcu]\n"])
+def test_a_file_of_something_else(text):
+    assert "no linear delta" in problems(read, text)[0].what
+
+
+def test_what_an_included_file_holds_is_asked_for():
+    text = GOOD.replace("rotation_distance: 40\n", "")
+    assert "included" in problems(read, text)[0].remedy
+    text = text.replace("[include macros.cfg]\n", "")
+    assert "included" not in problems(read, text)[0].remedy
+
+
+def test_damage_anywhere_is_a_value_or_an_input_error():
+    """Whatever a character is changed to, nothing else is raised; chance has no part in it."""
+    rng = np.random.default_rng(13)
+    refused: list[InputError] = []
+    for _ in range(1500):
+        place, size = rng.integers(len(GOOD)), rng.integers(1, 6)
+        put = "".join(rng.choice(list("[]:=#;,\t\n -.9e%x"), size=rng.integers(0, 4)))
+        try:
+            read(GOOD[:place] + put + GOOD[place + size :])
+        except InputError as error:
+            refused.append(error)
+    assert {error.file for error in refused} == {"printer.cfg"}
+    assert 100 < len(refused) < 1500
+
+
+def test_values_cannot_be_written_to():
+    with pytest.raises(ValueError, match="read-only"):
+        read(GOOD).mesh.height[0] = 1.0

@@ -1,0 +1,330 @@
+"""Touches and distances: from a CSV, and from a printer.cfg through the door of every command."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.files import default_machine, machine_from_text, read_input
+from orthoglide_cal.files.probe_readings import CALLIPER_MM, MINUTES_PER_TOUCH, REPEATABILITY_MM
+from orthoglide_cal.model import Floats, Model, Readings
+from orthoglide_cal.model.kinds import DeltaMachine
+from tests.printers import CONFIG, UNEVEN, printer, true_values
+from tests.truth.delta import (
+    Delta,
+    Layout,
+    Truth,
+    delta_csv,
+    delta_yaml,
+    distances,
+    indicated,
+    make_delta_session,
+    touches,
+)
+from tests.truth.plan import frozen
+
+from .helpers import places, problems
+
+MODEL = machine_from_text(CONFIG.read_text(encoding="utf-8"), "m.yaml")
+TRUTH = Truth(endstops=frozen([0.5, -0.3, 0.4]), radius=0.4, angles=frozen([0.15, -0.1, 0.0]))
+STEP = 0.0125
+Z = 1.5
+
+
+def saved(folder: Path, text: str, name: str = "touches.csv") -> str:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+# --- CSV --------------------------------------------------------------------------------------
+
+
+def test_a_file_of_an_independent_program_is_read_as_it_was_taken(tmp_path: Path) -> None:
+    layout = Layout(places=13, heights=(0.0, 25.0), cycles=2)
+    session = make_delta_session(3, UNEVEN, (), layout)
+    given = read_input(saved(tmp_path, delta_csv(session)), Model(printer(UNEVEN)))
+    read = given.measured
+    assert isinstance(read, Readings)
+    plan = read.plan
+    expected = np.stack((session.x, session.y, session.readings), axis=1)
+    assert plan.place == pytest.approx(expected, abs=1e-12)
+    assert np.array_equal(plan.other, plan.place)
+    assert plan.surface.tolist() == session.block.tolist()
+    assert plan.hours == pytest.approx(session.minutes / 60.0, abs=1e-12)
+    assert plan.order.tolist() == list(range(52))
+    assert not plan.distance.any()
+    assert read.value == pytest.approx(session.readings - session.block, abs=1e-12)
+    assert read.cycle.tolist() == session.cycle.tolist()
+    assert read.line.tolist() == list(range(2, 54))
+    assert read.timed
+    assert read.remarks == ()
+    assert not given.is_session
+
+
+def test_what_is_optional_in_any_order(tmp_path: Path) -> None:
+    text = "note;colour;y_mm;reading_mm;x_mm\nfoil;red;1,5;0,02;-3\n;;2;-0,01;4,25\n"
+    read = read_input(saved(tmp_path, text), MODEL).measured
+    assert isinstance(read, Readings)
+    assert read.plan.place.tolist() == [[-3.0, 1.5, 0.02], [4.25, 2.0, -0.01]]
+    assert read.plan.surface.tolist() == [0.0, 0.0]
+    assert read.value.tolist() == [0.02, -0.01]
+    assert read.plan.hours.tolist() == [0.0, MINUTES_PER_TOUCH / 60.0]
+    assert (read.note, read.timed, read.cycle.tolist()) == (("foil", ""), False, [1, 1])
+    assert any("colour" in remark for remark in read.remarks)
+
+
+def test_the_order_in_time_is_that_of_the_numbers(tmp_path: Path) -> None:
+    text = "seq,x_mm,y_mm,reading_mm\n7,0,0,0.1\n3,1,0,0.2\n5,2,0,0.3\n"
+    read = read_input(saved(tmp_path, text), MODEL).measured
+    assert isinstance(read, Readings)
+    assert read.plan.order.tolist() == [2, 0, 1]
+    assert read.plan.hours == pytest.approx(np.array([2, 0, 1]) * MINUTES_PER_TOUCH / 60.0)
+
+
+H = "x_mm,y_mm,reading_mm\n0,0,0.1\n"
+S, M = (f"{name},x_mm,y_mm,reading_mm\n1,0,0,0.1\n" for name in ("seq", "minutes"))
+BAD = [
+    ("x_mm,y_mm\n1,2\n", (1, None, None), "reading_mm is missing", "for each touch"),
+    ("y_mm,reading_mm\n1,2\n", (1, None, None), "x_mm is missing", "for each touch"),
+    ("x_mm,y_mm,reading_um\n1,2,3\n", (1, None, None), "reading_mm is missing", "multiply"),
+    ("x_mm,y_mm,reading_mm\n", (None, None, None), "no reading", "under the header"),
+    ("x_mm,x_mm,y_mm,reading_mm\n1,1,2,3\n", (1, "x_mm", None), "twice", "Rename"),
+    (H + "1,2,\n", (3, "reading_mm", None), "empty", "remove the row"),
+    (H + ",2,0.1\n", (3, "x_mm", None), "empty", "remove the row"),
+    (H + "1,x,0.2\n", (3, "y_mm", "x"), "not a number", "plain number"),
+    (H + "1,2,nan\n", (3, "reading_mm", "nan"), "not a number", "plain number"),
+    (H + "1,2,0.2,5\n", (3, None, "1,2,0.2,5"), "4 cells", "semicolons"),
+    (H + "190,2,0.2\n", (3, "x_mm", "190"), "190 mm from the middle", "bed_radius_mm (150)"),
+    (H + "1500,2,0.2\n", (3, "x_mm", "1500"), "larger than the bed is wide", "in mm"),
+    (H + "1,2,9999\n", (3, "reading_mm", "9999"), "larger than an arm is long", "in mm"),
+    ("z_mm," + H.replace("0,0,0.1", "q,0,0,0.1"), (2, "z_mm", "q"), "not a number", "number"),
+    (S + ",1,2,0.1\n", (3, "seq", None), "filled in other rows", "every row or in none"),
+    (S + "1.5,1,2,0.1\n", (3, "seq", "1.5"), "not a whole number", "Write 0, 1"),
+    (S + "1,1,2,0.1\n", (3, "seq", "1"), "stands in line 2", "in the order"),
+    (M + "-1,1,2,0.1\n", (3, "minutes", "-1"), "outside", "Check"),
+    (M + "0.5,1,2,0.1\n", (3, "minutes", "0.5"), "runs backwards", "since the session began"),
+    ("cycle," + H.replace("0,0,0.1", "0,0,0,0.1"), (2, "cycle", "0"), "whole number", "1, 2"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "place", "what", "remedy"), BAD)
+def test_faults_name_place_and_remedy(tmp_path: Path, text, place, what, remedy) -> None:
+    (fault,) = problems(read_input, saved(tmp_path, text), MODEL)
+    assert places([fault]) == [place]
+    assert what in fault.what
+    assert remedy in fault.remedy
+
+
+def test_all_faults_at_once(tmp_path: Path) -> None:
+    found = problems(read_input, saved(tmp_path, H + "1,x,\n190,0,0.1\n"), MODEL)
+    assert places(found) == [(3, "y_mm", "x"), (3, "reading_mm", None), (4, "x_mm", "190")]
+
+
+def test_touches_need_a_machine_with_a_bed(tmp_path: Path) -> None:
+    for model in (None, default_machine()):
+        (fault,) = problems(read_input, saved(tmp_path, H), model)
+        assert fault.line == 1
+        assert "no linear delta" in fault.what
+        assert "--machine" in fault.remedy
+
+
+def test_a_column_of_places_makes_no_touches_of_gauge_readings(tmp_path: Path) -> None:
+    text = "leg,posture,direction,reading_mm,x_mm,y_mm\nx,iso,y,0.1,3,4\nx,max,y,0.2,3,4\n"
+    read = read_input(saved(tmp_path, text), default_machine()).measured
+    assert len(read) == 2
+    assert any("x_mm" in remark for remark in read.remarks)
+
+
+# --- printer.cfg ------------------------------------------------------------------------------
+
+
+def steps(machine: Delta, joints: Floats) -> list[str]:
+    """Stepper positions below the endstops, as the firmware writes them, rows of (n, 3)."""
+    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
+    return [",".join(f"{n:.3f}" for n in row) for row in ((home - joints) / STEP).tolist()]
+
+
+def ring(machine: Delta, count: int, share: float) -> Floats:
+    """Places on a circle, (count, 2)."""
+    turn = 2.0 * np.pi * np.arange(count) / count
+    return share * machine.bed * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+
+
+def printer_cfg(machine: Delta, truth: Truth, sections: str = "cm") -> str:
+    """What the firmware of such a printer saves, exactly measured."""
+    lines = [
+        "[printer]", "kinematics: delta", f"delta_radius: {machine.radius}",
+        f"print_radius: {machine.bed}", "[probe]", f"z_offset: {Z}",
+        "[bed_mesh]", f"mesh_radius: {0.8 * machine.bed}",
+    ]  # fmt: skip
+    for name, arm, angle, end in zip(
+        "abc", machine.arms, machine.angles, machine.endstops, strict=True
+    ):
+        lines += [
+            f"[stepper_{name}]", "rotation_distance: 40", "microsteps: 16",
+            f"arm_length: {arm}", f"angle: {angle}", f"position_endstop: {end}",
+        ]  # fmt: skip
+    lines.append("#*# <---------------------- SAVE_CONFIG ---------------------->")
+    if "m" in sections:
+        edge = 0.8 * machine.bed
+        axis = np.linspace(-edge, edge, 5)
+        x, y = (each.ravel() for each in np.meshgrid(axis, axis))
+        inside = np.hypot(x, y) <= edge * (1 + 1e-9)
+        read = np.zeros(25)
+        block = np.full(inside.sum(), Z)
+        read[inside] = touches(machine, truth, x[inside], y[inside], block, 0.0 * block) - Z
+        for row in range(5):
+            own = np.flatnonzero(inside[5 * row : 5 * row + 5])
+            padded = np.clip(np.arange(5), own[0], own[-1])
+            read[5 * row : 5 * row + 5] = read[5 * row + padded]
+        lines += ["#*# [bed_mesh default]", "#*# version = 1", "#*# points ="]
+        lines += ["#*# \t  " + ", ".join(f"{v:.6f}" for v in row) for row in read.reshape(5, 5)]
+        lines += ["#*# x_count = 5", "#*# y_count = 5"]
+        for name in "xy":
+            lines += [f"#*# min_{name} = {-edge}", f"#*# max_{name} = {edge}"]
+    if "c" in sections:
+        at = np.vstack((np.zeros((1, 2)), ring(machine, 6, 0.9)))
+        z = touches(machine, truth, at[:, 0], at[:, 1], np.full(7, Z), np.zeros(7))
+        lines.append("#*# [delta_calibrate]")
+        for n, row in enumerate(steps(machine, indicated(machine, np.column_stack((at, z))))):
+            lines += [f"#*# height{n} = {Z}", f"#*# height{n}_pos = {row}"]
+        first = np.column_stack((ring(machine, 6, 0.7), np.full(6, 0.3)))
+        second = np.roll(first, 2, axis=0)
+        measured = distances(machine, truth, first, second).tolist()
+        ends = [steps(machine, indicated(machine, each)) for each in (first, second)]
+        for n, (size, one, other) in enumerate(zip(measured, *ends, strict=True)):
+            lines += [
+                f"#*# distance{n} = {size:.6f}",
+                f"#*# distance{n}_pos1 = {one}",
+                f"#*# distance{n}_pos2 = {other}",
+            ]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("data", ["calibration", "mesh"])
+def test_what_a_printer_saved_gives_its_true_parameters(tmp_path: Path, data: str) -> None:
+    """Exactly measured they are those of the truth, to the digits that the file has."""
+    text = printer_cfg(UNEVEN, TRUTH, data[0])
+    given = read_input(saved(tmp_path, text, "printer.cfg"))
+    read = given.measured
+    assert isinstance(read, Readings)
+    assert len(read) == {"calibration": 13, "mesh": 13}[data]
+    found = solve(read, given.model)
+    # A step is 12.5 µm and written to a thousandth, a height to a nanometre.
+    assert found.offsets_mm == pytest.approx(true_values(UNEVEN, TRUTH), abs=2e-4)
+    assert found.rms_after_mm < 1e-5
+
+
+def test_the_machine_is_the_one_that_the_file_describes(tmp_path: Path) -> None:
+    given = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg"))
+    machine = given.model.machine
+    assert isinstance(machine, DeltaMachine)
+    assert machine.arm_lengths_mm == UNEVEN.arms
+    assert machine.offsets_mm == UNEVEN.endstops
+    assert machine.tower_angles_deg == UNEVEN.angles
+    assert (machine.delta_radius_mm, machine.bed_radius_mm) == (UNEVEN.radius, UNEVEN.bed)
+    assert machine.gauge.repeatability_mm == REPEATABILITY_MM
+    assert machine.calliper_mm == CALLIPER_MM
+    assert machine.name == "printer.cfg"
+
+
+def test_the_calibration_comes_first_and_distances_are_distances(tmp_path: Path) -> None:
+    read = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")).measured
+    assert isinstance(read, Readings)
+    plan = read.plan
+    assert plan.distance.tolist() == [False] * 7 + [True] * 6
+    assert plan.surface.tolist() == [Z] * 7 + [0.0] * 6
+    first = np.column_stack((ring(UNEVEN, 6, 0.7), np.full(6, 0.3)))
+    assert plan.place[7:] == pytest.approx(first, abs=5e-5)
+    assert plan.other[7:] == pytest.approx(np.roll(first, 2, axis=0), abs=5e-5)
+    assert plan.weight[7:] == pytest.approx(REPEATABILITY_MM / CALLIPER_MM)
+    assert plan.weight[:7].tolist() == [1.0] * 7
+
+
+def test_padded_points_of_a_mesh_are_left_out_and_it_is_said(tmp_path: Path) -> None:
+    read = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH, "m"), "printer.cfg")).measured
+    assert isinstance(read, Readings)
+    assert len(read) == 13
+    assert np.hypot(*read.plan.place[:, :2].T).max() <= 0.8 * UNEVEN.bed * 1.0001
+    assert any("12 points" in remark and "not probed" in remark for remark in read.remarks)
+    assert read.plan.place[:, 2] - read.plan.surface == pytest.approx(read.value, abs=1e-12)
+
+
+def test_what_else_is_known_comes_from_the_machine_file(tmp_path: Path) -> None:
+    """Its probe, tolerances and causes; the numbers in force are those of the printer.cfg."""
+    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
+    known = replace(MODEL, machine=replace(MODEL.machine, name="mine", calliper_mm=0.02))
+    machine = read_input(path, known).model.machine
+    assert isinstance(machine, DeltaMachine)
+    assert (machine.name, machine.calliper_mm, machine.texture_mm) == ("mine", 0.02, 0.02)
+    assert machine.tolerances == MODEL.machine.tolerances
+    assert machine.offsets_mm == UNEVEN.endstops
+
+
+def test_a_machine_of_another_kind_is_refused(tmp_path: Path) -> None:
+    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
+    with pytest.raises(UsageError, match="is of a linear delta") as caught:
+        read_input(path, default_machine())
+    assert "--machine" in caught.value.remedy
+
+
+@pytest.mark.parametrize("kinematics", ["cartesian", "corexy"])
+def test_a_printer_of_another_kind_is_refused(tmp_path: Path, kinematics: str) -> None:
+    text = printer_cfg(UNEVEN, TRUTH).replace("kinematics: delta", f"kinematics: {kinematics}")
+    (fault, *_) = problems(read_input, saved(tmp_path, text, "printer.cfg"))
+    assert fault.line == 2
+    assert kinematics in f"{fault.what} {fault.value}"
+
+
+def test_towers_in_the_other_sense_are_a_fault_of_their_line(tmp_path: Path) -> None:
+    text = printer_cfg(UNEVEN, TRUTH).replace("angle: 209.0", "angle: 345")
+    (fault,) = problems(read_input, saved(tmp_path, text, "printer.cfg"))
+    lines = text.split("\n")
+    assert places([fault]) == [(lines.index("angle: 90.0") + 1, "angle", None)]
+    assert "counter-clockwise" in fault.what
+    assert "stepper_a" in fault.remedy
+
+
+def test_a_printer_that_stores_nothing_is_told_what_to_run(tmp_path: Path) -> None:
+    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH, ""), "printer.cfg")
+    with pytest.raises(InputError) as caught:
+        read_input(path)
+    assert "CALIBRATE" in caught.value.remedy
+
+
+# --- solved -----------------------------------------------------------------------------------
+
+SEEDS = 100
+
+
+def test_parameters_of_truth_sessions_are_as_unsure_as_stated(tmp_path: Path) -> None:
+    """Through the files; beds are flat and arms known, so that probe noise is all there is."""
+    layout = Layout(places=41, heights=(0.0, 30.0, 60.0))
+    text = delta_yaml(UNEVEN)
+    for old, new in (
+        ("texture_mm: 0.02", "texture_mm: 0"),
+        ("leg_length: 0.3", "leg_length: 0"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    model = machine_from_text(text, "m.yaml")
+    chi2, scatter, worst = [], [], 0.0
+    for seed in range(SEEDS):
+        session = make_delta_session(seed, UNEVEN, (), layout)
+        given = read_input(saved(tmp_path, delta_csv(session)), model)
+        found = solve(given.measured, given.model)
+        missed = found.offsets_mm - true_values(UNEVEN, session.truth)
+        worst = max(worst, float(np.abs(missed / found.std_mm).max()))
+        chi2.append(missed @ np.linalg.solve(found.covariance_mm2, missed))
+        scatter.append(found.sigma_mm**2 / UNEVEN.noise**2)
+        assert found.dof == 123 - 6
+    assert worst < 4.0
+    # Six parameters, σ from the residuals: 6·F(6, m). Four standard errors of the mean.
+    m = 117
+    variance = 2.0 * 6.0 * m**2 * (m + 4) / ((m - 2) ** 2 * (m - 4))
+    assert np.mean(chi2) == pytest.approx(6.0 * m / (m - 2), abs=4.0 * np.sqrt(variance / SEEDS))
+    assert np.mean(scatter) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / m / SEEDS))

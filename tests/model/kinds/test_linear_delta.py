@@ -1,0 +1,386 @@
+"""The linear delta against an independent one: both kinematics, readings, derivatives, batches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import UnreachableError
+from orthoglide_cal.model import Effect, Floats, Model, differentiate, simulate
+from orthoglide_cal.model.kinds import LinearDelta, ProbePlan
+from orthoglide_cal.model.kinds.probe_plan import GRAIN_MM, texture
+from orthoglide_cal.model.model import simulate_with_jacobian
+from tests.printers import (
+    PRINTER,
+    UNEVEN,
+    both,
+    plan_of_session,
+    printed,
+    printer,
+    standard_plan,
+    touched,
+    true_values,
+    truth_with,
+)
+from tests.truth.delta import (
+    KOSSEL,
+    V400,
+    Delta,
+    Layout,
+    Surface,
+    Truth,
+    distances,
+    feet,
+    indicated,
+    places_of,
+    probe_bed,
+    tool,
+    touches,
+)
+from tests.truth.plan import frozen
+
+NANOMETRE = 1e-6
+KIND = LinearDelta()
+VALUES = np.array([0.7, -0.4, 0.3, 0.6, 0.2, -0.15])
+LEANS = np.array([[3.0, -2.0], [-1.5, 4.0], [2.5, 1.0]])
+RADII = np.array([0.3, -0.5, 0.2])
+ARMS = np.array([0.4, -0.3, 0.2])
+SCALES = np.array([1.2, -0.8, 0.5])
+NONE = np.zeros(6)
+every_machine = pytest.mark.parametrize("machine", [V400, KOSSEL, UNEVEN], ids=lambda m: m.name)
+
+
+def of_leans(leans: Floats) -> Effect:
+    return CAUSES["tower_lean"].at(1e-3 * leans.T.reshape(6))
+
+
+def terms_of(names: tuple[str, ...], sizes: Floats) -> dict[tuple[int, int], float]:
+    """Powers of x and y by the names of a surface's terms: "xxy" is x² y."""
+    return {
+        (name.count("x"), name.count("y")): float(size)
+        for name, size in zip(names, sizes, strict=True)
+    }
+
+
+def trigger_plan(machine: Delta, truth: Truth, hours: float = 0.0) -> ProbePlan:
+    """Places at which the truth's probe triggers, on three heights, over some hours."""
+    at = np.tile(places_of(Layout(places=41), machine.bed), (3, 1))
+    blocks = np.repeat([0.0, 15.0, 60.0], 41)
+    clock = np.linspace(0.0, hours, len(at))
+    z = touches(machine, truth, at[:, 0], at[:, 1], blocks, clock)
+    return touched(np.column_stack((at, z)), blocks, clock)
+
+
+def missed(
+    machine: Delta, truth: Truth, values: Floats, *effects: Effect, hours: float = 0
+) -> float:
+    """How far the program's readings are from those of the truth, at most [mm]."""
+    plan = trigger_plan(machine, truth, hours)
+    read = plan.place[:, 2] - plan.surface
+    assert np.abs(read).max() > 0.01
+    found = simulate(Model(printer(machine), effects), values, plan)
+    return float(np.abs(found - read).max())
+
+
+# --- kinematics -------------------------------------------------------------------------------
+
+
+@every_machine
+def test_inverse_kinematics_of_the_controller(machine: Delta) -> None:
+    rng = np.random.default_rng(2)
+    places = np.column_stack((rng.uniform(-70, 70, (50, 2)), rng.uniform(0, 100, 50)))
+    found = KIND.indicated(printer(machine), places)
+    assert found == pytest.approx(indicated(machine, places), abs=NANOMETRE)
+    rails = KIND.rails(printer(machine))
+    assert rails.points == pytest.approx(feet(machine, Truth()), abs=NANOMETRE)
+    many = KIND.indicated(printer(machine), np.stack((places, 0.5 * places)))
+    assert many.shape == (2, 50, 3)
+    assert np.array_equal(many[0], found)
+
+
+@every_machine
+def test_direct_kinematics_undo_the_inverse_ones(machine: Delta) -> None:
+    """A perfect machine goes where it is told: every reading is zero."""
+    model = Model(printer(machine))
+    plan = trigger_plan(machine, Truth())
+    sensed = KIND.sensed(model, NONE, plan, True, False)
+    assert sensed.where == pytest.approx(plan.place, abs=NANOMETRE)
+    assert simulate(model, NONE, plan) == pytest.approx(plan.surface * 0.0, abs=NANOMETRE)
+
+
+@every_machine
+def test_direct_kinematics_of_a_machine_that_is_wrong(machine: Delta) -> None:
+    model = Model(printer(machine), (of_leans(LEANS), CAUSES["leg_length"].at(ARMS)))
+    truth = truth_with(machine, VALUES, leans=LEANS, arms=ARMS)
+    plan = trigger_plan(machine, Truth())
+    found = KIND.sensed(model, VALUES, plan, True, False).where
+    expected = tool(machine, truth, indicated(machine, np.array(plan.place)))
+    assert found == pytest.approx(expected, abs=NANOMETRE)
+    assert np.abs(found - plan.place).max() > 0.5
+
+
+def test_a_place_beyond_the_arms_is_refused() -> None:
+    far = touched(np.array([[900.0, 0.0, 0.0]]))
+    with pytest.raises(UnreachableError):
+        simulate(Model(PRINTER), NONE, far)
+
+
+# --- readings against the truth ---------------------------------------------------------------
+
+
+@every_machine
+@pytest.mark.parametrize("index", range(6), ids=KIND.calibrated)
+def test_each_parameter_reads_as_the_truth_says(machine: Delta, index: int) -> None:
+    values = np.where(np.arange(6) == index, VALUES, 0.0)
+    assert missed(machine, truth_with(machine, values), values) < NANOMETRE
+
+
+@every_machine
+def test_all_parameters_are_those_of_the_truth(machine: Delta) -> None:
+    truth = Truth(endstops=frozen([0.7, -0.4, 0.3]), radius=0.6, angles=frozen([0.2, -0.15, 0.0]))
+    assert missed(machine, truth, true_values(machine, truth)) < NANOMETRE
+
+
+@every_machine
+@pytest.mark.parametrize("tower", range(3))
+@pytest.mark.parametrize("side", range(2), ids=["out", "side"])
+def test_each_lean(machine: Delta, tower: int, side: int) -> None:
+    leans = np.zeros((3, 2))
+    leans[tower, side] = 2.5
+    truth = truth_with(machine, NONE, leans=leans)
+    assert missed(machine, truth, NONE, of_leans(leans)) < NANOMETRE
+
+
+@every_machine
+def test_radii_arms_and_scales(machine: Delta) -> None:
+    found = {
+        "tower_radius": missed(
+            machine, truth_with(machine, NONE, radii=RADII), NONE, CAUSES["tower_radius"].at(RADII)
+        ),
+        "leg_length": missed(
+            machine, truth_with(machine, NONE, arms=ARMS), NONE, CAUSES["leg_length"].at(ARMS)
+        ),
+        "encoder_scale": missed(
+            machine,
+            truth_with(machine, NONE, scales=SCALES),
+            NONE,
+            CAUSES["encoder_scale"].at(1e-3 * SCALES),
+        ),
+    }
+    assert max(found.values()) < NANOMETRE, found
+
+
+@every_machine
+def test_bed_probe_and_time(machine: Delta) -> None:
+    bed, tilt = CAUSES["bed_shape"], CAUSES["probe_tilt"]
+    sizes, lower = np.linspace(-0.2, 0.3, 7), np.array([0.11, -0.07, 0.05])
+    flat = truth_with(machine, VALUES)
+    bent = replace(flat, bed=Surface(machine.bed, terms_of(bed.names, sizes)))
+    # What hangs lower triggers earlier.
+    hanging = replace(flat, tilt=Surface(machine.bed, terms_of(tilt.names, -lower)))
+    found = {
+        "bed_shape": missed(machine, bent, VALUES, bed.at(sizes)),
+        "probe_tilt": missed(machine, hanging, VALUES, tilt.at(lower)),
+        "probe_drift": missed(
+            machine,
+            replace(flat, drift=0.2),
+            VALUES,
+            CAUSES["probe_drift"].at(np.array([0.2])),
+            hours=1.5,
+        ),
+        "thermal_drift": missed(
+            machine,
+            replace(flat, rates=frozen([0.1, -0.05, 0.2])),
+            VALUES,
+            CAUSES["thermal_drift"].at(np.array([0.1, -0.05, 0.2])),
+            hours=1.5,
+        ),
+    }
+    assert max(found.values()) < NANOMETRE, found
+
+
+@every_machine
+def test_everything_at_once(machine: Delta) -> None:
+    names = CAUSES["bed_shape"].names
+    sizes = np.linspace(0.3, -0.2, 7)
+    truth = replace(
+        truth_with(machine, VALUES, LEANS, RADII, scales=SCALES),
+        bed=Surface(machine.bed, terms_of(names, sizes)),
+        drift=-0.3,
+    )
+    effects = (
+        of_leans(LEANS),
+        CAUSES["tower_radius"].at(RADII),
+        CAUSES["encoder_scale"].at(1e-3 * SCALES),
+        CAUSES["bed_shape"].at(sizes),
+        CAUSES["probe_drift"].at(np.array([-0.3])),
+    )
+    assert missed(machine, truth, VALUES, *effects, hours=0.7) < NANOMETRE
+
+
+@every_machine
+def test_a_calliper_reads_the_distance_of_true_places(machine: Delta) -> None:
+    turn = np.radians(60.0 * np.arange(6))
+    first = 0.7 * machine.bed * np.stack((np.cos(turn), np.sin(turn), 0.1 * turn), axis=1)
+    second = np.roll(first, 2, axis=0)
+    truth = truth_with(machine, VALUES, LEANS, scales=SCALES)
+    effects = (of_leans(LEANS), CAUSES["encoder_scale"].at(1e-3 * SCALES))
+    excess = distances(machine, truth, first, second) - np.linalg.norm(first - second, axis=1)
+    found = simulate(Model(printer(machine), effects), VALUES, printed(first, second))
+    assert np.abs(excess).max() > 0.1
+    assert found == pytest.approx(excess, abs=NANOMETRE)
+    # A bed, and a probe, have no part in it.
+    bed = CAUSES["bed_shape"].at(np.full(7, 0.5))
+    drift = CAUSES["probe_drift"].at(np.array([0.5]))
+    more = Model(printer(machine), (*effects, bed, drift))
+    later = replace(printed(first, second), hours=np.full(6, 0.5))
+    assert simulate(more, VALUES, later) == pytest.approx(found, abs=0.0)
+
+
+def test_a_misread_touch_is_one_touch() -> None:
+    layout, rng = Layout(places=41), np.random.default_rng(5)
+    truth = truth_with(UNEVEN, VALUES)
+    session = probe_bed(replace(UNEVEN, noise=0.0), truth, ("misread",), layout, rng)
+    assert session.misread is not None
+    row, size = session.misread
+    cause, plan = CAUSES["misread"], plan_of_session(session)
+    effect = cause.at(np.array([size]), cause.places(plan, PRINTER)[row])
+    found = simulate(Model(PRINTER, (effect,)), VALUES, plan)
+    # The file has six decimals.
+    assert found == pytest.approx(session.readings - session.block, abs=6e-7)
+
+
+# --- derivatives and batches ------------------------------------------------------------------
+
+EFFECTS = (
+    of_leans(LEANS),
+    CAUSES["encoder_scale"].at(1e-3 * SCALES),
+    CAUSES["bed_shape"].at(np.linspace(-0.2, 0.3, 7)),
+)
+
+
+@pytest.mark.parametrize("effects", [(), EFFECTS], ids=["nominal", "wrong"])
+def test_derivatives_are_those_of_the_readings(effects: tuple[Effect, ...]) -> None:
+    model, plan = Model(PRINTER, effects), standard_plan()
+    values, slope = simulate_with_jacobian(model, VALUES, plan)
+    assert slope.shape == (len(plan), 6)
+    assert values == pytest.approx(simulate(model, VALUES, plan), abs=0.0)
+    h = 1e-4
+    for k in range(6):
+        ahead, behind = (simulate(model, VALUES + s * h * np.eye(6)[k], plan) for s in (1, -1))
+        assert slope[:, k] == pytest.approx((ahead - behind) / (2 * h), abs=1e-7)
+
+
+def test_derivatives_by_what_causes_may_be() -> None:
+    model, plan = Model(PRINTER), standard_plan()
+    _, columns = differentiate(model, VALUES, plan, EFFECTS)
+    assert columns.shape == (len(plan), 6 + 6 + 3 + 7)
+    full = Model(PRINTER, EFFECTS)
+    assert columns[:, :6] == pytest.approx(simulate_with_jacobian(full, VALUES, plan)[1], abs=1e-10)
+    first, column = 6, 6
+    for index, effect in enumerate(EFFECTS):
+        for k in range(effect.theta.size):
+            h = 1e-4 * effect.cause.scale
+            ahead, behind = (
+                simulate(
+                    Model(
+                        PRINTER,
+                        (
+                            *EFFECTS[:index],
+                            replace(
+                                effect, theta=effect.theta + s * h * np.eye(effect.theta.size)[k]
+                            ),
+                            *EFFECTS[index + 1 :],
+                        ),
+                    ),
+                    VALUES,
+                    plan,
+                )
+                for s in (1, -1)
+            )
+            size = np.abs(columns[:, column]).max()
+            assert columns[:, column] == pytest.approx((ahead - behind) / (2 * h), abs=1e-6 * size)
+            column += 1
+    assert column == columns.shape[1] > first
+
+
+def test_many_machines_at_once_are_each_alone() -> None:
+    plan, rng = standard_plan(), np.random.default_rng(4)
+    many = VALUES + rng.normal(0.0, 0.2, (5, 6))
+    leans = 1e-3 * rng.normal(0.0, 2.0, (5, 6))
+    cause = CAUSES["tower_lean"]
+    found = simulate(Model(PRINTER, (cause.at(leans),)), many, plan)
+    assert found.shape == (5, len(plan))
+    alone = [
+        simulate(Model(PRINTER, (cause.at(lean),)), one, plan)
+        for lean, one in zip(leans, many, strict=True)
+    ]
+    assert found == pytest.approx(np.stack(alone), abs=1e-9)
+    values, slope = simulate_with_jacobian(Model(PRINTER), many, plan)
+    assert slope.shape == (5, len(plan), 6)
+    one, one_slope = simulate_with_jacobian(Model(PRINTER), many[3], plan)
+    assert values[3] == pytest.approx(one, abs=1e-9)
+    assert slope[3] == pytest.approx(one_slope, abs=1e-9)
+
+
+def test_leans_and_radii_go_together_in_either_order() -> None:
+    """Also where many machines are tried at once, each with its own leans."""
+    plan, rng = standard_plan(), np.random.default_rng(6)
+    lean, radius = CAUSES["tower_lean"], CAUSES["tower_radius"].at(RADII)
+    leans = 1e-3 * rng.normal(0.0, 4.0, (3, 6))
+    found = simulate(Model(PRINTER, (lean.at(leans), radius)), VALUES, plan)
+    for one, expected in zip(leans, found, strict=True):
+        for order in ((lean.at(one), radius), (radius, lean.at(one))):
+            alone = simulate(Model(PRINTER, order), VALUES, plan)
+            # After the radius a rail leans about another height: 0.3 mm lower, by 4 mrad.
+            assert alone == pytest.approx(expected, abs=2e-3 if order[0] is radius else 1e-9)
+
+
+def test_a_machine_of_a_batch_that_cannot_reach_is_not_a_number() -> None:
+    plan = standard_plan()
+    many = np.stack((VALUES, np.array([0.0, 0.0, 0.0, 500.0, 0.0, 0.0])))
+    with np.errstate(invalid="ignore"):
+        values, _ = simulate_with_jacobian(Model(PRINTER), many, plan, strict=False)
+    assert np.isfinite(values[0]).all()
+    assert np.isnan(values[1]).any()
+
+
+# --- plans ------------------------------------------------------------------------------------
+
+
+def test_touches_have_no_unknown_zero_and_distances_share_nothing() -> None:
+    plan = standard_plan()
+    assert (plan.setups, plan.zeros.shape) == (0, (len(plan), 0))
+    assert plan.same[:75, :75].all()
+    assert np.array_equal(plan.same[75:], np.eye(6, 81, k=75, dtype=bool))
+    assert plan.precision.tolist() == [1.0] * 75 + [0.4] * 6
+    assert len(plan.distinct[0]) == len(plan)
+
+
+def test_cells_are_patches_of_the_bed() -> None:
+    """Neighbours share what the bed has there; what is left out together is no single touch."""
+    at = places_of(Layout(places=400), UNEVEN.bed)
+    plan = touched(np.column_stack((at, np.zeros(400))))
+    cells = plan.cells
+    assert 20 < len(set(cells.tolist())) < 60
+    side = np.abs(at).max() / 3.0
+    for cell in set(cells.tolist()):
+        assert np.ptp(at[cells == cell], axis=0).max() <= side
+    mixed = both(plan, printed(plan.place[:3], plan.place[3:6]))
+    assert len(set(mixed.cells[-3:].tolist())) == 3
+    assert not set(mixed.cells[-3:].tolist()) & set(mixed.cells[:-3].tolist())
+
+
+def test_a_reading_in_words_has_its_place_and_number() -> None:
+    plan = standard_plan()
+    x, y = plan.place[11, :2].round(2)
+    assert plan.words(PRINTER, 11) == f"x {x:g}, y {y:g} mm (touch 12)"
+    assert plan.words(PRINTER, 80).endswith("mm (distance 81)")
+
+
+def test_local_shape_is_shared_by_neighbours() -> None:
+    place = np.array([[0.0, 0.0], [GRAIN_MM, 0.0], [0.0, 3.0 * GRAIN_MM]])
+    shape = texture(place)
+    expected = np.exp([[0.0, -1.0, -3.0], [-1.0, 0.0, -np.sqrt(10.0)], [-3.0, -np.sqrt(10.0), 0.0]])
+    assert shape @ shape.T == pytest.approx(expected, abs=1e-12)

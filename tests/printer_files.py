@@ -1,0 +1,100 @@
+"""Files of a printer whose truth is known: touches as a CSV, and what Klipper saves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tests.truth.delta import (
+    Delta,
+    Floats,
+    Layout,
+    Truth,
+    delta_csv,
+    delta_yaml,
+    distances,
+    indicated,
+    probe_bed,
+    touches,
+)
+
+STEP = 40.0 / (200 * 16)
+GRID = 9  # points of the mesh along each side
+# Off in every parameter, and differently.
+OFF = Truth(
+    endstops=np.array([0.31, -0.22, 0.17]), radius=0.24, angles=np.array([0.11, -0.07, 0.0])
+)
+
+
+def exact(machine: Delta, truth: Truth, layout: Layout) -> str:
+    """A CSV of touches without noise."""
+    session = probe_bed(machine, truth, (), layout, np.random.default_rng(1))
+    return delta_csv(replace(session, readings=session.clean))
+
+
+def mesh_places(bed: float) -> Floats:
+    """Places of the mesh, row by row, shape (GRID², 2)."""
+    side = np.linspace(-bed + 10.0, bed - 10.0, GRID)
+    x, y = np.meshgrid(side, side)
+    return np.stack((x.ravel(), y.ravel()), axis=1)
+
+
+def printer_cfg(machine: Delta, truth: Truth, seed: int = 1, noise: float = 0.012) -> str:
+    """What Klipper saves: parameters, seven heights, three distances, a round mesh."""
+    rng = np.random.default_rng(seed)
+    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
+
+    def steps(places: Floats) -> list[str]:
+        joints = indicated(machine, places)
+        return [",".join(f"{v:.3f}" for v in row) for row in ((home - joints) / STEP).round()]
+
+    turn = np.radians(30.0 + 60.0 * np.arange(6))
+    ring = 0.9 * machine.bed * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+    at = np.concatenate((np.zeros((1, 2)), ring))
+    flat = np.zeros(len(at))
+    high = touches(machine, truth, *at.T, flat, flat) + noise * rng.normal(size=len(at))
+    lines = ["", "[delta_calibrate]"]
+    for k, position in enumerate(steps(np.column_stack((at, high)))):
+        lines += [f"height{k} = 0.0", f"height{k}_pos = {position}"]
+    ends = [np.column_stack((ring[i], ring[j])).T for i, j in ((0, 3), (1, 4), (2, 5))]
+    first, second = (np.array([np.append(end[k], 0.2) for end in ends]) for k in range(2))
+    apart = distances(machine, truth, first, second) + 0.05 * rng.normal(size=3)
+    for k, (one, other) in enumerate(zip(steps(first), steps(second), strict=True)):
+        lines += [f"distance{k} = {apart[k]:.4f}", f"distance{k}_pos1 = {one}"]
+        lines += [f"distance{k}_pos2 = {other}"]
+    places = mesh_places(machine.bed)
+    inside = np.hypot(*places.T) <= machine.bed - 10.0
+    still = np.zeros(inside.sum())
+    # What lies outside was not probed; it repeats what lies next to it.
+    height = np.zeros(len(places))
+    height[inside] = touches(machine, truth, *places[inside].T, still, still)
+    height[inside] += noise * rng.normal(size=len(still))
+    rows, reached = height.reshape(GRID, GRID), inside.reshape(GRID, GRID)
+    for row, own in zip(rows, reached, strict=True):
+        first, last = np.flatnonzero(own)[[0, -1]]
+        row[:first], row[last + 1 :] = row[first], row[last]
+    lines += ["", "[bed_mesh default]", "version = 1", "points ="]
+    lines += ["\t  " + ", ".join(f"{v:.6f}" for v in row) for row in rows]
+    low, side = f"{-machine.bed + 10.0:.2f}", f"{machine.bed - 10.0:.2f}"
+    lines += [f"x_count = {GRID}", f"y_count = {GRID}", f"min_x = {low}", f"max_x = {side}"]
+    lines += [f"min_y = {low}", f"max_y = {side}"]
+    saved = [f"[printer]\ndelta_radius = {machine.radius}"]
+    for k, tower in enumerate("abc"):
+        saved.append(
+            f"\n[stepper_{tower}]\nangle = {machine.angles[k]}\narm_length = {machine.arms[k]}\n"
+            f"position_endstop = {machine.endstops[k]}"
+        )
+    block = "\n".join(("\n".join(saved), *lines)).split("\n")
+    head = ["[printer]", "kinematics: delta", f"print_radius: {machine.bed}"]
+    for tower in "abc":
+        head += [f"[stepper_{tower}]", "microsteps: 16", "rotation_distance: 40"]
+    head += ["[bed_mesh]", f"mesh_radius: {machine.bed - 10.0}"]
+    mark = "#*# <---------------------- SAVE_CONFIG ---------------------->"
+    note = "#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated."
+    return "\n".join((*head, mark, note, *(f"#*# {line}" for line in block))) + "\n"
+
+
+def machine_yaml(machine: Delta) -> str:
+    """Its machine file, with what this kind of machine can have."""
+    return delta_yaml(machine)

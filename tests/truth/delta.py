@@ -1,0 +1,437 @@
+"""An independent linear delta: three upright rails that lean, three arms, a bed and a probe.
+
+Positions come from Newton's method on the sphere equations, a touch from the equation "the tip of
+the probe is on the surface": nothing is linearised, and nothing is taken from the package.
+
+Frame: x, y as the controller has them, z up from the bed. Tower i stands at angle a_i and radius
+r_i; its carriage at height h is at foot + h * u, u the unit vector of the (leaning) rail. Lengths
+are in mm, angles in degrees (towers) or mrad (leans), times in minutes.
+"""
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .plan import Floats, Ints, frozen, frozen_ints
+from .spheres import tool_from_carriages
+
+TOLERANCES: dict[str, float] = {
+    "tower_lean": 2.0,
+    "tower_radius": 0.3,
+    "leg_length": 0.3,
+    "encoder_scale": 1.0,
+    "backlash": 0.05,
+    "bed_shape": 0.1,
+    "probe_tilt": 0.05,
+    "probe_drift": 0.05,
+    "thermal_drift": 0.05,
+    "misread": 0.1,
+}
+"""One standard deviation of each cause: mrad, mm, 1e-3, mm at the bed's edge, mm/h."""
+
+CALIBRATED = {"endstops": 0.5, "radius": 0.5, "angles": 0.1}
+"""How far a machine is off before its calibration, one standard deviation: mm, mm, deg."""
+
+LAYOUTS = (7, 13, 25, 41, 121, 400)
+"""Numbers of places."""
+
+
+@dataclass(frozen=True)
+class Delta:
+    """What the controller believes, and the probe."""
+
+    name: str = "v400"
+    arms: tuple[float, float, float] = (344.1, 344.1, 344.1)
+    radius: float = 161.8
+    angles: tuple[float, float, float] = (210.0, 330.0, 90.0)
+    endstops: tuple[float, float, float] = (420.0, 420.0, 420.0)
+    bed: float = 150.0
+    """Radius of the bed."""
+    noise: float = 0.013
+    """Standard deviation of one touch."""
+    resolution: float = 0.0
+    """To which a touch is rounded; 0 for not at all."""
+    calliper: float = 0.03
+    """Standard deviation of a measured distance."""
+    texture: float = 0.02
+    """Standard deviation of the local shape of its bed, as its file states it."""
+
+
+V400 = Delta()
+KOSSEL = Delta("kossel", (265.0, 265.0, 265.0), 130.0, endstops=(290.0, 290.0, 290.0), bed=115.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A bed: z = sum of c_jk (x / R)^j (y / R)^k, and waves that make a texture."""
+
+    radius: float
+    terms: Mapping[tuple[int, int], float] = field(default_factory=dict)
+    """(power of x, power of y) -> height at the edge."""
+    waves: Floats = field(default_factory=lambda: frozen(np.zeros((0, 4))))
+    """Rows of (amplitude, wave number along x, along y, phase)."""
+
+    def height(self, x: Floats, y: Floats) -> Floats:
+        """z at places, of their shape."""
+        u, v = x / self.radius, y / self.radius
+        z = sum((c * u**j * v**k for (j, k), c in self.terms.items()), np.zeros(np.shape(x)))
+        for amplitude, along, across, phase in self.waves:
+            z = z + amplitude * np.cos(along * x + across * y + phase)
+        return z
+
+
+def texture(rng: np.random.Generator, sd: float, length: float, count: int = 400) -> Floats:
+    """Waves whose sum has a standard deviation and the correlation exp(-d^2 / (2 length^2))."""
+    numbers = rng.normal(scale=1.0 / length, size=(2, count))
+    amplitudes = np.full(count, sd * np.sqrt(2.0 / count))
+    return frozen(np.stack((amplitudes, *numbers, rng.uniform(0.0, 2.0 * np.pi, count)), axis=1))
+
+
+def grain(rng: np.random.Generator, sd: float, length: float, count: int = 600) -> Floats:
+    """Waves whose sum has a standard deviation and the correlation exp(-d / length)."""
+    # The spectrum of that correlation in the plane is a Cauchy distribution of wave numbers.
+    numbers = rng.normal(size=(2, count)) / np.abs(rng.normal(size=count)) / length
+    amplitudes = np.full(count, sd * np.sqrt(2.0 / count))
+    return frozen(np.stack((amplitudes, *numbers, rng.uniform(0.0, 2.0 * np.pi, count)), axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """How a machine differs from what its controller believes; all zero for a perfect one."""
+
+    endstops: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
+    """True height of a carriage less the indicated one, shape (3,)."""
+    radius: float = 0.0
+    angles: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
+    """Excess of the tower angles, shape (3,), [deg]; the third is 0 by convention."""
+    radii: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
+    """Excess of each tower's radius over the common one, shape (3,)."""
+    leans: Floats = field(default_factory=lambda: frozen(np.zeros((3, 2))))
+    """Lean of each rail away from the centre, and in the sense of growing angles, [mrad]."""
+    arms: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
+    scales: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
+    """Way of a carriage from its endstop, excess [1e-3]."""
+    lost: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
+    """Lost motion: after a way upwards a carriage stands half of it too low, else too high."""
+    rates: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
+    """What the endstops' heights gain with time [mm/h]."""
+    bed: Surface | None = None
+    """Flat and level if None."""
+    tilt: Surface | None = None
+    """Height of the probe's tip over its nominal one, by place."""
+    drift: float = 0.0
+    """What the tip's height loses, so that a reading gains, with time [mm/h]."""
+
+
+def feet(machine: Delta, truth: Truth) -> Floats:
+    """Where the rails meet the plane z = 0, shape (3 towers, 3)."""
+    angle = np.radians(np.array(machine.angles) + truth.angles)
+    radius = machine.radius + truth.radius + truth.radii
+    return np.stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(3)), axis=1)
+
+
+def rails(machine: Delta, truth: Truth) -> Floats:
+    """Unit vectors along the rails, shape (3 towers, 3)."""
+    angle = np.radians(np.array(machine.angles) + truth.angles)
+    out = np.stack((np.cos(angle), np.sin(angle), np.zeros(3)), axis=1)
+    along = np.stack((-np.sin(angle), np.cos(angle), np.zeros(3)), axis=1)
+    lean = 1e-3 * truth.leans
+    up = np.array([0.0, 0.0, 1.0]) + lean[:, :1] * out + lean[:, 1:] * along
+    return up / np.linalg.norm(up, axis=1, keepdims=True)
+
+
+def indicated(machine: Delta, places: Floats) -> Floats:
+    """Joint positions to which the controller drives for tool places, shape (n, 3) -> (n, 3)."""
+    tower = feet(machine, Truth())
+    apart = places[:, None, :2] - tower[None, :, :2]
+    below = np.array(machine.arms) ** 2 - (apart**2).sum(axis=2)
+    return places[:, 2:] + np.sqrt(below)
+
+
+def tool(
+    machine: Delta,
+    truth: Truth,
+    joints: Floats,
+    hours: Floats | float = 0.0,
+    ways: Floats | float = 0.0,
+) -> Floats:
+    """Where the tool truly is, shape (n, 3).
+
+    Args:
+        joints: indicated positions, shape (n, 3).
+        hours: since the endstops were found, shape (n,).
+        ways: 1 for a carriage that came up, -1 for one that came down, shape (n, 3).
+    """
+    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
+    growth = np.broadcast_to(hours, joints.shape[:1])[:, None] * truth.rates
+    height = home - (home - joints) * (1.0 + 1e-3 * truth.scales) + truth.endstops + growth
+    height = height - 0.5 * truth.lost * ways
+    carriages = feet(machine, truth)[None] + height[:, :, None] * rails(machine, truth)[None]
+    arms = (np.array(machine.arms) + truth.arms)[:, None]
+    centre = carriages[:, :, :2].mean(axis=1)
+    below = carriages[:, :, 2].mean(axis=1) - np.mean(machine.arms) * 0.9
+    start = np.concatenate((centre, below[:, None]), axis=1)
+    found = tool_from_carriages(carriages.transpose(1, 2, 0), arms, start.T, steps=12).T
+    return np.ascontiguousarray(found)
+
+
+def joints_for(machine: Delta, truth: Truth, places: Floats) -> Floats:
+    """Indicated joint positions, shape (n, 3), at which the tool truly is at places, shape (n, 3).
+
+    The highest point of each rail that is an arm's length away.
+    """
+    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
+    along = rails(machine, truth)
+    apart = places[:, None] - feet(machine, truth)[None]
+    middle = (apart * along).sum(axis=2)
+    arms = np.array(machine.arms) + truth.arms
+    height = middle + np.sqrt(arms**2 - (apart**2).sum(axis=2) + middle**2)
+    return home - (home + truth.endstops - height) / (1.0 + 1e-3 * truth.scales)
+
+
+def ways_between(machine: Delta, x: Floats, y: Floats) -> Floats:
+    """Which way each carriage came from the last place: 1 up, -1 down, shape (n, 3).
+
+    The way is level; to the first place, all come down from their endstops.
+    """
+    joints = indicated(machine, np.stack((x, y, np.zeros(len(x))), axis=1))
+    return np.concatenate((-np.ones((1, 3)), np.sign(np.diff(joints, axis=0))))
+
+
+def touches(
+    machine: Delta, truth: Truth, x: Floats, y: Floats, block: Floats, hours: Floats
+) -> Floats:
+    """Commanded height at which the probe triggers, shape (n,).
+
+    Args:
+        x, y: commanded places, shape (n,).
+        block: height of what lies on the bed under the probe, shape (n,).
+        hours: since the endstops were found, shape (n,).
+
+    Lost motion stays as the way from the last place left it: the descent does not take it up.
+    The gap between tip and surface changes as much as the commanded height, within a few per cent:
+    each step takes the gap off, and what remains is a few per cent of it.
+    """
+
+    ways = ways_between(machine, x, y)
+
+    def gap(z: Floats) -> Floats:
+        at = tool(machine, truth, indicated(machine, np.stack((x, y, z), axis=1)), hours, ways)
+        bed = truth.bed.height(at[:, 0], at[:, 1]) if truth.bed else 0.0
+        tip = truth.tilt.height(at[:, 0], at[:, 1]) if truth.tilt else 0.0
+        return at[:, 2] + tip - truth.drift * hours - bed - block
+
+    z = np.array(block, dtype=float)
+    for _ in range(12):
+        z = z - gap(z)
+    return z
+
+
+def distances(machine: Delta, truth: Truth, first: Floats, second: Floats) -> Floats:
+    """True distances between the places where a print was laid down, shape (n,).
+
+    Args:
+        first, second: commanded places, shape (n, 3).
+    """
+    ends = [tool(machine, truth, indicated(machine, places)) for places in (first, second)]
+    return np.linalg.norm(ends[0] - ends[1], axis=1)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where and in which order the bed is touched."""
+
+    places: int = 121
+    heights: tuple[float, ...] = (0.0,)
+    """Of blocks under the probe; all places at one height, then at the next."""
+    cycles: int = 1
+    reach: float = 0.95
+    """Outermost place, of the bed's radius."""
+    pace: float = 0.1
+    """Minutes per touch."""
+
+
+def places_of(layout: Layout, bed: float) -> Floats:
+    """Places, shape (n, 2): the centre and six around it, or evenly over the disc, row by row."""
+    radius = layout.reach * bed
+    if layout.places == 7:
+        turn = np.radians(30.0 + 60.0 * np.arange(6))
+        ring = radius * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+        return np.concatenate((np.zeros((1, 2)), ring))
+    number = np.arange(layout.places)
+    away = radius * np.sqrt((number + 0.5) / layout.places)
+    turn = number * np.pi * (3.0 - np.sqrt(5.0))
+    at = np.round(np.stack((away * np.cos(turn), away * np.sin(turn)), axis=1), 2)
+    rows = max(round(np.sqrt(layout.places)), 1)
+    row = np.clip(((at[:, 1] + radius) / (2.0 * radius) * rows).astype(int), 0, rows - 1)
+    forth = np.where(row % 2 == 0, at[:, 0], -at[:, 0])
+    return at[np.lexsort((forth, row))]
+
+
+@dataclass(frozen=True, eq=False)
+class DeltaSession:
+    """Touches of a bed, and the truth behind them; N touches in the order of time."""
+
+    machine: Delta
+    truth: Truth
+    hidden: tuple[str, ...]
+    layout: Layout
+    x: Floats
+    y: Floats
+    block: Floats
+    minutes: Floats
+    cycle: Ints
+    misread: tuple[int, float] | None
+    """Row and size of a wrong touch."""
+    clean: Floats
+    """Trigger heights without noise and rounding, shape (N,)."""
+    readings: Floats
+    """Shape (N,)."""
+
+    outside: None = None
+    """Nothing outside the list is hidden."""
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Hidden cause ids."""
+        return self.hidden
+
+    @property
+    def label(self) -> str:
+        """`healthy`, an id, or `id+id`."""
+        return "+".join(self.hidden) or "healthy"
+
+
+def draw_truth(hidden: tuple[str, ...], bed: float, rng: np.random.Generator) -> Truth:
+    """A machine before its calibration, with one to three tolerances of each hidden cause."""
+
+    def sized(cause: str, count: int) -> Floats:
+        values = rng.normal(size=count)
+        return values / np.linalg.norm(values) * rng.uniform(1.0, 3.0) * TOLERANCES[cause]
+
+    angles = np.append(rng.normal(scale=CALIBRATED["angles"], size=2), 0.0)
+    truth = Truth(
+        endstops=frozen(rng.normal(scale=CALIBRATED["endstops"], size=3)),
+        radius=float(rng.normal(scale=CALIBRATED["radius"])),
+        angles=frozen(angles),
+    )
+    for cause in hidden:
+        if cause == "tower_lean":
+            truth = replace(truth, leans=frozen(sized(cause, 6).reshape(3, 2)))
+        elif cause == "tower_radius":
+            first, second = sized(cause, 2)
+            truth = replace(truth, radii=frozen([first, second, -first - second]))
+        elif cause == "leg_length":
+            truth = replace(truth, arms=frozen(sized(cause, 3)))
+        elif cause == "encoder_scale":
+            truth = replace(truth, scales=frozen(sized(cause, 3)))
+        elif cause == "backlash":
+            truth = replace(truth, lost=frozen(np.abs(sized(cause, 3))))
+        elif cause == "thermal_drift":
+            truth = replace(truth, rates=frozen(sized(cause, 3)))
+        elif cause == "bed_shape":
+            powers = [(j, k) for j in range(4) for k in range(4) if 2 <= j + k <= 3]
+            sizes = sized(cause, len(powers)) * np.sqrt(len(powers) / 3.0)
+            terms = dict(zip(powers, sizes.tolist(), strict=True))
+            truth = replace(truth, bed=Surface(bed, terms))
+        elif cause == "probe_tilt":
+            powers = [(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
+            terms = dict(zip(powers, sized(cause, 5).tolist(), strict=True))
+            truth = replace(truth, tilt=Surface(bed, terms))
+        elif cause == "probe_drift":
+            truth = replace(truth, drift=float(sized(cause, 1)[0]))
+        elif cause != "misread":
+            raise KeyError(f"no such cause: {cause}")
+    return truth
+
+
+def make_delta_session(
+    seed: int,
+    machine: Delta = V400,
+    hidden: tuple[str, ...] = (),
+    layout: Layout | None = None,
+    bumps: tuple[float, float] = (0.0, 30.0),
+    shape: Callable[[np.random.Generator, float, float], Floats] = texture,
+) -> DeltaSession:
+    """Draw one session. The same arguments give the same session.
+
+    Args:
+        seed: any integer >= 0.
+        hidden: cause ids; empty for a sound machine, which is not calibrated yet, either.
+        layout: 121 places on the flat bed if None.
+        bumps: standard deviation [mm] and correlation length [mm] of the bed's local shape.
+        shape: draws it: `texture` or `grain`.
+    """
+    layout = layout or Layout()
+    words = "|".join((machine.name, *hidden, str(layout)))
+    rng = np.random.default_rng([seed, zlib.crc32(words.encode())])
+    truth = draw_truth(hidden, machine.bed, rng)
+    if bumps[0]:
+        terms = truth.bed.terms if truth.bed else {}
+        truth = replace(truth, bed=Surface(machine.bed, terms, shape(rng, *bumps)))
+    return probe_bed(machine, truth, hidden, layout, rng)
+
+
+def probe_bed(
+    machine: Delta,
+    truth: Truth,
+    hidden: tuple[str, ...],
+    layout: Layout,
+    rng: np.random.Generator,
+) -> DeltaSession:
+    """Touch the bed of a machine; a second call is another day at the same one."""
+    at = places_of(layout, machine.bed)
+    heights, cycles = len(layout.heights), layout.cycles
+    x, y = (np.tile(at[:, k], heights * cycles) for k in range(2))
+    block = np.tile(np.repeat(layout.heights, len(at)), cycles)
+    cycle = np.repeat(np.arange(1, cycles + 1), len(at) * heights)
+    steps = rng.gamma(25.0, layout.pace / 25.0, size=len(x))
+    minutes = np.round(np.cumsum(steps) - steps[0], 2)
+    clean = touches(machine, truth, x, y, block, minutes / 60.0)
+    shown = clean + rng.normal(scale=machine.noise, size=len(x))
+    if machine.resolution:
+        shown = np.round(shown / machine.resolution) * machine.resolution
+    misread = None
+    if "misread" in hidden:
+        size = rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 4.0) * TOLERANCES["misread"]
+        misread = int(rng.integers(len(x))), float(size)
+        shown[misread[0]] += size
+    return DeltaSession(
+        machine, truth, hidden, layout, frozen(x), frozen(y), frozen(block), frozen(minutes),
+        frozen_ints(cycle), misread, frozen(clean), frozen(np.round(shown, 6)),
+    )  # fmt: skip
+
+
+def delta_csv(session: DeltaSession) -> str:
+    """The record as a file of the contract; z_mm is the height of what lies under the probe."""
+    rows = [
+        f"{n + 1},{session.cycle[n]},{session.minutes[n]:.2f},{session.x[n]:.2f},"
+        f"{session.y[n]:.2f},{session.block[n]:g},{session.readings[n]:.6f}"
+        for n in range(len(session.x))
+    ]
+    return "\n".join(("seq,cycle,minutes,x_mm,y_mm,z_mm,reading_mm", *rows)) + "\n"
+
+
+def delta_yaml(machine: Delta) -> str:
+    """The machine file of the contract that states this machine, its probe and the tolerances."""
+    ends = ", ".join(f"{k}: {v}" for k, v in zip("abc", machine.endstops, strict=True))
+    lines = [
+        "schema_version: 1",
+        "kind: linear_delta",
+        f"name: truth-{machine.name}",
+        f"arm_length_mm: {list(machine.arms)}",
+        f"delta_radius_mm: {machine.radius}",
+        f"tower_angles_deg: {list(machine.angles)}",
+        f"endstops_mm: {{{ends}}}",
+        f"bed_radius_mm: {machine.bed}",
+        "probe:",
+        f"  resolution_mm: {machine.resolution}",
+        f"  repeatability_mm: {machine.noise}",
+        f"  calliper_mm: {machine.calliper}",
+        f"  texture_mm: {machine.texture}",
+        "tolerances:",
+        *(f"  {cause}: {size}" for cause, size in TOLERANCES.items()),
+    ]
+    return "\n".join(lines) + "\n"
