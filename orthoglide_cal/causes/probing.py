@@ -11,75 +11,60 @@ from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, ProbePlan
 from orthoglide_cal.model.plan import Numbers
 
 
-def _surface(
-    theta: Numbers, where: Numbers, powers: tuple[tuple[int, int], ...], radius: float
-) -> Numbers:
-    """Height (..., n) at places (..., n, 3) of a surface with one unit of each term at the edge."""
-    x, y = where[..., 0] / radius, where[..., 1] / radius
-    terms = (theta[..., k, None] * x**i * y**j for k, (i, j) in enumerate(powers))
-    return np.asarray(sum(terms))
+class _Surface(Cause):
+    """What rises and falls smoothly over the bed; one unit of each term at its edge."""
+
+    stage = Stage.CONTACT
+    unit = "mm"
+    lasting = True
+    # Of x and y in each term.
+    powers: tuple[tuple[int, int], ...]
+
+    def contact(
+        self,
+        heights: Numbers,
+        theta: Numbers,
+        place: Place,
+        where: Numbers,
+        plan: ProbePlan,
+        machine: DeltaMachine,
+    ) -> Numbers:
+        """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
+        x, y = where[..., 0] / machine.bed_radius_mm, where[..., 1] / machine.bed_radius_mm
+        terms = (theta[..., k, None] * x**i * y**j for k, (i, j) in enumerate(self.powers))
+        return np.asarray(heights + ~plan.distance * sum(terms))
 
 
-class BedShape(Cause):
+class BedShape(_Surface):
     """A smooth surface, of second and third degree; tilt and height are the endstops'."""
 
     id = "bed_shape"
     title = "the bed is not flat"
-    stage = Stage.CONTACT
-    unit = "mm"
     sizes = MappingProxyType({LinearDelta.id: 0.1})
     size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
     names = ("xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
     powers = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
-    lasting = True
     instrument = "a straight edge and feeler gauges on the bed"
     advice = (
         "Lay a straight edge on the bed, or turn the plate by a third and probe again: what turns"
         " with it is its own shape. A bed mesh follows it; it is no error of the machine's motion."
     )
 
-    def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        where: Numbers,
-        plan: ProbePlan,
-        machine: DeltaMachine,
-    ) -> Numbers:
-        """Reading += height of the bed; theta (..., 7) [mm at the edge]."""
-        return heights + ~plan.distance * _surface(theta, where, self.powers, machine.bed_radius_mm)
 
-
-class ProbeTilt(Cause):
+class ProbeTilt(_Surface):
     """The effector tilts as it moves, and a probe beside the nozzle rises or falls with it."""
 
     id = "probe_tilt"
     title = "the probe tilts with the effector"
-    stage = Stage.CONTACT
-    unit = "mm"
     sizes = MappingProxyType({LinearDelta.id: 0.05})
     size_reason = "arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle"
     names = ("xx", "xy", "yy")
     powers = ((2, 0), (1, 1), (0, 2))
-    lasting = True
     instrument = "the same touches with the nozzle itself"
     advice = (
         "Probe with the nozzle itself, or turn the probe to the other side of the effector and"
         " probe again: what changes sign is its tilt. Compare the two arms of each pair."
     )
-
-    def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        where: Numbers,
-        plan: ProbePlan,
-        machine: DeltaMachine,
-    ) -> Numbers:
-        """Reading += how much lower the probe hangs; theta (..., 3) [mm at the edge]."""
-        return heights + ~plan.distance * _surface(theta, where, self.powers, machine.bed_radius_mm)
 
 
 class ProbeDrift(Cause):
