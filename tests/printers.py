@@ -7,6 +7,7 @@ import yaml
 
 from orthoglide_cal.model import Floats, Gauge, Model, Readings, Source
 from orthoglide_cal.model.kinds import DeltaMachine, ProbePlan
+from orthoglide_cal.model.touches import bed_readings
 from tests.machines import ROOT
 from tests.truth.delta import Delta, DeltaSession, Layout, Truth, places_of
 from tests.truth.plan import frozen
@@ -20,17 +21,10 @@ def printer(machine: Delta, tolerances: dict[str, float] | None = None) -> Delta
     return DeltaMachine(
         name=machine.name,
         kind="linear_delta",
-        leg_length_mm=float(np.mean(machine.arms)),
-        parallelogram_width_mm=0.0,
-        tool_offset_mm=0.0,
-        joint_limits_mm=(-max(machine.endstops), 0.0),
-        workspace_mm=2.0 * machine.bed,
+        **DeltaMachine.dimensions(
+            machine.arms, machine.radius, machine.angles, machine.endstops, machine.bed
+        ),
         gauge=Gauge(machine.resolution, max(machine.arms), None, machine.noise),
-        offsets_mm=machine.endstops,
-        arm_lengths_mm=machine.arms,
-        delta_radius_mm=machine.radius,
-        tower_angles_deg=machine.angles,
-        bed_radius_mm=machine.bed,
         calliper_mm=machine.calliper,
         texture_mm=0.0,
         tolerances=tolerances or {},
@@ -95,19 +89,8 @@ def plan_of_session(session: DeltaSession, heights: Floats | None = None) -> Pro
 
 def readings_of_touches(plan: ProbePlan, value: Floats) -> Readings:
     """Values (n,) [mm] as a file would give them."""
-    n = len(plan)
-    return Readings(
-        plan=plan,
-        value=value,
-        cycle=np.ones(n, dtype=np.intp),
-        posture=("",) * n,
-        temperature=np.full(n, np.nan),
-        gauge=("",) * n,
-        note=("",) * n,
-        line=np.arange(2, n + 2),
-        timed=True,
-        source=Source("made.csv", "0" * 64),
-    )
+    source, line = Source("made.csv", "0" * 64), np.arange(2, len(plan) + 2)
+    return bed_readings(plan, value, source, line, timed=True)
 
 
 def true_values(machine: Delta, truth: Truth) -> Floats:

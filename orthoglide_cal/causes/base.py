@@ -227,6 +227,16 @@ def series_at(place: Place) -> InPart:
     return InPart.of(place, 2)
 
 
+def apart(plan: GaugePlan, readings: Ints) -> tuple[int, ...]:
+    """Of some readings of a set-up and the rest of it, the fewer: its zero is unknown.
+
+    A step that leaves one reading behind is one wrong reading, as is one that moves one.
+    """
+    rest = np.setdiff1d(np.flatnonzero(plan.same[readings[0]]), readings)
+    fewer = rest if 0 < rest.size <= readings.size else readings
+    return tuple(fewer.tolist())
+
+
 def later_readings(plan: Plan) -> list[int]:
     """Readings that have an earlier one in their set-up."""
     earlier = plan.same & (plan.order[:, None] > plan.order)

@@ -8,6 +8,7 @@ import numpy as np
 
 from orthoglide_cal.causes.base import (
     PatternCause,
+    apart,
     later_readings,
     series_at,
     series_places,
@@ -103,6 +104,16 @@ class StandShift(PatternCause):
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """From every reading on but the first of each set-up."""
         return tuple(Place((i,)) for i in later_readings(plan))
+
+    def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
+        """The only reading before it, or the only one after it with the stand gone; else none.
+
+        That is one wrong reading: nothing that is read later can show that it was a knock.
+        """
+        (knocked,) = place.index
+        again = apart(plan, self.spoiled(place, plan))
+        will_show = bool(plan.standing[knocked]) and knocked in again
+        return () if will_show or len(again) > 1 else again
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The first reading after the knock."""

@@ -12,13 +12,14 @@ from orthoglide_cal.model.plan import Numbers
 
 
 class _Surface(Cause):
-    """What rises and falls smoothly over the bed; one unit of each term at its edge."""
+    """What rises and falls smoothly over the bed; one unit of each term at its edge.
+
+    A term's name is its formula: "xxy" is x²y.
+    """
 
     stage = Stage.CONTACT
     unit = "mm"
     lasting = True
-    # Of x and y in each term.
-    powers: tuple[tuple[int, int], ...]
 
     def contact(
         self,
@@ -31,7 +32,10 @@ class _Surface(Cause):
     ) -> Numbers:
         """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
         x, y = where[..., 0] / machine.bed_radius_mm, where[..., 1] / machine.bed_radius_mm
-        terms = (theta[..., k, None] * x**i * y**j for k, (i, j) in enumerate(self.powers))
+        terms = (
+            theta[..., k, None] * x ** name.count("x") * y ** name.count("y")
+            for k, name in enumerate(self.names)
+        )
         return np.asarray(heights + ~plan.distance * sum(terms))
 
 
@@ -43,7 +47,6 @@ class BedShape(_Surface):
     sizes = MappingProxyType({LinearDelta.id: 0.1})
     size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
     names = ("xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
-    powers = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
     instrument = "a straight edge and feeler gauges on the bed"
     advice = (
         "Lay a straight edge on the bed, or turn the plate by a third and probe again: what turns"
@@ -59,7 +62,6 @@ class ProbeTilt(_Surface):
     sizes = MappingProxyType({LinearDelta.id: 0.05})
     size_reason = "arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle"
     names = ("xx", "xy", "yy")
-    powers = ((2, 0), (1, 1), (0, 2))
     instrument = "the same touches with the nozzle itself"
     advice = (
         "Probe with the nozzle itself, or turn the probe to the other side of the effector and"

@@ -11,6 +11,7 @@ from orthoglide_cal.causes.base import (
     InPart,
     PatternCause,
     RelabelCause,
+    apart,
     later_readings,
     series_at,
     series_places,
@@ -42,7 +43,7 @@ class Misread(PatternCause):
     size_reason = "a slip of one numbered division"
     hides_reading = True
     instrument = "every reading taken twice"
-    advice = "Take this reading again: {where}."
+    advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every reading."""
@@ -77,6 +78,10 @@ class GaugeSlip(PatternCause):
     def possible(self, machine: Machine) -> bool:
         """Only a gauge with a dial has turns to miscount."""
         return super().possible(machine) and machine.gauge.revolution_mm is not None
+
+    def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
+        """Those that stand apart from the rest of their set-up."""
+        return apart(plan, self.spoiled(place, plan))
 
     def millimetres(self, machine: Machine) -> float:
         """One revolution of the dial [mm]."""

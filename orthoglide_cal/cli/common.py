@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO, TypeVar
 
 import typer
 from typer.core import TyperCommand
@@ -25,8 +25,11 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from orthoglide_cal.files import Input, StoredMachine
-    from orthoglide_cal.model import Entered, Model
+    from orthoglide_cal.model import Entered, Model, Source
+    from orthoglide_cal.planning.steps import MeasuringProtocol
     from orthoglide_cal.report.document import Document
+
+Choice = TypeVar("Choice", bound=StrEnum)
 
 
 class Stored(StrEnum):
@@ -65,11 +68,12 @@ def option(*names: str, metavar: str | None = None, help: str, **limits: Any) ->
     return typer.Option(*names, metavar=metavar, help=help, show_default=False, **limits)
 
 
+MEASURED = "Readings or differences (CSV), a session (YAML), or a delta's printer.cfg"
 Files = Annotated[
     list[str],
     typer.Argument(
         metavar="FILE...",
-        help="Readings or differences (CSV), or a session (YAML); - is standard input.",
+        help=f"{MEASURED}; - is standard input.",
         show_default=False,
     ),
 ]
@@ -97,6 +101,17 @@ Data = Annotated[
         "--data",
         help="What of a printer.cfg is meant; without it the calibration if it stores one.",
     ),
+]
+Cycles = Annotated[
+    int | None, option(min=1, max=50, help="Repeats of the postures on each leg (3).")
+]
+ProtocolName = Annotated[
+    str | None,
+    option("--protocol", metavar="NAME", help="double (posture, the default) or single."),
+]
+Design = Annotated[
+    str | None,
+    option(metavar="best", help="best: the fewest readings for the offsets; faults show less."),
 ]
 Offsets = tuple[float, float, float]
 Limit = Annotated[
@@ -126,6 +141,27 @@ NoColour = Annotated[
     bool,
     typer.Option("--no-color", help="No colours (as NO_COLOR does).", callback=_switch_colour_off),
 ]
+
+
+def named(kind: type[Choice], what: str, text: str | None) -> Choice | None:
+    """The choice that a word means, also without its "-posture". Raises UsageError if none."""
+    if text is None:
+        return None
+    for choice in kind:
+        if text in (choice.value, choice.removesuffix("-posture").removesuffix("-design")):
+            return choice
+    raise UsageError(f"There is no {what} {text!r}.", f"Choose one of {', '.join(kind)}.")
+
+
+def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
+    """How is measured, by --protocol or --design; None if neither says. Raises UsageError."""
+    from orthoglide_cal.planning.steps import MeasuringProtocol
+
+    if design is not None and protocol is not None:
+        raise UsageError("--design is a protocol of its own.", "Leave out --protocol.")
+    if design not in (None, "best"):
+        raise UsageError(f"There is no design {design!r}.", "Write --design best.")
+    return named(MeasuringProtocol, "protocol", design or protocol)
 
 
 def for_each(
@@ -158,10 +194,19 @@ def read_input(path: str, machine_file: Path | None = None, data: Stored | None 
     from orthoglide_cal import files
 
     given = files.read_input(path, given_machine(machine_file), folder_machine, data)
+    require_printer(given.measured.source, data)
     try:
         return replace(given, keeper=read_machine_file(own_machine_file(machine_file)))
     except OrthocalError:
         return given  # nothing can be recorded; what was measured stands for itself
+
+
+def require_printer(source: Source | None, data: Stored | None) -> None:
+    """Refuse --data for a file that stores one measurement only. Raises UsageError."""
+    if data is not None and source is not None and source.excerpt is None:
+        raise UsageError(
+            f"--data is for a printer.cfg; {file_words(source.path)} is none.", "Leave it out."
+        )
 
 
 def own_machine_file(machine_file: Path | None) -> Path:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.errors import OrthocalError, UsageError, command
+from orthoglide_cal.errors import OrthocalError, UsageError
 
 
 def diagnose(
@@ -47,6 +47,7 @@ def diagnose(
 
     from orthoglide_cal import diagnosis, results
     from orthoglide_cal import files as written
+    from orthoglide_cal.report.controller import about
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 
     _check_options(files, holdout, applied, accept, to)
@@ -70,13 +71,14 @@ def diagnose(
         stem = machine.stem if machine else "machine"
         target = to or Path(f"{stem}-{accept}.yaml")
         try:
+            diagnosed.require_recommended(accept)
             extended = diagnosis.extend(given.measured, given.model, accept, date.today())
             written.write_text(target, written.machine_text(extended))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)
             return error.exit_code
-        go_on = command("report", path, machine=target)
+        go_on = about("report", given.measured.source, machine=target)
         common.tell(f"{accept} is now part of {target}. Go on with:\n  {go_on}")
         return 0
 

@@ -34,7 +34,7 @@ def export(
         str,
         typer.Argument(
             metavar="FILE",
-            help="Readings, differences or a session; - is standard input.",
+            help=f"{common.MEASURED}; - is standard input.",
             show_default=False,
         ),
     ],

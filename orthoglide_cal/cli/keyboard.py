@@ -9,10 +9,9 @@ import threading
 import time
 from collections import deque
 from queue import Empty, SimpleQueue
-from types import TracebackType
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.session.asking import Line
+from orthoglide_cal.session.asking import Keyboard, Line
 from orthoglide_cal.system import SYSTEM, Terminal
 from orthoglide_cal.system.interface import COLUMNS, END_OF_INPUT
 
@@ -23,11 +22,8 @@ _LONGEST = 4096  # no one types more
 _FOREVER_S = 3600.0
 
 
-class StandardInput:
-    """Standard input, opened when it is first needed. In a terminal the line can be corrected.
-
-    Used as a context, it leaves the terminal as it was.
-    """
+class StandardInput(Keyboard):
+    """Standard input, opened when it is first needed. In a terminal the line can be corrected."""
 
     def __init__(self) -> None:
         self._terminal: Terminal | None = None
@@ -37,15 +33,8 @@ class StandardInput:
         self._begun = 0.0
         self._after_return = False
 
-    def __enter__(self) -> StandardInput:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Leave the terminal as it was."""
         if self._terminal is not None:
             self._terminal.close()
             self._terminal = None
@@ -62,11 +51,9 @@ class StandardInput:
 
     @property
     def partial(self) -> str:
-        """What was typed of a line that has not ended."""
         return visible(self._typed)
 
     def disturbed(self) -> bool:
-        """True once after the screen has changed: another size, or the program was stopped."""
         return self.live and self._screen().disturbed()
 
     def catch_up(self) -> None:

@@ -41,33 +41,16 @@ _LINEAR_DELTA = {
     "probe.calliper_mm": ("Calliper, mm", "standard deviation of a distance on a printed object"),
 }
 _KINDS = {"orthoglide": _ORTHOGLIDE, "linear_delta": _LINEAR_DELTA}
-# What an option is called in the file, where kinds differ; None where a kind has no such thing.
-_OPTIONS: dict[str, dict[str, str | None]] = {
-    "orthoglide": {"radius": None, "bed_radius": None, "endstop": None},
-    "linear_delta": {
-        "leg_length": "arm_length_mm",
-        "width": None,
-        "tool_offset": None,
-        "limits": None,
-        "workspace": None,
-        "resolution": "probe.resolution_mm",
-        "range": None,
-        "revolution": None,
-        "repeatability": "probe.repeatability_mm",
-        "radius": "delta_radius_mm",
-        "bed_radius": "bed_radius_mm",
-    },
-}
-_USUAL = {
-    "leg_length": "leg_length_mm",
-    "width": "parallelogram_width_mm",
-    "tool_offset": "tool_offset_mm",
-    "limits": "joint_limits_mm",
-    "workspace": "workspace_mm",
-    "resolution": "gauge.resolution_mm",
-    "range": "gauge.range_mm",
-    "revolution": "gauge.revolution_mm",
-    "repeatability": "gauge.repeatability_mm",
+# The option that gives each of these answers, in their order; None where none does.
+_OPTIONS: dict[str, tuple[str | None, ...]] = {
+    "orthoglide": (
+        *("name", "leg_length", "width", "tool_offset", "limits", "workspace"),
+        *("resolution", "range", "revolution", "repeatability"),
+    ),
+    "linear_delta": (
+        *("name", "leg_length", "radius", "bed_radius", "endstop", "endstop", "endstop"),
+        *("resolution", "repeatability", None),
+    ),
 }
 _TOLERANCES = "tolerances"
 
@@ -139,6 +122,7 @@ def new(
     from orthoglide_cal.files import write_text
 
     given = {
+        "name": name,
         "leg_length": leg_length,
         "width": width,
         "tool_offset": tool_offset,
@@ -153,7 +137,6 @@ def new(
         "endstop": endstop,
     }
     answers: dict[str, Any] = {"kind": kind} if kind is not None else {}
-    answers |= {"name": name} if name is not None else {}
     answers |= _given({key: value for key, value in given.items() if value is not None}, kind)
     answers |= dict(map(_tolerance, tolerance or ()))
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -218,9 +201,8 @@ def _tolerances_asked(answers: dict[str, Any], target: Path) -> str | None:
     text, kind = None, answers.get("kind", Machine.kind)
     for cause in (each for each in CAUSES.values() if kind in each.sizes):
         key = f"{_TOLERANCES}.{cause.id}"
-        # What has no size happens or does not; some only happens on other kinds.
-        possible = answers.get("kind", "orthoglide") in cause.sizes
-        if cause.unit and possible and key not in answers:
+        # What has no unit has no size: it happens or does not.
+        if cause.unit and key not in answers:
             common.tell(f"{cause.title} ({cause.size_reason})")
             text = _asked(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
     return text
@@ -238,19 +220,17 @@ def _next(answers: dict[str, Any]) -> str:
 
 def _given(options: dict[str, Any], kind: str | None) -> dict[str, Any]:
     """Options as keys of the file. Raises UsageError for one that this kind does not have."""
-    own = _OPTIONS.get(kind or "orthoglide", _OPTIONS["orthoglide"])
+    own = kind if kind in _KINDS else "orthoglide"
+    gives = list(zip(_KINDS[own], _OPTIONS[own], strict=True))
     answers: dict[str, Any] = {}
     for name, value in options.items():
-        if name == "endstop" and name not in own:
-            answers |= {f"endstops_mm.{tower}": value for tower in "abc"}
-            continue
-        key = own.get(name, _USUAL.get(name))
-        if key is None:
+        keys = [key for key, option in gives if option == name]
+        if not keys:
             raise UsageError(
                 f"--{name.replace('_', '-')} is not for a machine of kind {kind or 'orthoglide'}.",
                 "Leave it out; --help lists what there is.",
             )
-        answers[key] = value
+        answers |= dict.fromkeys(keys, value)
     return answers
 
 

@@ -6,29 +6,14 @@ import errno
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from orthoglide_cal.cli.common import (
-    MachineFile,
-    NoColour,
-    Offsets,
-    deliver,
-    folder_machine,
-    given_machine,
-    keeper,
-    leave_closed,
-    messages,
-    option,
-    output,
-    read_input,
-    remembered_machine,
-    tell,
-)
+from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
@@ -61,61 +46,37 @@ def measure(
         bool,
         typer.Option("--resume", help="Go on with an unfinished session at its next reading."),
     ] = False,
-    protocol: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="double (posture, the default), single, best.", show_default=False
-        ),
-    ] = None,
-    design: Annotated[
-        str | None,
-        typer.Option(
-            metavar="best",
-            help="best: the fewest readings for the offsets; faults show less.",
-            show_default=False,
-        ),
-    ] = None,
+    protocol: common.ProtocolName = None,
+    design: common.Design = None,
     then: Annotated[
         str | None,
-        typer.Option(
+        common.option(
             metavar="FILE",
             help="Go on from these readings: measure what is recommended next (orthocal plan FILE),"
             " and write a session that holds both.",
-            show_default=False,
         ),
     ] = None,
     choice: Annotated[
-        int | None,
-        typer.Option(min=1, help="With --then: which recommendation (1).", show_default=False),
+        int | None, common.option(min=1, help="With --then: which recommendation (1).")
     ] = None,
-    cycles: Annotated[
-        int | None,
-        typer.Option(
-            min=1, max=50, help="Repeats of the postures on each leg (3).", show_default=False
-        ),
-    ] = None,
+    cycles: common.Cycles = None,
     order: Annotated[
         str | None,
-        typer.Option(
-            metavar="[paper|fewest-moves]",
-            help="The paper's order (default) or fewer gauge moves.",
-            show_default=False,
+        common.option(
+            metavar="[paper|fewest-moves]", help="The paper's order (default) or fewer gauge moves."
         ),
     ] = None,
     gauges: Annotated[
         int | None,
-        typer.Option(
-            min=1, max=2, help="Gauges read side by side (2; single: 1).", show_default=False
-        ),
+        common.option(min=1, max=2, help="Gauges read side by side (2; single: 1)."),
     ] = None,
     gauge: Annotated[
         list[str] | None,
-        typer.Option(
+        common.option(
             metavar="SOURCE",
             help="typed (also keyboard-wedge gauges), simulated, or FORMAT:PORT[@BAUD][#CHANNELS],"
             " e.g. sylvac:/dev/ttyUSB0; twice for two ports. Formats: cdi, mahr, mitutoyo, mux,"
             " plain, sylvac, uwave.",
-            show_default=False,
         ),
     ] = None,
     unit: Annotated[
@@ -123,32 +84,28 @@ def measure(
     ] = "mm",
     until: Annotated[
         float | None,
-        typer.Option(
-            metavar="MM",
-            help="End as soon as every offset is known within this (95 %).",
-            show_default=False,
+        common.option(
+            metavar="MM", help="End as soon as every offset is known within this (95 %)."
         ),
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="Of the simulated gauge's hidden machine.", show_default=False),
+        common.option(min=0, help="Of the simulated gauge's hidden machine."),
     ] = None,
-    operator: Annotated[str | None, typer.Option(help="Your name.", show_default=False)] = None,
-    temperature: Annotated[
-        float | None, typer.Option(metavar="C", help="Of the room.", show_default=False)
-    ] = None,
+    operator: Annotated[str | None, common.option(help="Your name.")] = None,
+    temperature: Annotated[float | None, common.option(metavar="C", help="Of the room.")] = None,
     gauge_id: Annotated[
         list[str] | None,
-        typer.Option(metavar="ID", help="Of the gauge; again for the second.", show_default=False),
+        common.option(metavar="ID", help="Of the gauge; again for the second."),
     ] = None,
     certificate: Annotated[
         list[str] | None,
         typer.Option(metavar="NO", help="Of its calibration; again for the second."),
     ] = None,
-    machine: MachineFile = None,
+    machine: common.MachineFile = None,
     offsets_active: Annotated[
-        Offsets | None,
-        option(
+        common.Offsets | None,
+        common.option(
             "--offsets-active",
             metavar="DX DY DZ",
             help="Joint offsets that the controller holds now, mm (else those of the machine"
@@ -162,11 +119,12 @@ def measure(
     json: Annotated[
         bool, typer.Option("--json", help="At the end, the result as one JSON object.")
     ] = False,
-    no_colour: NoColour = False,
+    no_colour: common.NoColour = False,
 ) -> None:
     """Measure, guided step by step; every reading is saved at once and checked as it comes."""
     from orthoglide_cal import session as guided
     from orthoglide_cal.cli.keyboard import StandardInput
+    from orthoglide_cal.planning.steps import Order
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
@@ -174,12 +132,10 @@ def measure(
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
-    if design is not None and protocol is not None:
-        raise UsageError("--design is a protocol of its own.", "Leave out --protocol.")
-    if design not in (None, "best"):
-        raise UsageError(f"There is no design {design!r}.", "Write --design best.")
-    known = given_machine(machine) or (None if resume or then else remembered_machine())
-    if known is not None and known.kind.speech.probing is not None:
+    known = common.given_machine(machine) or (
+        None if resume or then else common.remembered_machine()
+    )
+    if known is not None and known.kind.probes:
         raise UsageError("A printer measures itself.", known.kind.speech.probing)
     request = guided.Request(
         path=session,
@@ -187,17 +143,17 @@ def measure(
         agreed=yes,
         offsets_mm=offsets_active,
         model=known,
-        otherwise=folder_machine,
-        keeper=keeper(machine) if then else None,
+        otherwise=common.folder_machine,
+        keeper=common.keeper(machine) if then else None,
         following=then,
         choice=choice,
-        protocol=guided.named(guided.MeasuringProtocol, "protocol", design or protocol),
+        protocol=common.measuring_protocol(protocol, design),
         cycles=cycles,
-        order=guided.named(guided.Order, "order", order),
+        order=common.named(Order, "order", order),
         stands=gauges,
         source=tuple(gauge or ()),
         seed=seed,
-        unit=guided.named(guided.Unit, "unit", unit) or guided.Unit.MM,
+        unit=common.named(guided.Unit, "unit", unit) or guided.Unit.MM,
         until_mm=until,
         operator=operator or None,
         temperature_c=temperature,
@@ -206,9 +162,9 @@ def measure(
             for name, number in zip_longest(gauge_id or (), certificate or ())
         ),
     )
-    show = _show_on(messages() if json else output(), messages())
+    show = _show_on(common.messages() if json else common.output(), common.messages())
     with ExitStack() as left, _saved_when_interrupted() as running:
-        with StandardInput() as keyboard:
+        with closing(StandardInput()) as keyboard:
             dialogue = guided.open_session(request, Path(), keyboard, show)
             left.callback(dialogue.close)
             running.append(dialogue)
@@ -227,8 +183,8 @@ def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
     from orthoglide_cal.session import Style
 
     dialogue.publish()
-    found = results.calibrate(read_input(str(dialogue.path)))
-    deliver(solution_document(found), as_json=as_json)
+    found = results.calibrate(common.read_input(str(dialogue.path)))
+    common.deliver(solution_document(found), as_json=as_json)
     _, adjustment = found.found
     dialogue.reveal(adjustment.offsets_mm, adjustment.interval_mm)
     show("How well the model fits this machine:")
@@ -273,10 +229,10 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
 def _leave(message: str) -> NoReturn:
     try:
         if message:
-            tell(message)
+            common.tell(message)
         sys.stdout.flush()
     except OSError:
-        leave_closed(sys.stdout, sys.stderr)
+        common.leave_closed(sys.stdout, sys.stderr)
     raise typer.Exit(INTERRUPTED)
 
 

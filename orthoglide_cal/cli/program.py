@@ -1,4 +1,4 @@
-"""`orthocal plan --program`: the posture program, shown or written."""
+"""`orthocal plan --program`: the posture program or the places to probe, shown or written."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from orthoglide_cal.errors import UsageError
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.gcode_template import Template
+    from orthoglide_cal.planning.layouts import Laid
     from orthoglide_cal.planning.program import PostureProgram
 
 _GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")
@@ -44,10 +45,7 @@ def write_program(program: PostureProgram, target: Path, template: Path | None =
     elif form in _GCODE:
         text = texts.program_gcode(program, _template(program, template))
     else:
-        raise UsageError(
-            f"What {target} is to be cannot be told from its name.",
-            f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.",
-        )
+        raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
     write_text(target, text)
     common.tell(
         f"{len(program.blocks)} blocks written to {target}. Try them first without gauges,"
@@ -66,3 +64,34 @@ def _template(program: PostureProgram, path: Path | None) -> Template:
         return gcode_template(read_document(str(path), YAML_LIMIT), numbers)
     with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
         return gcode_template(read_document(str(shipped), YAML_LIMIT), numbers)
+
+
+def write_places(laid: Laid, target: Path) -> None:
+    """Write the places of a layout as a file to be filled in; "-" shows it.
+
+    Raises:
+        UsageError: another kind of file, a layout with distances, or the file exists.
+    """
+    from orthoglide_cal.files import places_csv, write_text
+
+    if laid.layout.plan.distance.any():
+        raise UsageError(
+            f"{laid.layout.name} holds distances on a printed object: they are not probed.",
+            "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
+            " choose a layout without distances: --layout bed-13",
+        )
+    text = places_csv(laid.layout.plan)
+    if str(target) == "-":
+        print(text, end="")
+        return
+    if target.suffix.lower() != _CSV:
+        raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
+    write_text(target, text)
+    common.tell(
+        f"{len(laid.layout.plan)} places written to {target}: {laid.layout.what}. Fill in"
+        " reading_mm, the height at which the probe triggers, bed mesh off."
+    )
+
+
+def _unknown(target: Path, remedy: str) -> UsageError:
+    return UsageError(f"What {target} is to be cannot be told from its name.", remedy)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.errors import UnusableResultError, UsageError, command
+from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
     from orthoglide_cal.report.document import Document
@@ -20,8 +20,8 @@ def report(
         str | None,
         typer.Argument(
             metavar="[FILE]",
-            help="Readings, differences or a session; without it the latest session in this"
-            " folder; - is standard input.",
+            help=f"{common.MEASURED}; without it the latest session in this folder; - is standard"
+            " input.",
             show_default=False,
         ),
     ] = None,
@@ -90,6 +90,7 @@ def report(
     from orthoglide_cal import diagnosis, results
     from orthoglide_cal.files import latest_session
     from orthoglide_cal.model import View
+    from orthoglide_cal.report.controller import about
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.verification import verify
 
@@ -97,10 +98,11 @@ def report(
         given, verification = common.read_input(path, machine, data), None
         if after is not None:
             later = common.read_input(after, machine, data)
+            source = given.measured.source
             if View.BED in {given.measured.view, later.measured.view}:
                 raise UsageError(
                     "A report of a printer is of one file.",
-                    f"Compare them: {command('verify', path, after, machine=machine)}",
+                    f"Compare them: {about('verify', source, after, machine=machine)}",
                 )
             known = functools.partial(common.entered, machine)
             verification = verify(given, later, applied, limit, known)

@@ -23,7 +23,12 @@ from orthoglide_cal.errors import InputError, UsageError
 if TYPE_CHECKING:
     import numpy as np
 
-    from orthoglide_cal.model import Cause, Effect, Machine, Place
+    from orthoglide_cal.model import Cause, Effect, Machine, Model, Place
+
+
+# What is meant where nothing is said: the gauge in the middle of the leg; places on a bed.
+_MIDDLE = 0.5
+_PLACES = 41
 
 
 class Protocol(StrEnum):
@@ -60,10 +65,10 @@ def simulate(
             max=1.0,
             help="Place of the gauges along the leg: 0 carriage joint, 1 tool (double only).",
         ),
-    ] = 0.5,
+    ] = _MIDDLE,
     places: Annotated[
         int, typer.Option(min=1, max=2000, help="Of a linear delta: places on its bed.")
-    ] = 41,
+    ] = _PLACES,
     height: Annotated[
         list[float] | None,
         option(metavar="MM", help="Of what lies under the probe; again for more heights."),
@@ -128,41 +133,44 @@ def simulate(
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
     gauge = replace(nominal.gauge, **{k: v for k, v in given.items() if v is not None})
     rng = np.random.default_rng(chosen)
-    if known.kind.speech.probing is not None:
-        if json or (target is not None and target.suffix.lower() in (".yaml", ".yml")):
+    yaml = target is not None and target.suffix.lower() in (".yaml", ".yml")
+
+    def wrong(plan: Any) -> Model:
+        """The machine with all that is wrong with it, or with these readings."""
+        return known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
+
+    plan: Any
+    record = None
+    if known.kind.probes:
+        if protocol is not Protocol.DOUBLE or gauge_at != _MIDDLE:
+            raise UsageError("--protocol and --gauge-at are for gauges.", "Leave them out.")
+        if json or yaml:
             raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
-        touched = bed_plan(nominal, places, height or (0.0,), cycles or 1)
-        faults = [_effect_named(text, touched, nominal, rng) for text in cause or ()]
-        made = synthetic_touches(
-            known.extended(faults), touched, np.array((*offsets, *more)), rng, gauge
-        )
-        if target is None:
-            print(touches_csv(made), end="")
-        else:
-            write_text(target, touches_csv(made))
-            tell(f"{len(made)} touches written to {target}")
-        if seed is None:
-            tell(f"seed {chosen}")
-        return
-    if height is not None or any(more):
-        raise UsageError("--height and --radius-angles are of a linear delta.", "Leave them out.")
-    if protocol is Protocol.DOUBLE:
-        plan = double_posture(nominal, cycles or 3, gauge_at=gauge_at)
+        plan = bed_plan(nominal, places, height or (0.0,), cycles or 1)
+        true = np.array((*offsets, *more))
+        made = synthetic_touches(wrong(plan), plan, true, rng, gauge)
+        text, what = touches_csv(made), "touches"
     else:
-        plan = single_posture(nominal, cycles or 3)
-    wrong = [_effect_named(text, plan, nominal, rng) for text in cause or ()]
-    session = synthetic_session(known.extended(wrong), plan, np.array(offsets), rng, gauge)
-    record = session_of_readings(session, known, {"source": f"simulated, seed {chosen}"})
+        if places != _PLACES or height is not None or any(more):
+            options = "--places, --height and --radius-angles"
+            raise UsageError(f"{options} are of a linear delta.", "Leave them out.")
+        if protocol is Protocol.DOUBLE:
+            plan = double_posture(nominal, cycles or 3, gauge_at=gauge_at)
+        else:
+            plan = single_posture(nominal, cycles or 3)
+        made = synthetic_session(wrong(plan), plan, np.array(offsets), rng, gauge)
+        text, what = readings_csv(made), "readings"
+        record = session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target is not None:
-        if target.suffix.lower() in (".yaml", ".yml"):
+        if yaml and record:
             write_session(record, target)
         else:
-            write_text(target, readings_csv(session))
-        tell(f"{len(session)} readings written to {target}")
-    if json:
+            write_text(target, text)
+        tell(f"{len(made)} {what} written to {target}")
+    if json and record:
         print_json(session_json(record))
     elif target is None:
-        print(readings_csv(session), end="")
+        print(text, end="")
     if seed is None:
         tell(f"seed {chosen}")
 
@@ -190,8 +198,12 @@ def _effect_named(text: str, plan: Any, machine: Machine, rng: np.random.Generat
 
     head, _, tail = text.partition("=")
     name, _, place = (part.strip() for part in head.partition("@"))
-    if name not in CAUSES:
-        raise UsageError(f"There is no cause {name!r}.", f"Choose one of {', '.join(CAUSES)}.")
+    possible = [id for id, each in CAUSES.items() if machine.kind in each.sizes]
+    if name not in possible:
+        where = f" of kind {machine.kind}" if name in CAUSES else ""
+        raise UsageError(
+            f"There is no cause {name!r}{where}.", f"Choose one of {', '.join(possible)}."
+        )
     cause = CAUSES[name]
     return cause.at(_parameters(cause, tail, machine, rng), _place(cause, place, plan, machine))
 
@@ -200,8 +212,9 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     import numpy as np
 
     from orthoglide_cal.files import parse_number
+    from orthoglide_cal.model.model import parameter_names
 
-    names = cause.names
+    names = list(parameter_names(cause, machine.kind).values())
     try:
         values = [parse_number(part) for part in text.split(",")] if text.strip() else []
     except InputError as error:
@@ -223,7 +236,7 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
 
 def _place(cause: Cause, text: str, plan: Any, machine: Machine) -> Place:
     from orthoglide_cal.causes import RelabelCause
-    from orthoglide_cal.model import Place
+    from orthoglide_cal.model import Place, View
 
     places = cause.places(plan, machine)
     index: tuple[int, ...] = ()
@@ -241,7 +254,8 @@ def _place(cause: Cause, text: str, plan: Any, machine: Machine) -> Place:
         fits = cause.reversible(plan, place)
     if not fits:
         here = f" at {text!r}" if text else ""
-        example = {0: "no place", 1: "12 (a reading) or x (a leg)", 2: "x,y (leg, direction) or 12"}
+        one = "12 (a touch)" if plan.view is View.BED else "12 (a reading) or x (a leg)"
+        example = {0: "no place", 1: one, 2: "x,y (leg, direction) or 12"}
         raise UsageError(
             f"{cause.id} cannot act{here} in this session.",
             f"Give as its place: {example[len(places[0].index)] if places else 'none fits'}.",

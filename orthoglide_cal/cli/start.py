@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 
 def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
-    from orthoglide_cal.files import machine_in_folder, sessions_in
+    from orthoglide_cal.files import machine_in_folder, printers_in, sessions_in
     from orthoglide_cal.report import document as doc
     from orthoglide_cal.session import unfinished
 
     here = Path()
     model, sessions, waiting = None, sessions_in(here), unfinished(here)
+    printers = printers_in(here)
     try:
         path = machine_in_folder(here)
         known = "none in this folder" if path is None else str(path)
@@ -35,13 +36,18 @@ def start() -> None:
         known = str(error)
     facts: list[tuple[str, doc.Blank]] = [("Machine file", doc.Given(known))]
     facts += [("Unfinished", doc.Given(path.name)) for path in waiting]
+    if printers:
+        facts.append(("Printer", doc.Given(", ".join(map(str, printers)))))
     if sessions:
         others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
         facts.append(("Last session", doc.Given(f"{sessions[-1].path}{others}")))
-    section = doc.Section("What to type next", (doc.Instructions(_next(model, sessions, waiting)),))
+    steps = _next(model, sessions, waiting, printers)
+    section = doc.Section("What to type next", (doc.Instructions(steps),))
     page = doc.Page(
         kind="orthocal",
-        title="calibration of an Orthoglide with a dial indicator",
+        title="calibration of a linear delta by its own probe"
+        if printers and not sessions
+        else "calibration of an Orthoglide with a dial indicator",
         facts=doc.Facts(tuple(facts)),
         sections=(section,),
     )
@@ -50,7 +56,10 @@ def start() -> None:
 
 
 def _next(
-    model: Model | None, sessions: list[FoundSession], waiting: list[Path]
+    model: Model | None,
+    sessions: list[FoundSession],
+    waiting: list[Path],
+    printers: list[Path],
 ) -> tuple[doc.Instruction, ...]:
     """What comes next in the round: machine, measure, solve, apply, measure again, verify."""
     from orthoglide_cal.files import read_input
@@ -61,8 +70,8 @@ def _next(
         name = str(waiting[0].with_suffix(".yaml"))
         return (Instruction("Go on measuring.", command("measure", name, options="--resume")),)
     if not sessions:
-        if model and model.kind.speech.probing:
-            return _probed()
+        if model.kind.probes if model else printers:
+            return _probed(str(printers[-1]) if printers else "printer.cfg")
         first = () if model else (Instruction("Say what machine it is.", "orthocal machine new"),)
         practice = command("measure", "practice.yaml", options="--gauge simulated")
         return (
@@ -88,16 +97,16 @@ def _next(
     )
 
 
-def _probed() -> tuple[doc.Instruction, ...]:
+def _probed(printer: str) -> tuple[doc.Instruction, ...]:
     """What comes next with a machine that measures itself."""
     from orthoglide_cal.report.document import Instruction
 
     return (
         Instruction("How to probe it, and what to bring.", "orthocal guide delta"),
-        Instruction("See the parameters.", command("solve", "printer.cfg")),
+        Instruction("See the parameters.", command("solve", printer)),
         Instruction(
             "Ask whether the model is right.",
-            command("diagnose", "printer.cfg", options="--data mesh"),
+            command("diagnose", printer, options="--data mesh"),
         ),
     )
 

@@ -18,14 +18,6 @@ class Example(StrEnum):
     GCODE = "gcode"
 
 
-_SHIPPED = {
-    Example.READINGS: "readings.csv",
-    Example.DIFFERENCES: "differences.csv",
-    Example.TOUCHES: "touches.csv",
-    Example.GCODE: "gcode.nc",
-}
-
-
 def template(
     kind: Annotated[Example, typer.Argument(help="What the file is to hold.", show_default=False)],
 ) -> None:
@@ -37,5 +29,6 @@ def template(
     if kind is Example.MACHINE:
         print(new_machine({"name": "my machine"}, "-"), end="")
     else:
-        shipped = files("orthoglide_cal.files") / "templates" / _SHIPPED[kind]
+        ending = "nc" if kind is Example.GCODE else "csv"
+        shipped = files("orthoglide_cal.files") / "templates" / f"{kind}.{ending}"
         print(shipped.read_text(encoding="utf-8"), end="")

@@ -20,6 +20,8 @@ def validate(
 
     def judge(path: str) -> int:
         check = check_file(path, common.given_machine(machine), common.folder_machine, data)
+        if check.valid:
+            common.require_printer(check.source, data)
         refused: UnusableResultError | None = None
         if check.given is not None:
             try:

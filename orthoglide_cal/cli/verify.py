@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 def verify(
     before: Annotated[
-        str, typer.Argument(metavar="BEFORE", help="Measured before the offsets were entered.")
+        str,
+        typer.Argument(
+            metavar="BEFORE", help=f"Measured before the correction. {common.MEASURED}."
+        ),
     ],
     after: Annotated[
         str, typer.Argument(metavar="AFTER", help="Measured after it, with the same protocol.")

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis.candidates import UNLISTED, Candidates, Ids, ids_of
+from orthoglide_cal.diagnosis.candidates import Candidates, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanation
 from orthoglide_cal.diagnosis.result import Verdict
 from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
 from orthoglide_cal.estimation.accuracy import chance_of_residual
-from orthoglide_cal.model import Floats
+from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.model import Floats, Stage
 
 # Something is wrong only if that is this many times likelier than that nothing is. Of 1,200 healthy
 # sessions of two cycles 9 get that far; at 2.5 half of them, but more real causes are passed over.
@@ -38,6 +39,8 @@ MISFIT = 2e-4
 # Explanations within this much log evidence of the best are fitted nonlinearly, the best few.
 WORTH_A_FIT = 8.0
 FITS = 3
+# No rival is dismissed by its linear score alone unless that is so far below `DISMISSED`.
+FAR_BELOW = 0.03
 # A place this unlikely for a fault that is left open is not looked at, and no more than so many.
 PLACE_COUNTS, PLACES = 0.002, 6
 # A cause this probable beside "nothing is wrong" widens the offsets' uncertainty.
@@ -64,11 +67,13 @@ class Posterior:
         listed: set of ids → probability.
         unlisted: pattern in words → probability.
         remedies: set of ids → what it asks of a technician, where it is not mending these causes.
+        odds: how many times likelier something must be than nothing, or two causes than one.
     """
 
     listed: Mapping[Ids, float]
     unlisted: Mapping[str, float]
     remedies: Mapping[Ids, Hashable] = field(default_factory=dict)
+    odds: float = ODDS_TO_NAME
 
     @classmethod
     def of(
@@ -77,16 +82,16 @@ class Posterior:
         log_prior: Mapping[Ids, float],
         unlisted: Mapping[str, float],
         remedies: Mapping[Ids, Hashable],
+        odds: float,
     ) -> Posterior:
-        """Bayes' rule; the unlisted patterns share one prior weight."""
+        """Bayes' rule; `unlisted` holds evidence and prior weight together."""
         logs = {ids: value + log_prior[ids] for ids, value in log_evidence.items()}
-        share = np.log(UNLISTED / max(len(unlisted), 1))
-        others = {what: value + share for what, value in unlisted.items()}
-        total = log_sum(np.array([*logs.values(), *others.values()]))
+        total = log_sum(np.array([*logs.values(), *unlisted.values()]))
         return cls(
             {ids: float(np.exp(value - total)) for ids, value in logs.items()},
-            {what: float(np.exp(value - total)) for what, value in others.items()},
+            {what: float(np.exp(value - total)) for what, value in unlisted.items()},
             remedies,
+            odds,
         )
 
     @cached_property
@@ -112,13 +117,22 @@ class Posterior:
     def best(self) -> Ids:
         """The set of causes to accept (not empty unless nothing else was tried).
 
-        Of the most probable answer the most probable set; but a second cause is added only where
-        that is as many times likelier as something must be than nothing.
+        Of the most probable answer the set that `_name`s it; but a second cause is added only
+        where that is as many times likelier as something must be than nothing.
         """
-        most = max((group[0] for group in self._answers.values()), key=self._share, default=())
+        most = max(map(self._name, self._answers.values()), key=self._share, default=())
         parts = [ids for ids in self.listed if ids and set(ids) < set(most)]
         enough = [ids for ids in parts if self._adds_little(most, ids)]
         return max(enough, key=self.listed.__getitem__, default=most)
+
+    def _name(self, answer: tuple[Ids, ...]) -> Ids:
+        """Of the sets of an answer the most probable, or one of the record that is nearly so.
+
+        Whatever spoiled a reading, it is wrong: that it was a knock needs better odds.
+        """
+        enough = self.listed[answer[0]] / ODDS_TO_NAME
+        near = (ids for ids in answer if self.listed[ids] >= enough)
+        return min(near, key=lambda ids: sum(CAUSES[id].stage is not Stage.RECORD for id in ids))
 
     def rivals(self) -> tuple[Ids, ...]:
         """Sets that these data cannot tell from the best one, most probable first.
@@ -140,9 +154,14 @@ class Posterior:
         ]
         return tuple(sorted(kept, key=lambda ids: -self.listed[ids]))
 
+    def nearly_dismissed(self, ids: Ids) -> bool:
+        """Whether a set contradicts the best one, and is below the bound but not far below."""
+        bound = DISMISSED * self._share(self.best)
+        return not set(self.best) <= set(ids) and FAR_BELOW * bound <= self.listed[ids] < bound
+
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Whether a set is not so much likelier than a part of it that it were to be accepted."""
-        return self._share(ids) < ODDS_TO_NAME * self._share(part)
+        return self._share(ids) < self.odds * self._share(part)
 
     def unseen(self) -> Ids:
         """Single causes that may be there although nothing shows, most probable first.
@@ -168,20 +187,19 @@ class Judgement:
     ambiguous_with: Ids = ()
 
 
-def judge(posterior: Posterior, misfit: float, caution: float = 1.0) -> Judgement:
+def judge(posterior: Posterior, misfit: float) -> Judgement:
     """The verdict with the set that it accepts.
 
     Args:
         posterior: of all explanations.
         misfit: chance that noise leaves more than the best set of causes does.
-        caution: what the kind of machine asks for beyond `ODDS_TO_NAME`.
     """
     nothing, best = posterior.listed[()], posterior.best
     something = sum(value for ids, value in posterior.listed.items() if ids)
     beyond = sum(posterior.unlisted.values())
     if beyond > nothing + something:
         return Judgement(Verdict.UNEXPLAINED)
-    if something < caution * ODDS_TO_NAME * nothing:
+    if something < posterior.odds * nothing:
         return Judgement(Verdict.CONSISTENT, (), posterior.unseen())
     if misfit < MISFIT:
         return Judgement(Verdict.UNEXPLAINED)
@@ -222,6 +240,20 @@ class Assessment:
         if ids not in self.fits:
             self.fits[ids] = fit_explanation(self.scores[ids])
         return self.fits[ids]
+
+    @property
+    def chance(self) -> float:
+        """Chance that noise as stated leaves more than the calibrated parameters alone do."""
+        noise = self.at.white.machine.gauge.noise_mm
+        dof = len(self.at.white) - self.alone.offsets.size
+        return chance_of_residual(self.alone.sum_of_squares(noise), dof, noise)
+
+    @cached_property
+    def alone(self) -> Fitted:
+        """The calibrated parameters alone, beside a local shape as large as the answer has it."""
+        nothing, unexplained = self.fit(()), self.judgement.verdict is Verdict.UNEXPLAINED
+        rough = 1.0 if unexplained else self.accepted.rough
+        return nothing if rough == nothing.rough else fit_explanation(self.scores[()], rough)
 
     @property
     def accepted(self) -> Fitted:
@@ -314,22 +346,33 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     white, candidates, scores = at.white, at.candidates, score_all(at)
     evidence = {ids: score.log_evidence for ids, score in scores.items()}
     weight = {ids: value + candidates.log_prior[ids] for ids, value in evidence.items()}
-    order = sorted(weight, key=lambda ids: -weight[ids])[:FITS]
-    chosen = [ids for ids in order if weight[ids] > weight[order[0]] - WORTH_A_FIT]
-    fits = {ids: fit_explanation(scores[ids]) for ids in chosen}
-    evidence |= {ids: fit.log_evidence for ids, fit in fits.items()}
-    posterior = Posterior.of(
-        evidence,
-        candidates.log_prior,
-        {found.what: found.log_evidence for found in unlisted},
-        {ids: score.remedy for ids, score in scores.items()},
-    )
+    order = sorted(weight, key=lambda ids: -weight[ids])
+    remedies = {ids: score.remedy for ids, score in scores.items()}
+    patterns = {found.what: found.log_evidence + found.log_prior for found in unlisted}
+    odds = ODDS_TO_NAME * white.problem.model.kind.caution
+    fits: dict[Ids, Fitted] = {}
+
+    def weighed(chosen: Iterable[Ids]) -> Posterior:
+        fits.update((ids, fit_explanation(scores[ids])) for ids in chosen)
+        evidence.update((ids, fit.log_evidence) for ids, fit in fits.items())
+        return Posterior.of(evidence, candidates.log_prior, patterns, remedies, odds)
+
+    posterior = weighed(ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
+    if at.local.any():
+        # Of printers the causes are large beside what linear scores can follow.
+        again = [ids for ids in order if ids not in fits and posterior.nearly_dismissed(ids)]
+        posterior = weighed(again[:FITS])
     best = posterior.best
     if best not in fits:
         fits[best] = fit_explanation(scores[best])
     left = fits[best].residual
     # Beside a local shape that is found to be larger or smaller, the noise is found, too.
-    noise = max(at.noise.stated, fits[best].sigma if at.local.any() else 0.0)
-    caution = white.problem.model.kind.caution
+    noise_found = bool(at.local.any())
+    noise = max(at.noise.stated, fits[best].sigma if noise_found else 0.0)
     misfit = chance_of_residual(float(left @ left), len(white) - fits[best].unknowns, noise)
-    return Assessment(at, scores, fits, unlisted, posterior, judge(posterior, misfit, caution))
+    found = Assessment(at, scores, fits, unlisted, posterior, judge(posterior, misfit))
+    # Evidence alone then lets noise be as large as it must.
+    consistent = found.judgement.verdict is Verdict.CONSISTENT
+    if noise_found and consistent and found.chance < SUSPICIOUS:
+        return replace(found, judgement=Judgement(Verdict.UNEXPLAINED))
+    return found

@@ -14,7 +14,7 @@ from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import DISMISSED, Assessment, assess
 from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import Whitened, unit_of
-from orthoglide_cal.diagnosis.fit import Fitted, HeldOut, leave_out_cells, predict_later
+from orthoglide_cal.diagnosis.fit import HeldOut, leave_out_cells, predict_later
 from orthoglide_cal.diagnosis.result import (
     Diagnosis,
     Explanation,
@@ -23,7 +23,7 @@ from orthoglide_cal.diagnosis.result import (
     Verdict,
 )
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.accuracy import chance_of_residual, rms, scatter_of_repeats
+from orthoglide_cal.estimation.accuracy import scatter_of_repeats
 from orthoglide_cal.model import Effect, Floats, Measured, Model
 
 # A held-out error counts as lower if it falls below this share of the one before.
@@ -83,7 +83,7 @@ def diagnose(
             measured=measured,
             model=model,
             verdict=found.judgement.verdict,
-            lack_of_fit=_lack_of_fit(white, measured, nothing),
+            lack_of_fit=_lack_of_fit(found, measured),
             causes=causes,
             ambiguous_with=found.judgement.ambiguous_with,
             left_open=found.left_open,
@@ -187,12 +187,13 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
 
     What acts beside any other comes behind it.
     """
-    companions = found.at.white.problem.model.kind.companions
+    kind = found.at.white.problem.model.kind
     white, accepted = found.at.white, found.accepted
     falls = after.rms_mm < LOWER * before.rms_mm
     named = [
         NamedCause(
             effect=effect,
+            parameters=white.problem.model.called(effect),
             where=effect.cause.label(effect.place, white.plan, white.machine),
             probability=found.posterior.listed[found.judgement.accepted],
             rms_before_mm=white.rms(found.at.residuals[0]) * unit_of(accepted.effects),
@@ -201,14 +202,19 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
             heldout_after_mm=after.rms_mm,
             heldout_ratio=after.ratio,
             aliases=_aliases(found, effect),
-            recommended=effect.cause.compensable and falls and _sure(found, effect),
+            recommended=(effect.cause.compensable or effect.cause.id in kind.beside)
+            and falls
+            and _sure(found, effect),
         )
         for effect in accepted.effects
     ]
     return tuple(
         sorted(
             named,
-            key=lambda cause: (cause.id in companions, -found.scores[(cause.id,)].log_evidence),
+            key=lambda cause: (
+                cause.id in kind.companions,
+                -found.scores[(cause.id,)].log_evidence,
+            ),
         )
     )
 
@@ -229,7 +235,8 @@ def _aliases(found: Assessment, effect: Effect) -> Ids:
     return tuple(dict.fromkeys(other for ids in rivals for other in ids if other not in beside))
 
 
-def _lack_of_fit(white: Whitened, measured: Measured, nothing: Fitted) -> LackOfFit:
+def _lack_of_fit(found: Assessment, measured: Measured) -> LackOfFit:
+    white, nothing = found.at.white, found.alone
     noise, dof = white.machine.gauge.noise_mm, len(white) - nothing.offsets.size
     total = nothing.sum_of_squares(noise)
     repeats, chance = None, None
@@ -242,7 +249,7 @@ def _lack_of_fit(white: Whitened, measured: Measured, nothing: Fitted) -> LackOf
     return LackOfFit(
         statistic=total / noise**2,
         dof=dof,
-        p_value=chance_of_residual(total, dof, noise),
+        p_value=found.chance,
         noise_mm=noise,
         residual_mm=float(np.sqrt(total / dof)) if dof else 0.0,
         repeats_mm=None if repeats is None else repeats.sigma_mm,
@@ -288,11 +295,14 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
     white, accepted = found.at.white, found.accepted
     if white.spectrum is None:
         return
-    noise = white.machine.gauge.noise_mm
-    left = rms(white.plain(accepted.left) * white.plan.precision)
-    beyond = np.sqrt(max(left**2 - noise**2, 0.0))
     companions = white.problem.model.kind.companions
     yield from (companions[e.cause.id] for e in accepted.effects if e.cause.id in companions)
+    unknowns = accepted.offsets.size + sum(e.cause.unknowns for e in accepted.effects)
+    if len(white) <= unknowns:
+        return  # the answer follows anything
+    noise = white.machine.gauge.noise_mm
+    left = white.rms(accepted.left)
+    beyond = np.sqrt(max(left**2 - noise**2, 0.0))
     yield (
         f"Unexplained stay {1e3 * left:.0f} µm r.m.s., of which {1e3 * min(noise, left):.0f} µm are"
         f" the probe's noise: {1e3 * beyond:.0f} µm are local, shared by neighbouring places, and"
@@ -302,6 +312,7 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
 
 def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
     notes, raw = list(measured.remarks), found.at.white.raw
+    speech = found.at.white.problem.model.kind.speech
     judgement, causes = found.judgement, [effect.cause for effect in found.accepted.effects]
     listed, unlisted = found.posterior.listed, found.posterior.unlisted
     if judgement.verdict is Verdict.CONSISTENT and judgement.ambiguous_with:
@@ -311,14 +322,17 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         )
     if judgement.verdict is Verdict.UNEXPLAINED:
         pattern = max(unlisted, key=unlisted.__getitem__)
-        notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
-        notes.append("Its size is part of the uncertainty of the offsets.")
+        said = speech.said(pattern)
+        notes.append(f"No listed cause explains the residuals. Their pattern: {said}.")
+        notes.append(f"Its size is part of the uncertainty of the {speech.many}.")
         best = found.posterior.best
         if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
             notes.append(
-                f"{' with '.join(best)} would follow it, too, but two causes follow nearly any"
-                " pattern. To check them, repeat with two more postures of each leg between"
-                " the isotropic one and its limits."
+                speech.said(
+                    f"{' with '.join(best)} would follow it, too, but two causes follow nearly any"
+                    " pattern. To check them, repeat with two more postures of each leg between"
+                    " the isotropic one and its limits."
+                )
             )
     for more in (ids for ids in found.posterior.rivals() if set(judgement.accepted) < set(ids)):
         if judgement.accepted:

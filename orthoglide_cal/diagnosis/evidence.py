@@ -18,21 +18,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthoglide_cal.model import Floats, freeze
+from orthoglide_cal.model import Floats, ReadOnly
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
 STATEMENT_SPREAD = 0.10
 _LOG_RATIO = np.linspace(-0.6, 0.45, 8)
-# The same of a probe, and of the local shape of a bed.
-PROBE_SPREAD = 0.3
+# The same of a probe, and of the local shape of a bed: where they are stated, and assumed.
+PROBE_SPREAD = {False: 0.15, True: 0.3}
 _PROBE_RATIO = np.array([0.7, 1.0, 1.4])
-ROUGH_SPREAD = math.log(2.0)
+ROUGH_SPREAD = {False: math.log(1.4), True: math.log(2.0)}
 SMOOTH = 0.5
 _ROUGH = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseGrid:
+class NoiseGrid(ReadOnly):
     """Plausible standard deviations of one reading and their log weights, shape (g,).
 
     Attributes:
@@ -48,9 +48,6 @@ class NoiseGrid:
     spectrum: Floats | None = None
     rough: Floats | None = None
 
-    def __post_init__(self) -> None:
-        freeze(self, "sigma", "log_weight", "spectrum", "rough")
-
     @classmethod
     def around(
         cls, stated_mm: float, spectrum: Floats | None = None, assumed: bool = False
@@ -63,8 +60,8 @@ class NoiseGrid:
             assumed: True if nobody stated that there is a local shape: as likely there is none.
         """
         if spectrum is not None:
-            ratio = -0.5 * (np.log(_PROBE_RATIO) / PROBE_SPREAD) ** 2
-            size = -0.5 * (np.log(_ROUGH) / ROUGH_SPREAD) ** 2
+            ratio = -0.5 * (np.log(_PROBE_RATIO) / PROBE_SPREAD[assumed]) ** 2
+            size = -0.5 * (np.log(_ROUGH) / ROUGH_SPREAD[assumed]) ** 2
             sizes, size = _ROUGH, size - log_sum(size)
             if assumed:
                 sizes = np.append(sizes, 0.0)

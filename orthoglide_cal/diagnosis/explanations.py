@@ -23,7 +23,7 @@ from orthoglide_cal.diagnosis.candidates import Candidates
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose
-from orthoglide_cal.estimation.accuracy import require_rank, rms
+from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Cause,
@@ -37,8 +37,8 @@ from orthoglide_cal.model import (
     Model,
     Place,
     Readings,
+    ReadOnly,
     differentiate,
-    freeze,
     ideal_plan,
     other_unit,
     reduction,
@@ -57,7 +57,7 @@ OFFSETS_MM = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Whitened:
+class Whitened(ReadOnly):
     """Data and model in whitened form.
 
     Attributes:
@@ -80,9 +80,6 @@ class Whitened:
     unit_mm: float | None = None
     spectrum: Floats | None = None
     assumed: bool = False
-
-    def __post_init__(self) -> None:
-        freeze(self, "data", "root", "in_file", "spectrum")
 
     @classmethod
     def of(cls, measured: Measured, model: Model) -> Whitened:
@@ -167,9 +164,17 @@ class Whitened:
         zeros = self.raw and self.plan.setups
         return np.asarray(self.matrix.T @ residual if zeros else self.root @ residual)
 
+    @property
+    def weight(self) -> Floats:
+        """How much an error of each reading, or difference, counts beside a common one, (m,)."""
+        return self.plan.precision if self.raw else np.ones(len(self.in_file))
+
     def rms(self, residual: Floats) -> float:
-        """Root mean square of a whitened residual over readings, or differences [mm]."""
-        return rms(self.plain(residual))
+        """Root mean square of a whitened residual over readings, or differences [mm].
+
+        What is less precise counts as much less.
+        """
+        return rms(self.weight * self.plain(residual))
 
     def relabelled(self, values: Floats, cause: RelabelCause, place: Place) -> Floats:
         """Whitened values (k,) with signs or labels exchanged, or put right again, shape (k,)."""
@@ -322,6 +327,7 @@ class Linearised:
         """Enumerate the places and fit the offsets to each version of the data.
 
         Raises:
+            RankDeficientError: they determine the offsets so little that no search ends.
             NotConvergedError: no offsets fit them as recorded.
         """
         plan, machine = white.plan, white.machine
@@ -334,10 +340,17 @@ class Linearised:
             if (data := white.undone(cause, place)) is not None
         }
         versions = np.stack([white.data, *undone.values()])
-        fit = fit_offsets(white.problem, versions)
+        problem, precision = white.problem, np.ones(len(white))
+        if white.spectrum is not None:
+            # The local shape that is stated makes some data less precise than others.
+            precision /= np.sqrt(1.0 + white.spectrum / machine.gauge.noise_mm**2)
+            problem = replace(problem, matrix=precision[:, None] * white.matrix)
+        fit = fit_offsets(problem, precision * versions)
         if not fit.converged[0]:
+            require_determined(white.problem)
+            many = white.problem.model.kind.speech.many
             raise NotConvergedError(
-                "No offsets fit these data: the search does not settle.",
+                f"No {many} fit these data: the search does not settle.",
                 "Check the machine file and the readings; validate names every fault.",
             )
         # A relabelling that no offsets fit did not happen.
@@ -366,7 +379,7 @@ class Linearised:
             extras=extras,
             versions=versions[fit.converged],
             offsets=fit.offsets_mm[fit.converged],
-            residuals=fit.residuals_mm[fit.converged],
+            residuals=fit.residuals_mm[fit.converged] / precision,
             patterns=white.matrix @ np.hstack(patterns),
             slope=slope,
             slopes={cause.id: own for cause, own in zip(broad, slopes, strict=True)},

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -22,6 +21,7 @@ from orthoglide_cal.diagnosis.explanations import Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.scores import (
     BLUNDER_SCALES,
     LOG_ALL,
+    Remedy,
     Score,
     all_or_one,
     density_of,
@@ -30,13 +30,16 @@ from orthoglide_cal.diagnosis.scores import (
 )
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
-from orthoglide_cal.estimation.least_squares import fit_linear, fit_offsets
-from orthoglide_cal.model import Cause, Effect, Floats, Gauge, Ints, differentiate, freeze
+from orthoglide_cal.estimation.least_squares import fit_linear, fit_offsets, fit_size
+from orthoglide_cal.model import Cause, Effect, Floats, Gauge, Ints, ReadOnly, differentiate
 from orthoglide_cal.model.influence import Influence, Origin
+
+# So many touches for each calibrated parameter say how rough a bed is.
+ENOUGH = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Fitted(ReadOnly):
     """An explanation at its best fit.
 
     The unknowns are the offsets, the parameters of each effect in turn, and those of all that is
@@ -54,7 +57,9 @@ class Fitted:
         columns: whitened derivatives by the unknowns, shape (k, q).
         sizes: their plausible sizes, shape (q,).
         sigma: standard deviation of one reading under this explanation [mm].
+        rough: how many times as large as stated a local shape is.
         uncertain: what else is uncertain of the data; its unknowns come last.
+        remedy: what it asks of a technician.
     """
 
     log_evidence: float
@@ -68,16 +73,24 @@ class Fitted:
     columns: Floats
     sizes: Floats
     sigma: float
+    rough: float
     uncertain: tuple[Influence, ...]
-
-    def __post_init__(self) -> None:
-        freeze(self, "offsets", "covariance", "linear", "residual", "local", "columns", "sizes")
+    remedy: Remedy
 
     def joint_covariance(self, effects: Sequence[Effect] = ()) -> Floats:
         """Of the offsets and the parameters of some of its effects in turn, internal units."""
         slots = [self.slots[self.effects.index(effect)] for effect in effects]
         chosen = np.r_[(slice(0, self.offsets.size), *slots)]
         return np.asarray(self.covariance[np.ix_(chosen, chosen)])
+
+    @property
+    def unread(self) -> Fitted:
+        """The explanation as it was before there were data: causes of any plausible size."""
+        effects = (
+            e if e.covariance is None else replace(e, theta=np.zeros_like(e.theta))
+            for e in self.effects
+        )
+        return replace(self, effects=tuple(effects), covariance=np.diag(self.sizes**2))
 
     @property
     def left(self) -> Floats:
@@ -125,7 +138,7 @@ class Fitted:
             noise: stated σ of one reading, by which the fit was weighed [mm].
         """
         found, _ = fit_linear(self.columns, self.linear, self.sizes, noise)
-        stretched = noise * found[len(self.offsets) :]
+        stretched = noise * (found / self.sizes)[len(self.offsets) :]
         return float(self.residual @ self.residual + stretched @ stretched)
 
     def budget(self, gauge: Gauge) -> Budget:
@@ -140,20 +153,25 @@ class Fitted:
         return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 
-def fit_explanation(score: Score) -> Fitted:
+def fit_explanation(score: Score, rough: float | None = None) -> Fitted:
     """Fit an explanation by Gauss–Newton with its priors, then judge it there.
 
     First with the linear model that it was scored with, then with that of the fit this gives, which
     is enough for ranking.
+
+    Args:
+        score: the explanation.
+        rough: as of `Fitted`; as large as these data make it if None.
     """
     at, base, extra = score.at, score.base, score.extra
     if extra is not None and score.replanned is not None:
-        fit = fit_explanation(score.replanned)
+        fit = fit_explanation(score.replanned, rough)
         return replace(
             fit,
             log_evidence=fit.log_evidence + score.log_evidence - score.replanned.log_evidence,
             effects=(*fit.effects, extra.cause.at(np.zeros(0), extra.place)),
             slots=(*fit.slots, slice(0, 0)),
+            remedy=score.remedy,
         )
     version, k = 0, len(at.white)
     # What an extra of known size adds, and what one unit of one of unknown size does.
@@ -172,14 +190,19 @@ def fit_explanation(score: Score) -> Fitted:
             added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
     own_sizes = at.sizes(base, score.scale)
     own = at.columns(base)
-    # A local shape is as large as these data make it.
-    rough = _judged(score, own, at.residuals[version]).rough if at.local.any() else 1.0
-    sizes = np.concatenate([own_sizes, free_size, np.where(at.local, rough, 1.0)])
     width = at.offsets.shape[1]
+    local = np.flatnonzero(at.local) + own.shape[1] + free.shape[1]
+    sizes = np.concatenate([own_sizes, free_size, np.ones(at.local.size)])
     ends = np.cumsum([width, *(cause.unknowns for cause in base), free_size.size]).tolist()
     slots = tuple(slice(*pair) for pair in pairwise(ends))
 
     offsets, linear = at.offsets[version], at.residuals[version] - added
+    if rough is None:
+        columns = np.hstack([own, free, at.carried])
+        # Few touches cannot tell a local shape from a fault.
+        many = local.size >= ENOUGH * width
+        rough = fit_size(columns, linear, sizes, at.noise.stated, local) if many else 1.0
+    sizes[local] = rough
     # With the offsets alone the first linear model is that of the fit already.
     for last in (False, True) if base or version else (True,):
         columns = np.hstack([own, free, at.carried])
@@ -190,9 +213,8 @@ def fit_explanation(score: Score) -> Fitted:
             effects = [cause.at(found[slot]) for cause, slot in zip(base, slots, strict=False)]
             predicted, own = at.white.linearised(offsets, effects)
             linear = at.versions[version] - added - predicted + own[:, width:] @ theta
-    log, sigma, _ = _judged(score, own, linear + added)
+    log, sigma = _judged(score, own, linear + added)
     _, covariance = fit_linear(columns, linear, sizes, sigma)
-    local = np.flatnonzero(at.local) + own.shape[1] + free.shape[1]
     return Fitted(
         log_evidence=log + _positivity(base, slots, found, covariance),
         effects=_effects(score, slots, found, covariance),
@@ -205,20 +227,14 @@ def fit_explanation(score: Score) -> Fitted:
         columns=columns,
         sizes=sizes,
         sigma=sigma,
+        rough=rough,
         uncertain=at.uncertain,
+        remedy=score.remedy,
     )
 
 
-class _Judged(NamedTuple):
-    """Of an explanation: log evidence, σ [mm], size of a local shape over the stated one."""
-
-    log_evidence: float
-    sigma: float
-    rough: float
-
-
-def _judged(score: Score, own: Floats, linear: Floats) -> _Judged:
-    """Log evidence of an explanation, its σ [mm], and how rough its bed is.
+def _judged(score: Score, own: Floats, linear: Floats) -> tuple[float, float]:
+    """Log evidence of an explanation, and its σ [mm].
 
     From the derivatives by offsets and parameters of its base (k, 3 + p), and the data minus the
     linear model at zero parameters (k,).
@@ -227,17 +243,14 @@ def _judged(score: Score, own: Floats, linear: Floats) -> _Judged:
     (by_noise,) = evidence_by_noise(score, density_of(at, [own], [base]), linear)
     log = float(log_sum(by_noise))
     sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
-    rough = 1.0
-    if at.noise.rough is not None:
-        rough = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.rough**2)))
     if score.extra is None and len(base) == 1:
         width = at.offsets.shape[1]
         others = scaled(at, own[:, :width], ())
         mine = own[:, width:] * at.sizes(base)[width:]
         together = [(base[0], mine, log)]
         log = all_or_one(together, others, linear, at.noise, at.scales)[0]
-        return _Judged(log, sigma, rough)
-    return _Judged(log + LOG_ALL if base else log, sigma, rough)
+        return log, sigma
+    return log + LOG_ALL if base else log, sigma
 
 
 def _positivity(
@@ -278,7 +291,7 @@ class HeldOut:
     """Errors of predicting what was not fitted.
 
     Attributes:
-        rms_mm: root mean square error.
+        rms_mm: root mean square error, each weighed as in `Whitened.rms`.
         ratio: errors divided by what the model itself states for them, root mean square.
     """
 
@@ -308,7 +321,8 @@ def leave_out_cells(white: Whitened, fit: Fitted, judged: Fitted) -> HeldOut:
         root = np.linalg.cholesky(precision[blocks[:, :, None], blocks[:, None, :]])
         scaled_error = np.linalg.solve(root, weighted[blocks][..., None])
         scaled_errors.append(scaled_error.reshape(-1))
-        errors.append(np.linalg.solve(root.swapaxes(1, 2), scaled_error).reshape(-1))
+        error = np.linalg.solve(root.swapaxes(1, 2), scaled_error)[..., 0]
+        errors.append((white.weight[blocks] * error).reshape(-1))
     return HeldOut(rms(np.concatenate(errors)), rms(np.concatenate(scaled_errors)))
 
 
@@ -356,7 +370,7 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = Fa
         slope = np.linalg.solve(root, later.linearised(offsets, lasting)[1][:, : offsets.size])
         scaled_error -= slope @ (np.linalg.pinv(slope) @ scaled_error)
         scaled_error *= np.sqrt(error.size / max(error.size - offsets.size, 1))
-    return HeldOut(rms(later.root @ error), rms(scaled_error))
+    return HeldOut(rms(error if later.raw else later.root @ error), rms(scaled_error))
 
 
 def foretell(
@@ -405,19 +419,20 @@ def known_then(
     slots = [slice(0, len(fit.offsets)), *(fit.slots[fit.effects.index(each)] for each in effects)]
     columns, fresh = [slopes], [slopes[:, :0]]
     start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
-    # What the other model knows exactly beside comes last, and is not uncertain.
-    for before, after in zip(fit.uncertain, uncertain, strict=False):
-        width = before.columns.shape[1]
-        if before.local:
+    ends = start + np.cumsum([0, *(each.columns.shape[1] for each in fit.uncertain)])
+    spans = dict(zip((each.source for each in fit.uncertain), pairwise(ends.tolist()), strict=True))
+    for after in uncertain:
+        # What did not act on the first data is as uncertain as it was.
+        start, end = spans.get(after.source, (0, 0))
+        if after.local:
             # At other places another shape; at the same one more than it takes.
-            rough = fit.sizes[start : start + width].max(initial=0.0)
+            rough = fit.sizes[start:end].max(initial=0.0)
             fresh.append(rough * after.columns)
         else:
-            stay = stands if before.source == Origin.GAUGE_PLACEMENT else width
+            stay = stands if after.source == Origin.GAUGE_PLACEMENT else end - start
             slots.append(slice(start, start + stay))
             columns.append(after.columns[:, :stay])
             fresh.append(after.columns[:, stay:])
-        start += width
     chosen = np.r_[tuple(slots)]
     known: Floats = fit.covariance[np.ix_(chosen, chosen)]
     new = np.hstack(fresh)

@@ -15,7 +15,9 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution
+from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.model import (
     DataKind,
@@ -25,11 +27,13 @@ from orthoglide_cal.model import (
     Floats,
     Measured,
     Model,
+    ReadOnly,
     Source,
-    freeze,
 )
 from orthoglide_cal.model.influence import Origin
 
+# Probability from which it is told that nothing may be wrong at all.
+WORTH_SAYING = 0.005
 # The fit takes one or two Gauss–Newton steps, which leave up to a quarter of a standard deviation.
 OPTIMAL = 0.5
 
@@ -89,6 +93,8 @@ class NamedCause:
 
     Attributes:
         effect: the cause with its parameters and their covariance, as fitted to these data.
+        parameters: name on this kind of machine → value with standard deviation, in the
+            contract's unit.
         where: its place in words ("" for the whole machine), e.g. "leg x, direction y".
         probability: posterior probability among all explanations tried.
         rms_before_mm, rms_after_mm: residuals of the fit without and with the cause.
@@ -99,6 +105,7 @@ class NamedCause:
     """
 
     effect: Effect
+    parameters: Mapping[str, Estimate]
     where: str
     probability: float
     rms_before_mm: float
@@ -115,11 +122,6 @@ class NamedCause:
         return self.effect.cause.id
 
     @property
-    def parameters(self) -> Mapping[str, Estimate]:
-        """Name → value with standard deviation, in the contract's unit."""
-        return self.effect.estimates
-
-    @property
     def advice(self) -> str:
         """What a technician can do about it, and where."""
         return self.effect.cause.advice.format(where=self.where)
@@ -131,7 +133,7 @@ class NamedCause:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(ReadOnly):
     """What the simulation gets wrong for one file.
 
     Attributes:
@@ -171,7 +173,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        freeze(self, "offsets_mm", "covariance_mm2", "nominal_mm", "explained_mm")
+        super().__post_init__()
         for name in ("sensitivity", "ranking"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
@@ -217,6 +219,22 @@ class Diagnosis:
                 )
         return replace(measured, value=value)
 
+    def require_recommended(self, id: str) -> None:
+        """Refuse to make a cause part of the machine that it names but does not recommend for it.
+
+        Raises:
+            UnusableResultError: with what to do instead.
+        """
+        for cause in self.causes:
+            if cause.id == id and cause.effect.cause.lasting and not cause.recommended:
+                many = self.model.kind.speech.many
+                raise UnusableResultError(
+                    f"Making {id} part of the machine's model is not recommended: it does not"
+                    f" last as it is, does not predict better than {many} only, or something else"
+                    " explains these data as well.",
+                    self.model.kind.speech.said(cause.advice),
+                )
+
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
         """What it adds to the uncertainty of the solution's offsets, by cause.
 
@@ -252,6 +270,49 @@ class Diagnosis:
     def std_mm(self) -> Floats:
         """Standard deviations of the offsets, shape (3,)."""
         return np.sqrt(np.diag(self.covariance_mm2))
+
+    @property
+    def rivals(self) -> tuple[Ids, ...]:
+        """What is open in place of the answer or beside it, in the order of `ambiguous_with`.
+
+        Causes that act together are one, unless each of them is open alone, too.
+        """
+        (_, answer), *others = self.left_open
+        ours = {effect.cause.id for effect in answer.effects}
+        found = [
+            tuple(e.cause.id for e in fit.effects if e.cause.id not in ours) for _, fit in others
+        ]
+        order, alone = self.ambiguous_with, {ids for ids in found if len(ids) == 1}
+        kept = {
+            ids
+            for ids in found
+            if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
+        }
+        return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
+
+    @property
+    def left_mm(self) -> float:
+        """What the calibrated parameters alone leave, r.m.s. as the pages show it."""
+        return rms(self.measured.weight * (self.measured_mm - self.nominal_mm))
+
+    @property
+    def expected_mm(self) -> float:
+        """What noise as stated would leave, r.m.s.: the fit takes a part of it away, too."""
+        lack = self.lack_of_fit
+        if not lack.residual_mm:
+            return lack.noise_mm
+        return self.left_mm * lack.noise_mm / lack.residual_mm
+
+    @property
+    def nothing_wrong(self) -> float | None:
+        """Probability of a sound machine, soundly measured; None where it is not worth saying."""
+        found = self.ranking.get(Explanation(), 0.0)
+        return found if found >= WORTH_SAYING else None
+
+    @property
+    def spare(self) -> int:
+        """How many readings there are beyond the unknowns of the answer."""
+        return self.lack_of_fit.dof - sum(cause.effect.cause.unknowns for cause in self.causes)
 
     @property
     def assumed_tolerances(self) -> Mapping[str, float]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
-from orthoglide_cal.diagnosis.candidates import Ids, ids_of
+from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import Density, NoiseGrid, log_mean, log_sum
 from orthoglide_cal.diagnosis.explanations import Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
@@ -29,8 +29,12 @@ LOG_ALL = math.log(ALL)
 # Sizes at which each unlisted pattern is tried, in standard deviations of one reading.
 SIZES = (5.0, 30.0)
 NOISIER = (2.0, 4.0, 8.0)
+# Of readings that are wrong by themselves no more are looked for.
+MOST_WRONG = 8
 
 Bases = Sequence[tuple[Cause, ...]]
+# Causes to mend, and readings to take again.
+Remedy = tuple[Ids, tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +80,8 @@ class Score:
         ]
 
     @property
-    def remedy(self) -> tuple[Ids, tuple[int, ...]]:
-        """What it asks of a technician: the causes to mend, the readings to take again.
+    def remedy(self) -> Remedy:
+        """What it asks of a technician.
 
         Explanations that ask for the same are one answer.
         """
@@ -89,7 +93,7 @@ class Score:
 
 
 def _mended(*causes: Cause) -> Ids:
-    return tuple(sorted(cause.mended_as or cause.id for cause in causes))
+    return tuple(sorted({cause.mended_as or cause.id for cause in causes}))
 
 
 def score_all(at: Linearised) -> dict[Ids, Score]:
@@ -318,12 +322,14 @@ class Unlisted:
 
     Attributes:
         what: description.
+        log_prior: ln prior weight.
         log_evidence: averaged over its sizes.
         columns: at its likeliest size, whitened, shape (k, q) [mm].
         sigma: standard deviation of one reading at its likeliest size [mm].
     """
 
     what: str
+    log_prior: float
     log_evidence: float
     columns: Floats
     sigma: float
@@ -333,14 +339,17 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
     """Every unlisted pattern, beside the offsets."""
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
     offsets = scaled(at, at.slope, ())
+    patterns = tuple(at.white.plan.patterns(at.white.raw))
+    share = math.log(UNLISTED / (len(patterns) + 1))
     found = []
-    for what, pattern in at.white.plan.patterns(at.white.raw):
+    for what, pattern in patterns:
         white = at.white.matrix @ pattern * stated
         columns = np.hstack([offsets, white])
         sizes = np.ones((len(SIZES), columns.shape[1]))
         sizes[:, offsets.shape[1] :] = np.array(SIZES)[:, None]
         logs = log_sum(noise.density(columns, sizes).by_noise(residual), 1)
-        found.append(Unlisted(what, log_mean(logs), white * SIZES[np.argmax(logs)], stated))
+        likeliest = white * SIZES[np.argmax(logs)]
+        found.append(Unlisted(what, share, log_mean(logs), likeliest, stated))
     wider = noise.wider(NOISIER)
     logs = log_sum(
         wider.density(offsets, np.ones((1, offsets.shape[1])))
@@ -350,5 +359,38 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
     )
     what = "every reading scatters more than the gauge's stated noise"
     noisier = stated * NOISIER[np.argmax(logs)]
-    found.append(Unlisted(what, log_mean(logs), np.zeros((len(at.white), 0)), noisier))
-    return found
+    found.append(Unlisted(what, share, log_mean(logs), np.zeros((len(at.white), 0)), noisier))
+    return [*found, *_several_wrong(at, offsets, share)]
+
+
+def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Unlisted]:
+    """More than one wrong reading, each by itself: the likeliest is added again and again.
+
+    Looked for beside a local shape, which would take up what each of them adds: without one the
+    misfit shows them. It takes nothing from the weight of the others, which are there on all data.
+    """
+    placed = at.extras.get("misread")
+    if placed is None or not isinstance(placed.cause, PatternCause) or not at.local.any():
+        return
+    plan, machine, residual = at.white.plan, at.white.machine, at.residuals[0]
+    patterns = at.patterns[:, placed.own]
+    size = placed.cause.prior_std(machine)[0] * np.array(BLUNDER_SCALES)
+    columns, wrong, found, price = offsets, list[int](), list[float](), 0.0
+    for _ in range(min(MOST_WRONG, len(placed.tried) // 4)):
+        density = at.noise.density(columns, np.ones((1, columns.shape[1])))
+        power, match = density.against(patterns, residual)
+        by_noise = density.by_noise(residual)
+        log = log_sum(pattern_density(machine, placed.cause, power, match, by_noise), (0, 1))
+        log += placed.weights + price
+        log[:, wrong] = -math.inf
+        found.append(float(log_sum(log)))
+        scale, place = np.unravel_index(int(log.argmax()), log.shape)
+        wrong.append(int(place))
+        price += placed.weights[place] - math.log(len(BLUNDER_SCALES))
+        columns = np.column_stack((columns, size[scale] * patterns[:, place]))
+    count = int(np.argmax(found)) + 1 if found else 0
+    if count > 1:
+        where = "; ".join(placed.cause.label(placed.tried[n], plan, machine) for n in wrong[:count])
+        what = f"several readings are wrong, each by itself: {where}"
+        chosen = columns[:, offsets.shape[1] :][:, :count]
+        yield Unlisted(what, share, found[count - 1], chosen, at.noise.stated)

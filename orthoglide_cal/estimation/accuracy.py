@@ -7,7 +7,7 @@ and, where the rank is missing, which offsets stay free and which reading to add
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +20,9 @@ from orthoglide_cal.model import (
     DataKind,
     Difference,
     Floats,
-    GaugePlan,
     Machine,
     Model,
+    Plan,
     Posture,
     ideal_plan,
     reduction,
@@ -89,10 +89,10 @@ def sum_of_squares(problem: Problem, slope: Floats, residual: Floats, ratio: Flo
     return float(left @ left)
 
 
-def scatter_of_repeats(plan: GaugePlan, values: Floats) -> Scatter | None:
-    """σ from readings that repeat each other in one gauge set-up; None without repeats.
+def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
+    """σ from readings that repeat each other exactly; None without repeats.
 
-    Repeats in sequence share one set-up, so this may understate the real scatter.
+    They share a gauge set-up, or a spot of the bed, so this may understate the real scatter.
 
     Args:
         plan: n readings.
@@ -104,7 +104,8 @@ def scatter_of_repeats(plan: GaugePlan, values: Floats) -> Scatter | None:
     if dof == 0:
         return None
     mean = np.bincount(cell, weights=values) / count
-    return Scatter(float(np.sqrt(((values - mean[cell]) ** 2).sum() / dof)), float(dof))
+    apart = plan.precision * (values - mean[cell])
+    return Scatter(float(np.sqrt((apart**2).sum() / dof)), float(dof))
 
 
 def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
@@ -181,12 +182,32 @@ def require_rank(problem: Problem) -> None:
         for i, axis in enumerate(problem.model.calibrated)
         if np.abs(free[:, i]).max() > NEGLIGIBLE
     ]
+    raise _undetermined(problem, axes)
+
+
+def require_determined(problem: Problem) -> None:
+    """Do the data tell each parameter better than any such machine is known, if barely?
+
+    Asked of the nominal machine with the stated noise: what a search must stand on.
+
+    Raises:
+        RankDeficientError: no; as of `require_rank`.
+    """
+    model, slope = problem.model, problem.at_zero[1]
+    std = model.machine.gauge.noise_mm * np.sqrt(np.diag(unit_covariance(problem, slope)))
+    known = determined(model, half_width(math.inf) * std)
+    if not all(known):
+        pairs = zip(model.calibrated, known, strict=True)
+        raise _undetermined(problem, [name for name, told in pairs if not told])
+
+
+def _undetermined(problem: Problem, names: Sequence[str]) -> RankDeficientError:
     kind = problem.model.kind
-    listed = " and ".join(axes if kind.absolute else (f"Δρ_{axis}" for axis in axes))
-    raise RankDeficientError(
+    listed = " and ".join(names if kind.absolute else (f"Δρ_{axis}" for axis in names))
+    return RankDeficientError(
         f"These readings do not determine {listed}.",
-        kind.speech.fewest or f"Add readings of {_mend(problem, matrix)}.",
-        axes,
+        kind.speech.fewest or f"Add readings of {_mend(problem, problem.at_zero[1])}.",
+        names,
     )
 
 

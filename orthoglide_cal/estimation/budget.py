@@ -7,7 +7,7 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
-from orthoglide_cal.model import AXES, Floats, Gauge, freeze
+from orthoglide_cal.model import AXES, Floats, Gauge, ReadOnly
 from orthoglide_cal.model.influence import Influence, Origin
 
 # What another session draws anew: its readings, and where the stands are put.
@@ -30,7 +30,7 @@ class Evaluation(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Contribution:
+class Contribution(ReadOnly):
     """What one source adds to the uncertainty of the offsets.
 
     Attributes:
@@ -52,9 +52,6 @@ class Contribution:
     covariance_mm2: Floats
     dof: float = math.inf
     possible: bool = False
-
-    def __post_init__(self) -> None:
-        freeze(self, "covariance_mm2")
 
     @classmethod
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Contribution:
@@ -79,6 +76,10 @@ class Budget:
     def renewed(self) -> Budget:
         """Only what is new in every session; the rest is the same in all of one machine."""
         return Budget(tuple(each for each in self.contributions if each.source in RENEWED))
+
+    def without(self, sources: Container[str]) -> Budget:
+        """Without what these sources add."""
+        return Budget(tuple(each for each in self.contributions if each.source not in sources))
 
     def extended(self, more: Iterable[Contribution]) -> Budget:
         """With further contributions."""

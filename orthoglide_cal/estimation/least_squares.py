@@ -25,7 +25,7 @@ from orthoglide_cal.model import (
     GaugePlan,
     Ints,
     Model,
-    freeze,
+    ReadOnly,
     simulate,
     simulate_with_jacobian,
 )
@@ -41,10 +41,12 @@ SHORT_STEP_MM = 1e-10
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
+# A common size is found to within this share of it, or in so many rounds.
+SIZE_WITHIN, SIZE_ROUNDS = 0.02, 20
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(ReadOnly):
     """One estimation problem; many data sets may share it.
 
     Attributes:
@@ -56,9 +58,6 @@ class Problem:
     model: Model
     plan: GaugePlan
     matrix: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "matrix")
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
@@ -174,7 +173,7 @@ def _many_step(slope: Floats, residual: Floats, damping: Floats | float) -> Floa
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(ReadOnly):
     """Offsets of a batch of sessions.
 
     Attributes:
@@ -188,9 +187,6 @@ class Fit:
     residuals_mm: Floats
     remaining_mm: Floats
     iterations: Ints
-
-    def __post_init__(self) -> None:
-        freeze(self, "offsets_mm", "residuals_mm", "remaining_mm", "iterations")
 
     @property
     def converged(self) -> np.ndarray:
@@ -245,6 +241,26 @@ def fit_linear(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tu
     precision = columns.T @ columns / sigma**2 + np.diag(1.0 / sizes**2)
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
     return covariance @ (columns.T @ data) / sigma**2, covariance
+
+
+def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen: Ints) -> float:
+    """The likeliest size that some unknowns have in common (expectation and maximisation).
+
+    Args:
+        columns, data, sizes, sigma: as of `fit_linear`; of the chosen ones the first size is 1.
+        chosen: indices of these unknowns.
+    """
+    tried, size = sizes.copy(), 1.0
+    for _ in range(SIZE_ROUNDS):
+        found, covariance = fit_linear(columns, data, tried, sigma)
+        before, size = (
+            size,
+            float(np.sqrt(np.mean(found[chosen] ** 2 + np.diag(covariance)[chosen]))),
+        )
+        tried[chosen] = size
+        if abs(size / before - 1.0) < SIZE_WITHIN:
+            break
+    return size
 
 
 def _in_parallel(fit: Callable[[int], Any], count: int) -> list[Any]:

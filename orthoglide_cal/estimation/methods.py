@@ -29,8 +29,8 @@ from orthoglide_cal.model import (
     Model,
     Posture,
     Readings,
+    ReadOnly,
     cell_contrasts,
-    freeze,
     ideal_plan,
     reduction,
     zero_free,
@@ -109,15 +109,12 @@ def table_kind(measured: Measured) -> DataKind:
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class Posed(ReadOnly):
     """A problem with its data: d, shape (k,) [mm], and which differences they are, if any."""
 
     problem: Problem
     data: Floats
     which: tuple[Difference, ...]
-
-    def __post_init__(self) -> None:
-        freeze(self, "data")
 
     def weighted(self, ratio: Floats) -> Posed:
         """The same, with data whose covariance is σ² (G + C Cᵀ/σ²) made independent.

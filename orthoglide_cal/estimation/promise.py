@@ -11,7 +11,7 @@ from orthoglide_cal.estimation.accuracy import Scatter, half_width, rms
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.estimation.methods import pose_differences, table_kind
-from orthoglide_cal.model import DataKind, Difference, Floats, Measured, Model, freeze
+from orthoglide_cal.model import DataKind, Difference, Floats, Measured, Model, ReadOnly
 from orthoglide_cal.model.influence import Origin
 
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
@@ -40,7 +40,7 @@ class PromisedDifference:
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class Known(ReadOnly):
     """What is known of the machine when something is entered in its controller.
 
     Attributes:
@@ -52,9 +52,6 @@ class Known:
     model: Model
     offsets_mm: Floats
     covariance_mm2: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "offsets_mm", "covariance_mm2")
 
 
 def promise(

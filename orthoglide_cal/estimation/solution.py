@@ -26,8 +26,8 @@ from orthoglide_cal.model import (
     Floats,
     Measured,
     Model,
+    ReadOnly,
     Source,
-    freeze,
     gauge_doubts,
     simulate,
 )
@@ -35,10 +35,12 @@ from orthoglide_cal.model.plan import read_only
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = 0.001
+# Below this one they are called larger than usual.
+UNUSUAL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Budgeted):
+class Solution(Budgeted, ReadOnly):
     """Joint offsets identified from one file.
 
     Attributes:
@@ -60,9 +62,6 @@ class Solution(Budgeted):
     budget: Budget
     scatter: Scatter | None
     iterations: int
-
-    def __post_init__(self) -> None:
-        freeze(self, "offsets_mm", "residuals_mm")
 
     @property
     def source(self) -> Source:
@@ -211,7 +210,8 @@ class Solution(Budgeted):
         if found is None or found >= floor:
             return said
         limit = (
-            f"The residuals are smaller than the gauge's resolution allows ({floor:.2g} mm);"
+            f"The residuals are smaller than the {self.model.kind.speech.noise}'s resolution allows"
+            f" ({floor:.2g} mm);"
             " the intervals use the resolution."
         )
         return (*said, limit)
@@ -261,7 +261,7 @@ class Solution(Budgeted):
     @property
     def judgement(self) -> str:
         """One sentence: are the residuals what this gauge's noise would give?"""
-        noise = self.model.kind.speech.noise
+        noise, beside = self.model.kind.speech.noise, self.model.kind.speech.beside
         if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
             return (
                 "There are no spare readings: whether the model fits this machine cannot be told,"
@@ -274,12 +274,15 @@ class Solution(Budgeted):
         )
         if self.suspicious:
             return (
-                f"The residuals are larger than this {noise}'s noise would give ({sizes}): the"
-                " model leaves something out, and the intervals do not cover it."
+                f"The residuals are larger than this {noise}'s noise{beside} would give ({sizes}):"
+                " the model leaves something out, and the intervals do not cover it."
             )
-        chance = (
-            f"a chance of {100.0 * self.lack_of_fit_p:.0f} % of larger ones"
-            if self.lack_of_fit_p >= 0.01
-            else "though larger ones would be rare: a chance below 1 %"
+        if self.lack_of_fit_p < UNUSUAL:
+            return (
+                f"The residuals are larger than usual for this {noise}'s noise{beside}, not large"
+                f" enough to call the model wrong ({sizes}; a chance below 1 % of larger ones)."
+            )
+        chance = f"a chance of {100.0 * self.lack_of_fit_p:.0f} % of larger ones"
+        return (
+            f"The residuals are what this {noise}'s noise{beside} would give ({sizes}; {chance})."
         )
-        return f"The residuals are what this {noise}'s noise would give ({sizes}; {chance})."

@@ -8,10 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthoglide_cal.errors import NotConvergedError, UnusableResultError
-from orthoglide_cal.estimation.accuracy import Scatter, require_rank, sum_of_squares
+from orthoglide_cal.estimation.accuracy import (
+    Scatter,
+    require_determined,
+    require_rank,
+    sum_of_squares,
+)
 from orthoglide_cal.estimation.budget import Budget, budget_of
 from orthoglide_cal.estimation.influences import held, influences
-from orthoglide_cal.estimation.least_squares import fit_offsets
+from orthoglide_cal.estimation.least_squares import Problem, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.solution import Solution
 from orthoglide_cal.model import (
@@ -52,7 +57,8 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
 
     Raises:
         UsageError: the method does not exist or cannot use these data.
-        RankDeficientError: the data do not determine the offsets; says what to add.
+        RankDeficientError: the data do not determine the offsets, or so little that no search ends;
+            says what to add.
         NotConvergedError: no optimum was found; there is no result.
         UnusableResultError: the offsets are larger than any machine has.
     """
@@ -60,7 +66,7 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     plain = posed = pose(measured, model, chosen, folded=True)
     require_rank(posed.problem)
     found = _estimate(posed, chosen)
-    _require_plausible(found.offsets, model)
+    _require_plausible(found.offsets, posed.problem)
     plan = posed.problem.plan
     uncertain = influences(model, found.offsets, plan)
     # Causes that were fitted to these very data are not uncertain beside their noise.
@@ -101,13 +107,15 @@ def budget_of_readings(
     return budget_of(estimator / plan.precision, gauge, scatter, equal)
 
 
-def _require_plausible(offsets: Floats, model: Model) -> None:
+def _require_plausible(offsets: Floats, problem: Problem) -> None:
     """No carriage stands half of its travel from where it seems to be: then it could not move."""
-    low, high = model.machine.joint_limits_mm
+    low, high = problem.model.machine.joint_limits_mm
     largest = float(np.abs(offsets).max())
     if largest > (high - low) / 2.0:
+        require_determined(problem)
+        many = problem.model.kind.speech.many
         raise UnusableResultError(
-            f"The offsets would be as large as {largest:.0f} mm, more than half of the travel.",
+            f"The {many} would be as large as {largest:.0f} mm, more than half of the travel.",
             "Check the unit and the decimal marks of the readings, and the machine file.",
         )
 
@@ -129,8 +137,10 @@ def _estimate(posed: Posed, method: Method, start: Floats | None = None) -> _Est
     fit = fit_offsets(problem, data, start)
     remaining = float(fit.remaining_mm)
     if not fit.converged:
+        require_determined(problem)
         raise NotConvergedError(
-            "No offsets fit these data: the search ended where the residuals can still fall"
+            f"No {problem.model.kind.speech.many} fit these data: the search ended where the"
+            " residuals can still fall"
             f" (a step of {remaining:.2g} mm is left after {int(fit.iterations)} iterations).",
             "Check the machine file and the readings; validate names every fault.",
         )

@@ -8,6 +8,7 @@ from orthoglide_cal.files.input import (
     input_from_document,
     latest_session,
     machine_in_folder,
+    printers_in,
     read_input,
     sessions_in,
 )
@@ -25,7 +26,7 @@ from orthoglide_cal.files.machine_file import (
     shipped_machine,
 )
 from orthoglide_cal.files.orthoglide_machine import LARGEST_OFFSET_MM
-from orthoglide_cal.files.probe_readings import places_csv, touches_csv
+from orthoglide_cal.files.probe_readings import check_same_printer, places_csv, touches_csv
 from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.files.session_file import (
     session_json,
@@ -46,6 +47,7 @@ __all__ = [
     "Input",
     "StoredMachine",
     "check_file",
+    "check_same_printer",
     "default_machine",
     "differing",
     "file_columns",
@@ -59,6 +61,7 @@ __all__ = [
     "number_text",
     "parse_number",
     "places_csv",
+    "printers_in",
     "read_document",
     "read_input",
     "read_machine",

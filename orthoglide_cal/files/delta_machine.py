@@ -8,10 +8,11 @@ from typing import Any
 
 from orthoglide_cal.files.yaml_tree import Group, between, not_negative, positive
 from orthoglide_cal.model import Gauge
-from orthoglide_cal.model.kinds.linear_delta import TOWERS
+from orthoglide_cal.model.kinds.linear_delta import TOWERS, DeltaMachine
 
 # A calliper shows hundredths, but it is put to edges that were printed.
 CALLIPER_MM = 0.06
+TOWERS_TURN = "The towers a, b, c must follow each other counter-clockwise, seen from above."
 
 _LENGTH = between(1.0, 1e5, positive)
 _HEIGHT = between(-1e4, 1e4)
@@ -36,7 +37,7 @@ def delta_values(file: Group) -> dict[str, Any]:
     probe.refuse_unknown()
     if angles is not None and not counter_clockwise(angles):
         file.note(
-            "The towers a, b, c must follow each other counter-clockwise, seen from above.",
+            TOWERS_TURN,
             "Give the angles as the firmware has them, such as [210, 330, 90].",
             "tower_angles_deg",
         )
@@ -46,20 +47,11 @@ def delta_values(file: Group) -> dict[str, Any]:
             "Give the horizontal distance between the arm's joints with the tool in the middle.",
             "delta_radius_mm",
         )
-    if not (file.sound and probe.sound and ends.sound):
+    if angles is None or not (file.sound and probe.sound and ends.sound):
         return {}
     return {
-        "leg_length_mm": sum(arms) / len(arms),
-        "parallelogram_width_mm": 0.0,
-        "tool_offset_mm": 0.0,
-        "joint_limits_mm": (-max(endstops), 0.0),
-        "workspace_mm": 2.0 * bed,
+        **DeltaMachine.dimensions(arms, radius, angles, endstops, bed),
         "gauge": Gauge(resolution, max(arms), None, repeatability),
-        "offsets_mm": endstops,
-        "arm_lengths_mm": arms,
-        "delta_radius_mm": radius,
-        "tower_angles_deg": angles,
-        "bed_radius_mm": bed,
         "calliper_mm": calliper,
         "texture_mm": texture,
     }

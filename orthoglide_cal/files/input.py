@@ -24,6 +24,7 @@ from orthoglide_cal.files.machine_file import (
 from orthoglide_cal.files.printer_file import read_printer_file
 from orthoglide_cal.files.probe_readings import (
     PLACE_COLUMNS,
+    known_printer,
     machine_of_printer,
     printer_readings,
     probe_readings_from_table,
@@ -47,6 +48,8 @@ _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*
 _KEY = re.compile(
     r"^(machine|readings|finished|started|kind|leg_length_mm):[ \t]*(.*)$", re.MULTILINE
 )
+
+_DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,8 @@ def read_input(
         model: the machine that the user names; it gives the joint limits that postures refer to.
             None stands for the one in a session.
         otherwise: gives the machine for a table where the user names none.
-        stored: what of a printer.cfg is meant; None for its calibration, or else its mesh.
+        stored: what of a printer.cfg is meant; None for its calibration, or else its mesh. Other
+            files are read whole.
 
     Raises:
         InvalidFileError: everything that is wrong with its content, each with its place.
@@ -145,8 +149,6 @@ def input_from_document(
     """As `read_input`, from text that has been read."""
     if PRINTER_SECTION.search(document.text):
         return _printer(document, model, stored)
-    if stored is not None:
-        raise UsageError("--data is for a printer.cfg; this is none.", "Leave it out.")
     if _is_yaml(document):
         return Input(*session_from_tree(load_tree(document), model), is_session=True)
     return _table(document, model, otherwise)
@@ -207,6 +209,19 @@ def latest_session(folder: Path) -> Path:
             file=str(folder),
         )
     return found[-1].path
+
+
+def printers_in(folder: Path) -> list[Path]:
+    """The files of a folder that describe a linear delta as Klipper reads them, latest last."""
+    found = (path for path in folder.glob("*.cfg") if path.is_file() and _is_delta(path))
+    return sorted(found, key=lambda path: (path.stat().st_mtime, path))
+
+
+def _is_delta(path: Path) -> bool:
+    try:
+        return _DELTA.search(read_document(str(path)).text) is not None
+    except InputError:
+        return False
 
 
 def machine_in_folder(folder: Path) -> Path | None:
@@ -281,8 +296,10 @@ def _printer(document: Document, model: Model | None, stored: str | None = None)
             f"{document.path} is of a linear delta; the machine given is an {known.machine.kind}.",
             "Leave --machine out, or give a file of kind linear_delta.",
         )
-    judge = replace(known, machine=machine_of_printer(file, known.machine))
-    readings = printer_readings(file, stored, machine_of_printer(file, known.machine))
+    machine, remarks = known_printer(file, known.machine)
+    read = printer_readings(file, stored, machine)
+    readings = replace(read, remarks=(*remarks, *read.remarks))
+    judge = replace(known, machine=machine)
     return Input(readings, judge, conditions_in(readings), is_session=False)
 
 
@@ -303,7 +320,7 @@ def _checked(
     document: Document, model: Model | None, otherwise: Callable[[], Model], stored: str | None
 ) -> Check:
     path, source = document.path, document.source
-    if _is_yaml(document) and stored is None and not PRINTER_SECTION.search(document.text):
+    if _is_yaml(document) and not PRINTER_SECTION.search(document.text):
         tree = load_tree(document)
         if is_machine_file(tree):
             file = machine_file_in(tree)
@@ -313,6 +330,7 @@ def _checked(
     else:
         given = input_from_document(document, model, otherwise, stored)
     measured = given.measured
+    source = measured.source
     kind = "session" if given.is_session else measured.kind
     machine = given.model.machine
     doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.gauge))

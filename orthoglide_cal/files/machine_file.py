@@ -42,10 +42,13 @@ from orthoglide_cal.files.yaml_tree import (
 from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Machine, Model
 from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, Orthoglide
 from orthoglide_cal.model.kinds.linear_delta import TOWERS
-from orthoglide_cal.model.model import KINDS
+from orthoglide_cal.model.model import KINDS, parameter_names
 
-# A section that only a Klipper configuration has.
-PRINTER_SECTION = re.compile(r"^(#\*# )?\[(printer|stepper_[abcxyz])\]\s*$", re.MULTILINE)
+# A section that only a Klipper configuration has, or a part of one.
+PRINTER_SECTION = re.compile(
+    r"^(#\*# )?\[\s*(printer|stepper_\w+|mcu|bed_mesh|gcode_macro|include)\b",
+    re.MULTILINE | re.IGNORECASE,
+)
 DEFAULT_NAME = "orthoglide_prototype.yaml"
 
 # Bounds [mm; tolerances and identified values in the units of their cause].
@@ -84,7 +87,7 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     if PRINTER_SECTION.search(document.text):
         raise InputError(
             "This is a printer's configuration, not a machine file.",
-            "Give it as the input, without --machine: it describes its machine itself.",
+            "Give it to solve, diagnose or plan as their input: it describes its machine itself.",
             file=document.path,
         )
     return machine_file_in(load_tree(document))
@@ -172,8 +175,12 @@ def machine_from_tree(tree: Tree) -> Model:
 def machine_in(file: Group) -> Model | None:
     """The machine that a group of keys describes; None after noting what is wrong with it."""
     file.take("schema_version", version)
-    kind = file.take("kind", _kind, Machine.kind)
-    shape = _SHAPES[kind] if kind else _likeliest(file)
+    likely = _likeliest(file)
+    kind = file.take("kind", _kind, likely)
+    if kind != Machine.kind and "kind" not in file.content:
+        remedy = f"Add a line `kind: {kind}`."
+        file.tree.faults.add("The key is missing.", remedy, line=1, column="kind")
+    shape = _SHAPES[kind or likely]
     values = {
         "kind": kind,
         "name": file.take("name", word),
@@ -223,9 +230,9 @@ _SHAPES = {
 }
 
 
-def _likeliest(file: Group) -> _Shape:
+def _likeliest(file: Group) -> str:
     """What a file of an unknown kind most likely means, so that only its kind is at fault."""
-    return max(_SHAPES.values(), key=lambda shape: len(file.content.keys() & set(shape.geometry)))
+    return max(_SHAPES, key=lambda id: len(file.content.keys() & set(_SHAPES[id].geometry)))
 
 
 def is_machine_file(tree: Tree) -> bool:
@@ -261,7 +268,7 @@ def machine_values(model: Model) -> dict[str, Any]:
             {
                 "cause": effect.cause.id,
                 "where": "",
-                "parameters": {name: _plain(each) for name, each in effect.estimates.items()},
+                "parameters": {name: _plain(each) for name, each in model.called(effect).items()},
                 "date": effect.date,
                 "data_sha256": effect.data_sha256,
                 "correlation": effect.correlation.round(6).tolist(),
@@ -368,16 +375,17 @@ def _identified(entry: Group, kind: str | None) -> Effect | None:
     date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
     correlation = entry.rows("correlation")
     if entry.sound:
-        names = CAUSES[id].names
-        if named.keys() != set(names):
-            what = f"{id} has the parameters {', '.join(names)}."
+        names = parameter_names(CAUSES[id], kind or Machine.kind)
+        if named.keys() != set(names.values()):
+            what = f"{id} has the parameters {', '.join(names.values())}."
             entry.note(what, "Give each of them once.", "parameters")
         if correlation:
             _check_correlation(entry, correlation, len(named))
     entry.refuse_unknown()
     if not entry.sound:
         return None
-    estimates = {name: estimate for name, estimate in named.items() if estimate is not None}
+    own = {called: name for name, called in names.items()}
+    estimates = {own[name]: each for name, each in named.items() if each is not None}
     matrix = np.array(correlation) if correlation else np.eye(len(estimates))
     return CAUSES[id].estimated(estimates, matrix).accepted(date, sha256)
 

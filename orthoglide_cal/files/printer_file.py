@@ -9,34 +9,40 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.delta_machine import counter_clockwise
+from orthoglide_cal.files.delta_machine import TOWERS_TURN, counter_clockwise
 from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, within
 from orthoglide_cal.files.text import Document
 from orthoglide_cal.model import Floats, Source
-from orthoglide_cal.model.plan import Ints, freeze
+from orthoglide_cal.model.plan import Ints, ReadOnly
 
 Bools = NDArray[np.bool_]
 
 _TOWERS = ("stepper_a", "stepper_b", "stepper_c")
 _ANGLES = (210.0, 330.0, 90.0)  # of a file that states none
-_PROBES = ("probe", "bltouch", "smart_effector")
+# Klipper's own, those of its descendants, and scanners that come with a module of their own.
+_PROBE = re.compile(
+    "probe|bltouch|smart_effector|load_cell_probe|dockable_probe|probe_eddy_current .+"
+    "|scanner|cartographer|beacon|idm"
+)
 _CALIBRATION = "delta_calibrate"
 _PROFILE = "bed_mesh "
-_NEEDED = {"printer", *_TOWERS, *_PROBES, _CALIBRATION, "bed_mesh"}
+_NEEDED = {"printer", *_TOWERS, _CALIBRATION, "bed_mesh"}
+# Of [bed_mesh]: the place at which the height of the mesh is set to zero.
+_ZEROS = ("zero_reference_position", "relative_reference_index")
 
 _STEPS = 1e8
 _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
 
 
 @dataclass(frozen=True)
-class StoredHeights:
+class StoredHeights(ReadOnly):
     """Touches of the bed by the probe, or by the nozzle on a feeler; n of them.
 
     Attributes:
@@ -53,12 +59,9 @@ class StoredHeights:
     manual: Bools
     line: Ints
 
-    def __post_init__(self) -> None:
-        freeze(self, "carriages", "height", "manual", "line")
-
 
 @dataclass(frozen=True)
-class StoredDistances:
+class StoredDistances(ReadOnly):
     """Distances between two places on a printed object, as callipers showed them; n of them.
 
     Attributes:
@@ -72,12 +75,9 @@ class StoredDistances:
     distance: Floats
     line: Ints
 
-    def __post_init__(self) -> None:
-        freeze(self, "first", "second", "distance", "line")
-
 
 @dataclass(frozen=True)
-class StoredMesh:
+class StoredMesh(ReadOnly):
     """The probed points of a mesh without those that only repeat a neighbour; n of them.
 
     Attributes:
@@ -88,6 +88,7 @@ class StoredMesh:
             direction of +x, the second of -x, and so on.
         line: in the file, shape (n,).
         padded: number of points left out.
+        remarks: what to know about it.
     """
 
     profile: str
@@ -97,13 +98,11 @@ class StoredMesh:
     order: Ints
     line: Ints
     padded: int
-
-    def __post_init__(self) -> None:
-        freeze(self, "x", "y", "height", "order", "line")
+    remarks: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class PrinterFile:
+class PrinterFile(ReadOnly):
     """What a printer.cfg states and stores of a linear delta.
 
     Attributes:
@@ -117,7 +116,7 @@ class PrinterFile:
             the nozzle's height when the probe triggers.
         heights, distances, mesh: what is stored; None where there is nothing.
         source: the file.
-        remarks: what to know about it.
+        remarks: what to know about it, but for its mesh.
     """
 
     radius: float
@@ -131,9 +130,6 @@ class PrinterFile:
     mesh: StoredMesh | None
     source: Source
     remarks: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        freeze(self, "angles", "arms", "endstops", "probe")
 
 
 def read_printer_file(document: Document) -> PrinterFile:
@@ -154,11 +150,11 @@ def read_printer_file(document: Document) -> PrinterFile:
     ]
     _check_towers(settings, angles)
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
-    sensor = next((name for name in _PROBES if name in settings.sections), "probe")
+    sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = [settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"]
     joints = _Joints(settings, radius, arms, endstops)
     heights, distances = _heights(settings, joints), _distances(settings, joints)
-    mesh = _mesh(settings, probe)
+    mesh = _mesh(settings, sensor, probe)
     settings.faults.check()
     return PrinterFile(
         radius=radius,
@@ -181,7 +177,7 @@ def _check_towers(settings: Settings, angles: list[float]) -> None:
         return
     given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
     settings.faults.add(
-        "The towers a, b, c must follow each other counter-clockwise, seen from above.",
+        TOWERS_TURN,
         "Check the angles of [stepper_a], [stepper_b], [stepper_c]; they are usually near 210, 330"
         " and 90.",
         line=max(value.line for value in given if value is not None),
@@ -216,7 +212,8 @@ class _Joints:
 
 
 def _matters(section: str) -> bool:
-    return section in _NEEDED or section.startswith(_PROFILE)
+    known = section in _NEEDED or section.startswith(_PROFILE)
+    return known or _PROBE.fullmatch(section) is not None
 
 
 def _check_kind(settings: Settings) -> None:
@@ -228,7 +225,12 @@ def _check_kind(settings: Settings) -> None:
         raise settings.faults.error()
     if not kind and not {"printer", *_TOWERS} & set(settings.sections):
         what = "The file holds no linear delta: there is no [printer] and no [stepper_a]."
-        raise InputError(what, "Give the printer.cfg of a delta.", file=settings.faults.file)
+        remedy = "Give the printer.cfg of a delta."
+        if settings.included:
+            remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
+        raise InputError(what, remedy, file=settings.faults.file)
+    if not kind:
+        settings.missing("printer", "kinematics")
 
 
 def _each(settings: Settings, option: str, low: float) -> list[float]:
@@ -284,14 +286,18 @@ def _distances(settings: Settings, joints: _Joints) -> StoredDistances | None:
     return StoredDistances(np.array(first), np.array(second), np.array(distance), np.array(lines))
 
 
-def _mesh(settings: Settings, probe: list[float]) -> StoredMesh | None:
+def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | None:
     profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
     if not profiles:
         return None
     section = next((name for name in profiles if name == f"{_PROFILE}default"), profiles[0])
     profile = section.removeprefix(_PROFILE).strip()
+    remarks = list(_mesh_remarks(settings, sensor))
     if len(profiles) > 1:
-        settings.remarks.append(f"Of {len(profiles)} stored meshes, {profile!r} was taken.")
+        remarks.append(
+            f"Of {len(profiles)} stored meshes, {profile!r} was taken. To take another, name it"
+            " [bed_mesh default] in a copy of the file."
+        )
     x, y = (_grid(settings, section, axis) for axis in "xy")
     lines, rows = _rows(settings, section, len(x), len(y))
     places = np.meshgrid(x, y)
@@ -310,7 +316,25 @@ def _mesh(settings: Settings, probe: list[float]) -> StoredMesh | None:
         order=_order(probed),
         line=np.repeat(lines, len(x)).reshape(rows.shape)[probed],
         padded=int(np.sum(~probed)),
+        remarks=tuple(remarks),
     )
+
+
+def _mesh_remarks(settings: Settings, sensor: str) -> Iterator[str]:
+    """What a file does not say about the places and the heights of its meshes."""
+    unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
+    if settings.included and unstated:
+        yield (
+            f"{' and '.join(unstated)} of [{sensor}] taken as 0: the file does not state it. If an"
+            f" included file does, copy its [{sensor}] into this one."
+        )
+    for option in _ZEROS:
+        if ("bed_mesh", option) in settings.options:
+            yield (
+                f"By line {settings.options['bed_mesh', option].line}, {option}, the mesh counts"
+                " from one of its own places: what the three endstops have in common is not to be"
+                " had from it. Set the height of the nozzle anew after entering them."
+            )
 
 
 def _grid(settings: Settings, section: str, axis: str) -> Floats:

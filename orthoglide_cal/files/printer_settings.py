@@ -19,7 +19,7 @@ from orthoglide_cal.files.text import Document, Faults, parse_count, parse_numbe
 T = TypeVar("T")
 
 _SAVED = "#*#"
-_SECTION = re.compile(r"\[(.+)\]\s*$")
+_SECTION = re.compile(r"\[(.+)\]")  # what follows the bracket is passed over
 _OPTION = re.compile(r"([^:=]+?)\s*[:=]\s*(.*)")
 _COMMENT = re.compile(r"#.*$|(?:^|(?<=\s));.*$")
 
@@ -110,9 +110,11 @@ class Settings:
         self.sections: Mapping[str, int] = {**own.sections, **saved.sections}
         self.options: Mapping[tuple[str, str], Value] = {**own.options, **saved.options}
         self.included = any(name.startswith("include ") for name in own.sections)
+        self._cut_off = not saved.sections
         self.remarks = [
             f"Line {own.options[key].line}, {key[1]} of [{key[0]}], was not used: line"
-            f" {value.line}, which SAVE_CONFIG wrote, says otherwise."
+            f" {value.line}, which SAVE_CONFIG wrote, says otherwise. Klipper itself obeys the line"
+            " above: delete one of the two."
             for key, value in saved.options.items()
             if key in own.options and own.options[key].text != value.text and matters(key[0])
         ]
@@ -128,6 +130,8 @@ class Settings:
         remedy = f"Add “{option}: …” to [{section}]."
         if self.included:
             remedy = f"Copy [{section}] from the included file into this one."
+        if self._cut_off:
+            remedy += " Or was the file cut off? The block that SAVE_CONFIG writes is missing."
         column = f"{option} of [{section}]"
         line = line or self.sections.get(section)
         self.faults.add("The option is missing.", remedy, line=line, column=column)
@@ -168,7 +172,10 @@ class Settings:
 
 def within(text: str, low: float, high: float) -> float:
     """The number that a text writes, between the two. Raises InputError without a place."""
-    value = parse_number(text)
+    value = parse_number(text, decimal_comma=True)
+    if "," in text:
+        what = "A decimal comma cannot be read here."
+        raise InputError(what, "Write a decimal point, as Klipper does.", value=text)
     if not low < value < high:
         raise InputError(f"The number is outside {low:g} … {high:g}.", "Check it.", value=text)
     return value

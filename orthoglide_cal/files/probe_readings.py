@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.delta_machine import CALLIPER_MM
 from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.readings import LATEST_MINUTES, check_order
 from orthoglide_cal.files.table import Cells, Table
 from orthoglide_cal.files.text import parse_count, unused
-from orthoglide_cal.model import Floats, Gauge, Ints, Machine, Readings
+from orthoglide_cal.model import Excerpt, Floats, Gauge, Ints, Machine, Readings
 from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, ProbePlan
 from orthoglide_cal.model.kinds.layouts import MINUTES_PER_TOUCH
 from orthoglide_cal.model.machine import trilaterate
+from orthoglide_cal.model.touches import bed_readings
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = (*PLACE_COLUMNS, "reading_mm", "z_mm", "seq", "cycle", "minutes", "note")
 # What no printer.cfg states: a probe repeats within a hundredth.
 REPEATABILITY_MM = 0.012
+# A place farther out than so many radii of the bed is none of it.
+BEYOND = 1.2
+# A printer that was calibrated knows its heights to tenths, a calliper is read to hundredths: what
+# is farther off was not stored with the settings that are in force now.
+_FAR_MM = 10.0
+# How far the real arms can be from those that the firmware has.
+_ARMS = "leg_length"
+# DELTA_CALIBRATE leaves stored heights right on the mean.
+_TRIMMED_MM = 0.02
 
 
 def probe_readings_from_table(table: Table, machine: DeltaMachine) -> Readings:
@@ -36,6 +48,14 @@ def probe_readings_from_table(table: Table, machine: DeltaMachine) -> Readings:
     faults.check()
     if not table.rows:
         faults.add("There is no reading.", "Give one row for each touch, under the header.")
+    elif not any("reading_mm" in row.cells for row in table.rows):
+        faults.add(
+            "No reading is filled in.",
+            "Probe the places in this order, and write the height at which the probe triggers.",
+            line=table.rows[0].line,
+            column="reading_mm",
+        )
+        faults.check()  # the empty cells are no faults of their own
     cells = Cells(table.rows, faults, table.number)
     wide, high = 2.0 * machine.bed_radius_mm, max(machine.arm_lengths_mm)
     wanted, arm = "Give it, or remove the row.", "an arm is long"
@@ -56,16 +76,15 @@ def probe_readings_from_table(table: Table, machine: DeltaMachine) -> Readings:
     order = np.argsort(np.argsort(seq, kind="stable"))
     plan = _plan(machine, place, surface, order, minutes if timed else None)
     unknown = (name for name in table.columns if name not in PROBE_COLUMNS)
-    return Readings(
-        plan=plan,
-        value=reading - surface,
+    return bed_readings(
+        plan,
+        reading - surface,
+        table.document.source,
+        np.array([row.line for row in table.rows]),
         cycle=np.array(cycle),
         note=tuple(row.cells.get("note", "") for row in table.rows),
-        line=np.array([row.line for row in table.rows]),
         timed=timed,
-        source=table.document.source,
         remarks=tuple(unused("Columns", unknown, PROBE_COLUMNS)),
-        **_nothing(len(plan)),
     )
 
 
@@ -94,7 +113,7 @@ def touches_csv(readings: Readings) -> str:
 
 def _check_places(cells: Cells, x: Floats, y: Floats, machine: DeltaMachine) -> None:
     for index, away in enumerate(np.hypot(x, y).tolist()):
-        if away > 1.2 * machine.bed_radius_mm:
+        if away > BEYOND * machine.bed_radius_mm:
             cells.note(
                 index,
                 "x_mm",
@@ -103,34 +122,64 @@ def _check_places(cells: Cells, x: Floats, y: Floats, machine: DeltaMachine) -> 
             )
 
 
-def machine_of_printer(file: PrinterFile, known: Machine | None = None) -> DeltaMachine:
-    """The machine with the parameters that a printer.cfg has in force.
-
-    Args:
-        file: as read.
-        known: what else is known of it; None stands for what is usual.
-    """
-    stated: dict[str, Any] = {
-        "leg_length_mm": float(file.arms.mean()),
-        "offsets_mm": tuple(file.endstops.tolist()),
-        "arm_lengths_mm": tuple(file.arms.tolist()),
-        "delta_radius_mm": file.radius,
-        "tower_angles_deg": tuple(file.angles.tolist()),
-        "bed_radius_mm": file.print_radius,
-        "workspace_mm": 2.0 * file.print_radius,
-        "joint_limits_mm": (-float(file.endstops.max()), 0.0),
-    }
-    if isinstance(known, DeltaMachine):
-        return replace(known, **stated)
+def machine_of_printer(file: PrinterFile) -> DeltaMachine:
+    """The machine with the parameters that a printer.cfg has in force, and what is usual else."""
     return DeltaMachine(
         name=PurePath(file.source.path).name,
         kind=LinearDelta.id,
-        parallelogram_width_mm=0.0,
-        tool_offset_mm=0.0,
         gauge=Gauge(0.0, float(file.arms.max()), None, REPEATABILITY_MM),
         calliper_mm=CALLIPER_MM,
-        **stated,
+        **_in_force(file),
     )
+
+
+def known_printer(file: PrinterFile, known: DeltaMachine) -> tuple[DeltaMachine, tuple[str, ...]]:
+    """A machine of which more is known, with the parameters that its printer.cfg has in force.
+
+    The firmware reckons with its own arms: how far they are from those that are known is part of
+    how far they can be from the real ones.
+
+    Returns:
+        The machine, and what to know about its arms.
+
+    Raises:
+        UsageError: the two are not of one machine.
+    """
+    machine = replace(known, **_in_force(file))
+    check_same_printer(known, machine)
+    arms = np.array((known.arm_lengths_mm, machine.arm_lengths_mm))
+    apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[_ARMS].size(known)
+    if apart <= size:
+        return machine, ()
+    stated, used = (", ".join(f"{arm:g}" for arm in dict.fromkeys(row)) for row in arms.tolist())
+    remark = (
+        f"Arms: the machine file says {stated} mm, the firmware {used} mm. What is found goes with"
+        f" the firmware's; U counts that they are {apart:.2g} mm apart. Enter what you measured in"
+        " both (arm_length), calibrate and probe again."
+    )
+    sizes = {**known.tolerances, _ARMS: round(math.hypot(size, apart), 3)}
+    return replace(machine, tolerances=sizes), (remark,)
+
+
+def _in_force(file: PrinterFile) -> dict[str, Any]:
+    """Fields of the machine that a printer.cfg states."""
+    arms, angles, endstops = (v.tolist() for v in (file.arms, file.angles, file.endstops))
+    return DeltaMachine.dimensions(arms, file.radius, angles, endstops, file.print_radius)
+
+
+def check_same_printer(before: Machine, after: Machine) -> None:
+    """Raises UsageError for two linear deltas that no calibration makes one of the other."""
+    if not (isinstance(before, DeltaMachine) and isinstance(after, DeltaMachine)):
+        return
+    sizes = np.array([(*each.arm_lengths_mm, each.delta_radius_mm) for each in (before, after)])
+    if np.abs(sizes[1] - sizes[0]).max() > LinearDelta.radius_mm:
+        arms, radii = sizes[:, :-1].mean(axis=1), sizes[:, -1]
+        raise UsageError(
+            f"These are two machines: arms {arms[0]:.0f} and {arms[1]:.0f} mm long, delta radius"
+            f" {radii[0]:.0f} and {radii[1]:.0f} mm.",
+            "Name two files of the same one; a machine file has its arm_length_mm and"
+            " delta_radius_mm.",
+        )
 
 
 def printer_readings(file: PrinterFile, stored: str | None, machine: DeltaMachine) -> Readings:
@@ -145,6 +194,12 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: DeltaMachin
     Raises:
         InputError: it does not store that.
     """
+    if file.heights is None and file.mesh is None:
+        raise InputError(
+            "The file stores neither probed heights nor a mesh.",
+            "Run DELTA_CALIBRATE or BED_MESH_CALIBRATE, then SAVE_CONFIG.",
+            file=file.source.path,
+        )
     chosen = stored or ("mesh" if file.heights is None else "calibration")
     return (_mesh if chosen == "mesh" else _calibration)(file, machine)
 
@@ -158,21 +213,26 @@ def _mesh(file: PrinterFile, machine: DeltaMachine) -> Readings:
             file=file.source.path,
         )
     n, height = len(mesh.x), file.probe[2]
+    away = np.hypot(mesh.x, mesh.y)
+    if away.max() > BEYOND * machine.bed_radius_mm:
+        raise InputError(
+            f"The mesh {mesh.profile!r} reaches {away.max():.0f} mm from the middle of the bed.",
+            f"Check min_x … max_y there, and print_radius of [printer] ({machine.bed_radius_mm:g}"
+            " mm, unless stated the delta_radius).",
+            file=file.source.path,
+            line=int(mesh.line[np.argmax(away)]),
+        )
     place = np.column_stack((mesh.x, mesh.y, mesh.height + height))
     left_out = (
         f"{mesh.padded} points of the mesh {mesh.profile!r} were not probed: they repeat a"
         " neighbour and are left out."
     )
-    return Readings(
-        plan=_plan(machine, place, np.full(n, height), mesh.order, None),
-        value=mesh.height,
-        cycle=np.ones(n, dtype=np.intp),
-        note=("",) * n,
-        line=mesh.line,
-        timed=False,
-        source=file.source,
-        remarks=(*file.remarks, *([left_out] if mesh.padded else [])),
-        **_nothing(n),
+    return bed_readings(
+        _plan(machine, place, np.full(n, height), mesh.order, None),
+        mesh.height,
+        replace(file.source, excerpt=Excerpt("mesh", f"{n} points of a mesh")),
+        mesh.line,
+        remarks=(*file.remarks, *mesh.remarks, *([left_out] if mesh.padded else [])),
     )
 
 
@@ -188,29 +248,64 @@ def _calibration(file: PrinterFile, machine: DeltaMachine) -> Readings:
     rails = LinearDelta().rails(machine)
 
     def reached(carriages: Floats) -> Floats:
-        return np.asarray(trilaterate(rails.carriages(carriages), rails.lengths))
+        return np.asarray(trilaterate(rails.carriages(carriages), rails.lengths, strict=False))
 
     place, surface = reached(heights.carriages), heights.height
+    _check_stored(
+        file,
+        heights.line,
+        place[:, 2] - surface,
+        "The stored height",
+        "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length changed"
+        " after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again.",
+    )
     other, value, line = place, place[:, 2] - surface, heights.line
+    trimmed = float(np.mean(value))
+    remarks = file.remarks
+    if abs(trimmed) > _TRIMMED_MM:
+        remarks += (
+            f"The settings in force put the nozzle {abs(trimmed):.3f} mm"
+            f" {'higher' if trimmed > 0.0 else 'lower'} than it was stored at. If the endstops"
+            " were changed after DELTA_CALIBRATE, as for a first layer, what is found takes that"
+            " back: set the height of the nozzle anew after entering it.",
+        )
     if distances is not None:
         first, second = reached(distances.first), reached(distances.second)
         wanted = np.linalg.norm(second - first, axis=1)
+        _check_stored(
+            file,
+            distances.line,
+            distances.distance - wanted,
+            "The stored distance",
+            "Measure it again on the printed object, and give it to DELTA_ANALYZE.",
+        )
         place, other = np.vstack((place, first)), np.vstack((other, second))
         value = np.concatenate((value, distances.distance - wanted))
         line = np.concatenate((line, distances.line))
+    words = f"{len(surface)} heights"
+    if distances is not None:
+        words += f" and {len(distances.distance)} distances"
+    source = replace(file.source, excerpt=Excerpt("calibration", words))
     plan = _plan(machine, place, surface, np.arange(len(place)), None, other)
-    n = len(plan)
-    return Readings(
-        plan=plan,
-        value=value,
-        cycle=np.ones(n, dtype=np.intp),
-        note=("",) * n,
-        line=line,
-        timed=False,
-        source=file.source,
-        remarks=file.remarks,
-        **_nothing(n),
-    )
+    return bed_readings(plan, value, source, line, remarks=remarks)
+
+
+def _check_stored(file: PrinterFile, line: Ints, apart: Floats, what: str, remedy: str) -> None:
+    """Raises for the first that cannot belong to the settings in force.
+
+    Args:
+        apart: what the settings make of each, less what is stored [mm]; NaN where no arms reach.
+    """
+    far = np.flatnonzero(~(np.abs(apart) < _FAR_MM))
+    if far.size:
+        size = abs(float(apart[far[0]]))
+        off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
+        raise InputError(
+            f"{what} is {off} by the settings in force.",
+            remedy,
+            file=file.source.path,
+            line=int(line[far[0]]),
+        )
 
 
 def _plan(
@@ -234,12 +329,3 @@ def _plan(
         distance=distance,
         weight=np.where(distance, machine.gauge.noise_mm / machine.calliper_mm, 1.0),
     )
-
-
-def _nothing(count: int) -> dict[str, Any]:
-    """What readings of gauges have beside and touches have not."""
-    return {
-        "posture": ("",) * count,
-        "temperature": np.full(count, np.nan),
-        "gauge": ("",) * count,
-    }

@@ -1,4 +1,4 @@
-"""CSV text to rows of named cells, and the cells of many rows to columns of values.
+"""CSV text to rows of named cells and back, and the cells of many rows to columns of values.
 
 The delimiter is the one that the header line uses (tab, then semicolon, then comma): guessing
 from the content goes wrong on `1,234;5,678`.
@@ -7,9 +7,10 @@ from the content goes wrong on `1,234;5,678`.
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeVar
@@ -339,3 +340,12 @@ def _columns(header: Sequence[str], line: int, faults: Faults) -> tuple[str, ...
             what = "The header names this column twice."
             faults.add(what, "Rename or remove one.", line=line, column=name)
     return tuple(names)
+
+
+def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """A header line and one line for each row; None is an empty cell."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from orthoglide_cal.files.readings import ENDS, TURNED
+from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model import AXES, Contact, GaugePlan, Readings, number_setups, places_of
 
@@ -30,11 +29,7 @@ def readings_csv(readings: Readings) -> str:
         for name, cells in file_columns(readings).items()
         if any(cell is not None for cell in cells)
     }
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return text.getvalue()
+    return csv_text(columns, zip(*columns.values(), strict=True))
 
 
 def file_columns(readings: Readings) -> dict[str, list[Any]]:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orthoglide_cal.model.machine import Geometry, Machine
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, freeze, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, ReadOnly, read_only
 
 
 class Stage(StrEnum):
@@ -59,6 +59,7 @@ class Command:
         in_time: indices from first to last of those that follow each other, shape (m,); None for
             carriages without a past.
         entered: offsets entered in the controller since the first of them, shape (n, 3) [mm].
+        along: between which joint positions they travelled, shape (n, 3) [mm]; None for `sent`.
     """
 
     joints: Floats
@@ -66,6 +67,7 @@ class Command:
     hours: Floats
     in_time: Ints | None
     entered: Floats
+    along: Floats | None = None
 
     @classmethod
     def standing(cls, joints: Floats, home: float) -> Command:
@@ -83,8 +85,9 @@ class Command:
         """Sign of each carriage's last motion, shape (n, 3); 0 before its first, or without."""
         if self.in_time is None:
             return read_only(np.zeros_like(self.joints))
+        along = self.sent if self.along is None else self.along
         approach, moves = np.zeros_like(self.joints), np.zeros((len(self.in_time), 3))
-        moves[1:] = np.sign(np.diff(self.sent[self.in_time], axis=0))
+        moves[1:] = np.sign(np.diff(along[self.in_time], axis=0))
         moments = np.arange(len(moves))[:, None]
         last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
         approach[self.in_time] = np.take_along_axis(moves, last, axis=0)
@@ -261,7 +264,7 @@ class Cause:
 
 
 @dataclass(frozen=True, eq=False)
-class Effect:
+class Effect(ReadOnly):
     """A cause with values for its parameters; leading axes broadcast with those of the offsets.
 
     Attributes:
@@ -279,9 +282,6 @@ class Effect:
     covariance: Floats | None = None
     date: str | None = None
     data_sha256: str | None = None
-
-    def __post_init__(self) -> None:
-        freeze(self, "theta", "covariance")
 
     @property
     def std(self) -> Floats:

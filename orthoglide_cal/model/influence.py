@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from orthoglide_cal.model.plan import Floats, freeze
+from orthoglide_cal.model.plan import Floats, ReadOnly
 
 
 class Origin(StrEnum):
@@ -21,7 +21,7 @@ class Origin(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Influence:
+class Influence(ReadOnly):
     """Unknowns of one source.
 
     Attributes:
@@ -40,9 +40,6 @@ class Influence:
     assumed: bool
     columns: Floats
     local: bool = False
-
-    def __post_init__(self) -> None:
-        freeze(self, "columns")
 
     def reduced(self, matrix: Floats) -> Influence:
         """The same in data R·readings, R of shape (k, n)."""

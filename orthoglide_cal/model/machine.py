@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import SingularError, UnreachableError
-from orthoglide_cal.model.plan import Numbers, freeze
+from orthoglide_cal.model.plan import Numbers, ReadOnly
 from orthoglide_cal.model.readings import AXES, Posture
 
 # Sine of the angle between the legs below which a posture counts as singular.
@@ -167,7 +167,7 @@ class Machine:
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class Geometry(ReadOnly):
     """Where the rails are and how long the legs are.
 
     Attributes:
@@ -179,9 +179,6 @@ class Geometry:
     points: Numbers
     directions: Numbers
     lengths: Numbers
-
-    def __post_init__(self) -> None:
-        freeze(self, "points", "directions", "lengths")
 
     def carriages(self, joints: Numbers) -> Numbers:
         """Carriage centres b_i for true joint positions (..., 3) → (..., 3, 3), row per leg."""

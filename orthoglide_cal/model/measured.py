@@ -8,7 +8,9 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from orthoglide_cal.model.plan import Floats, Ints, View, freeze
+import numpy as np
+
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly, View
 from orthoglide_cal.model.readings import Posture, Series
 
 
@@ -65,20 +67,35 @@ DIFFERENCES: Mapping[DataKind, tuple[Difference, ...]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
+class Excerpt:
+    """Which of several measurements that a file stores was read.
+
+    Attributes:
+        data: its name: "calibration" or "mesh".
+        words: how much of what.
+    """
+
+    data: str
+    words: str
+
+
+@dataclass(frozen=True)
 class Source:
     """Where data came from.
 
     Attributes:
         path: as the user gave it; "-" for standard input.
         sha256: hex digest of the bytes that were read.
+        excerpt: what of the file was read; None for all that it holds.
     """
 
     path: str
     sha256: str
+    excerpt: Excerpt | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class Readings(ReadOnly):
     """Raw gauge readings, in the order of the file; arrays have shape (n,).
 
     Attributes:
@@ -107,9 +124,6 @@ class Readings:
     source: Source
     remarks: tuple[str, ...] = field(default=())
 
-    def __post_init__(self) -> None:
-        freeze(self, "value", "temperature", "cycle", "line")
-
     kind = DataKind.READINGS
 
     @property
@@ -122,12 +136,22 @@ class Readings:
         """What a picture of them is drawn on."""
         return View(self.plan.view)
 
+    @property
+    def weight(self) -> Floats:
+        """How much an error of each counts in a root mean square beside a common one, (n,)."""
+        return np.asarray(self.plan.precision)
+
+    @property
+    def weighing(self) -> str:
+        """The same in words, to be put behind "r.m.s."; empty where all count alike."""
+        return str(self.plan.weighing)
+
     def __len__(self) -> int:
         return len(self.plan)
 
 
 @dataclass(frozen=True, eq=False)
-class Differences:
+class Differences(ReadOnly):
     """Differences of readings, as the paper prints them.
 
     Attributes:
@@ -138,20 +162,22 @@ class Differences:
         remarks: what the reader wants the user to know.
     """
 
-    view = View.LEGS
+    view, weighing = View.LEGS, ""
     kind: DataKind
     which: tuple[Difference, ...]
     value: Floats
     source: Source
     remarks: tuple[str, ...] = field(default=())
 
-    def __post_init__(self) -> None:
-        freeze(self, "value")
-
     @property
     def kinds(self) -> tuple[DataKind, ...]:
         """What can be made of them: themselves, and of twelve also six."""
         return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
+
+    @property
+    def weight(self) -> Floats:
+        """All alike, shape (k,)."""
+        return np.ones(len(self))
 
     def __len__(self) -> int:
         return len(self.which)

@@ -22,12 +22,22 @@ from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Command, Effect, Stage
+from orthoglide_cal.model.cause import Cause, Command, Effect, Estimate, Stage
 from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
 from orthoglide_cal.model.machine import Geometry, Machine
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
+from orthoglide_cal.model.readings import AXES
 
 KINDS: Mapping[str, Any] = {kind.id: kind for kind in (Orthoglide(), LinearDelta())}
+
+
+def parameter_names(cause: Cause, kind: str) -> dict[str, str]:
+    """Each parameter of a cause → its name on a kind of machine, by its id.
+
+    Causes of several kinds count the rails x, y and z; a kind calls them as its joint offsets.
+    """
+    rails = dict(zip(AXES, KINDS[kind].calibrated, strict=False))
+    return {name: rails.get(name, name) for name in cause.names}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +69,11 @@ class Model:
     def holding(self, offsets_mm: tuple[float, ...]) -> Model:
         """The model of the machine with other offsets active in its controller (x, y, z) [mm]."""
         return replace(self, machine=replace(self.machine, offsets_mm=offsets_mm))
+
+    def called(self, effect: Effect) -> Mapping[str, Estimate]:
+        """Parameters of an effect by the names that they have on this kind of machine."""
+        names = parameter_names(effect.cause, self.machine.kind)
+        return {names[own]: estimate for own, estimate in effect.estimates.items()}
 
     @cached_property
     def repeats(self) -> bool:

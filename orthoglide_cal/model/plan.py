@@ -37,12 +37,13 @@ def read_only(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
     return array
 
 
-def freeze(value: object, *names: str) -> None:
-    """Replace arrays of a frozen dataclass by read-only copies; for its `__post_init__`."""
-    for name in names:
-        given = getattr(value, name)
-        if given is not None:
-            object.__setattr__(value, name, read_only(given, np.asarray(given).dtype))
+class ReadOnly:
+    """Base of frozen dataclasses that hold arrays: each is replaced by a read-only copy."""
+
+    def __post_init__(self) -> None:
+        for name, given in list(vars(self).items()):
+            if isinstance(given, np.ndarray):
+                object.__setattr__(self, name, read_only(given, given.dtype))
 
 
 # Of the arrays of a plan; all others hold whole numbers.
@@ -120,6 +121,11 @@ class Plan:
     def precision(self) -> Floats:
         """How precise each reading is beside a common one: ratio of their σ, shape (n,)."""
         raise NotImplementedError
+
+    @property
+    def weighing(self) -> str:
+        """That in words, to be put behind "r.m.s."; empty where all are alike."""
+        return ""
 
     @property
     def same(self) -> np.ndarray:

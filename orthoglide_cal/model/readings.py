@@ -108,6 +108,16 @@ class GaugePlan(Plan):
         return np.asarray(self.setup[:, None] == self.setup)
 
     @cached_property
+    def standing(self) -> Bools:
+        """Readings by gauges on stands that were not moved since, shape (n,).
+
+        Those on the leg that was read last, in its part: from there they go to the next.
+        """
+        last = self.in_time[-1:]
+        here = (self.leg == self.leg[last]) & (self.part == self.part[last])
+        return np.asarray(here & (self.contact == Contact.FIXED))
+
+    @cached_property
     def stood(self) -> Floats:
         """What was entered when each reading's gauge was set up, shape (n, 3) [mm].
 

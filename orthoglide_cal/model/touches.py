@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.model.kinds.layouts import MINUTES_PER_TOUCH, REACH
+from orthoglide_cal.model.kinds.layouts import REACH, layout_of, mixed, rings
 from orthoglide_cal.model.kinds.linear_delta import DeltaMachine
 from orthoglide_cal.model.kinds.probe_plan import ProbePlan
 from orthoglide_cal.model.machine import Gauge
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, Ints
 
-_GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 # The gap closes by all but some per cent in each step.
 _STEPS = 8
 
@@ -23,7 +22,7 @@ _STEPS = 8
 def bed_plan(
     machine: DeltaMachine, places: int, heights: Sequence[float] = (0.0,), cycles: int = 1
 ) -> ProbePlan:
-    """Touches spread evenly over the bed, row by row to and fro; all of one height, then the next.
+    """Touches spread evenly over the bed in a mixed order; all of one height, then the next.
 
     Args:
         machine: its bed.
@@ -31,24 +30,10 @@ def bed_plan(
         heights: of what lies under the probe [mm].
         cycles: repeats of all of them.
     """
-    number = np.arange(places)
-    away = REACH * machine.bed_radius_mm * np.sqrt((number + 0.5) / places)
-    at = np.stack((away * np.cos(_GOLDEN * number), away * np.sin(_GOLDEN * number)), axis=1)
-    rows = max(round(places**0.5), 1)
-    row = np.floor((at[:, 1] / away.max() + 1.0) / 2.0 * rows)
-    at = at[np.lexsort((np.where(row % 2, -at[:, 0], at[:, 0]), row))].round(2)
-    surface = np.tile(np.repeat(np.asarray(heights, dtype=np.float64), places), cycles)
-    place = np.column_stack((np.tile(at, (len(heights) * cycles, 1)), surface))
-    order = np.arange(len(place))
-    return ProbePlan(
-        order=order,
-        hours=np.asarray(MINUTES_PER_TOUCH * order / 60.0, dtype=np.float64),
-        place=place,
-        other=place,
-        surface=surface,
-        distance=np.zeros(len(place), dtype=np.bool_),
-        weight=np.ones(len(place)),
-    )
+    at = mixed(rings(places, REACH * machine.bed_radius_mm))
+    parts = [(at, height) for height in heights] * cycles
+    plan: ProbePlan = layout_of("simulated", "", parts).plan
+    return plan
 
 
 def synthetic_touches(
@@ -76,15 +61,41 @@ def synthetic_touches(
     shown = height + local + gauge.repeatability_mm * rng.standard_normal(n)
     step = gauge.resolution_mm
     shown = np.rint(shown / step) * step if step > 0.0 else shown
+    value = np.round(shown, 6) - plan.surface
+    return bed_readings(touched, value, Source("simulate", ""), np.arange(2, n + 2), timed=True)
+
+
+def bed_readings(
+    plan: ProbePlan,
+    value: Floats,
+    source: Source,
+    line: Ints,
+    *,
+    cycle: Ints | None = None,
+    note: tuple[str, ...] | None = None,
+    timed: bool = False,
+    remarks: tuple[str, ...] = (),
+) -> Readings:
+    """Touches and distances as readings, without what only gauges have.
+
+    Args:
+        plan: of n of them.
+        value: shape (n,) [mm].
+        source, line, timed, remarks: as of all readings.
+        cycle: repeat of the same touch, shape (n,); None for the first of each.
+        note: None for none.
+    """
+    n = len(plan)
     return Readings(
-        plan=touched,
-        value=np.round(shown, 6) - plan.surface,
-        cycle=np.ones(n, dtype=np.intp),
+        plan=plan,
+        value=value,
+        cycle=np.ones(n, dtype=np.intp) if cycle is None else cycle,
         posture=("",) * n,
         temperature=np.full(n, np.nan),
         gauge=("",) * n,
-        note=("",) * n,
-        line=np.arange(2, n + 2),
-        timed=True,
-        source=Source("simulate", ""),
+        note=note or ("",) * n,
+        line=line,
+        timed=timed,
+        source=source,
+        remarks=remarks,
     )

@@ -18,14 +18,14 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.cause import Command
 from orthoglide_cal.model.machine import Geometry, rail_position, tool_derivative, trilaterate
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, Ints, freeze
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 
 SAMPLES = 17  # along each edge of the cube
 MOST_POINTS = 51  # of a compensation table, along each edge
 
 
 @dataclass(frozen=True, eq=False)
-class WorkspaceError:
+class WorkspaceError(ReadOnly):
     """Tool-position error over a cube inside the joint limits [mm].
 
     Attributes:
@@ -51,10 +51,6 @@ class WorkspaceError:
     after_mean_mm: float
     left_max_mm: float
     nominal_edge_mm: float
-
-    def __post_init__(self) -> None:
-        freeze(self, "axis_mm", "levels_mm", "before_mm", "after_mm")
-        freeze(self, "before_shift_mm", "after_shift_mm")
 
 
 def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
@@ -117,7 +113,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
 
 
 @dataclass(frozen=True, eq=False)
-class Travel:
+class Travel(ReadOnly):
     """Where carriages and tool stand while one leg after the other moves through its travel.
 
     Attributes:
@@ -132,9 +128,6 @@ class Travel:
     nominal_mm: Floats
     before_mm: Floats
     after_mm: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "leg", "displacement_mm", "nominal_mm", "before_mm", "after_mm")
 
 
 def travel(model: Model, offsets: Floats, steps: int = 4) -> Travel:
@@ -168,7 +161,7 @@ def travel(model: Model, offsets: Floats, steps: int = 4) -> Travel:
 
 
 @dataclass(frozen=True, eq=False)
-class Compensation:
+class Compensation(ReadOnly):
     """Joint corrections over the workspace.
 
     For a machine with accepted causes no set of three offsets puts the tool right everywhere. At
@@ -186,9 +179,6 @@ class Compensation:
     left_out: tuple[str, ...]
     points_mm: Floats
     corrections_mm: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "points_mm", "corrections_mm")
 
 
 def compensation(model: Model, points: int) -> Compensation:

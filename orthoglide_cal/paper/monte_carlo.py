@@ -14,7 +14,7 @@ from orthoglide_cal.model import (
     DataKind,
     Floats,
     Model,
-    freeze,
+    ReadOnly,
     ideal_plan,
     reduction,
     simulate,
@@ -28,7 +28,7 @@ RUNS = 10_000
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(ReadOnly):
     """One cell of Table 3.
 
     Attributes:
@@ -40,9 +40,6 @@ class Study:
     method: DataKind
     offset_mm: float
     stds_mm: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "stds_mm")
 
     @property
     def mean_mm(self) -> float:

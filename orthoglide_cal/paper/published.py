@@ -21,7 +21,6 @@ class Experiment:
     """One experiment of Tables 4 and 5; lengths in mm, differences in the order of Table 4.
 
     Attributes:
-        title: as in Table 4.
         measured: Δx_y, Δx_z, Δy_x, Δy_z, Δz_x, Δz_y (max − min).
         expected: expected improvement: measured minus modelled.
         rms_before, rms_after: of these two rows.
@@ -29,7 +28,6 @@ class Experiment:
         twelve_offsets, twelve_rms: by the twelve-equation method (Table 5).
     """
 
-    title: str
     measured: Six
     expected: Six
     rms_before: float
@@ -41,8 +39,7 @@ class Experiment:
 
 EXPERIMENTS: Mapping[int, Experiment] = MappingProxyType(
     {
-        1: Experiment(
-            "Initial settings",
+        1: Experiment(  # Initial settings
             # Printed Δx_z = +1.58: only +1.48 gives the printed r.m.s., residuals and offsets.
             (0.52, 1.48, 2.37, -0.25, -0.57, -0.04),
             (-0.94, 0.63, 1.07, -0.84, -0.27, 0.35),
@@ -52,8 +49,7 @@ EXPERIMENTS: Mapping[int, Experiment] = MappingProxyType(
             (2.07, 1.66, -1.30),
             0.75,
         ),
-        2: Experiment(
-            "After mechanical tuning",
+        2: Experiment(  # After mechanical tuning
             (-0.43, -0.37, 0.42, -0.18, -1.14, -0.70),
             (-0.28, 0.25, 0.21, -0.14, -0.13, 0.09),
             0.62,
@@ -62,8 +58,7 @@ EXPERIMENTS: Mapping[int, Experiment] = MappingProxyType(
             (-0.52, 0.55, -1.69),
             0.21,
         ),
-        3: Experiment(
-            "After calibration",
+        3: Experiment(  # After calibration
             (-0.23, 0.27, 0.34, -0.10, -0.09, 0.11),
             (-0.29, 0.23, 0.25, -0.17, -0.10, 0.08),
             0.21,

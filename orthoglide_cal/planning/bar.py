@@ -80,8 +80,27 @@ def places(machine: Machine) -> tuple[float, float] | None:
     return (round(near * PLACE_STEP, 9), round(far * PLACE_STEP, 9)) if near <= far else None
 
 
-def bar_warning(plan: GaugePlan, machine: Machine) -> tuple[str, str] | None:
-    """What is wrong with the touches of a plan, and how to mend it; None if nothing is."""
+class BarWarning(NamedTuple):
+    """Plungers that leave their bar, or come near its end.
+
+    Attributes:
+        what: is wrong, in a sentence.
+        remedy: how to mend it.
+        leaves: whether one leaves the bar.
+    """
+
+    what: str
+    remedy: str
+    leaves: bool
+
+    @property
+    def lines(self) -> tuple[str, str]:
+        """Both sentences."""
+        return self.what, self.remedy
+
+
+def bar_warning(plan: GaugePlan, machine: Machine) -> BarWarning | None:
+    """What is wrong with the touches of a plan; None if nothing is."""
     worst = worst_touch(plan, machine)
     if worst is None or worst.keeps >= MARGIN - ROUNDING:
         return None
@@ -98,18 +117,19 @@ def bar_warning(plan: GaugePlan, machine: Machine) -> tuple[str, str] | None:
         f"make joint_limits_mm in the machine file smaller: [{_inwards(low)}, {_inwards(high)}]"
         " is safe with the gauges half-way."
     )
-    return what, f"Measure with --design best, whose postures and gauge place fit; or {smaller}"
+    remedy = f"Measure with --design best, whose postures and gauge place fit; or {smaller}"
+    return BarWarning(what, remedy, worst.keeps < 0.0)
 
 
-def require_on_bar(plan: GaugePlan, machine: Machine) -> tuple[str, str] | None:
+def require_on_bar(plan: GaugePlan, machine: Machine) -> BarWarning | None:
     """The warning of a plan whose plungers stay on the bars, but barely; None without one.
 
     Raises:
         PostureError: a plunger leaves its bar.
     """
-    warning, worst = bar_warning(plan, machine), worst_touch(plan, machine)
-    if warning is not None and worst is not None and worst.keeps < 0.0:
-        raise PostureError(*warning)
+    warning = bar_warning(plan, machine)
+    if warning is not None and warning.leaves:
+        raise PostureError(*warning.lines)
     return warning
 
 

@@ -12,7 +12,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,20 +23,20 @@ from orthoglide_cal.estimation.influences import held, influences
 from orthoglide_cal.estimation.solve import budget_of_readings
 from orthoglide_cal.model import Floats, GaugePlan, Model
 from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, plan_of
+from orthoglide_cal.model.kinds import plan_of
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.planning.steps import (
+    MOST_CYCLES,
     MeasuringProtocol,
     Order,
     SessionStep,
+    clock,
     gauge_moves,
     minutes_left,
     sequence,
 )
 
-# As many as `measure` takes.
-MOST_CYCLES = 50
-# What more cycles make smaller.
+# The scatter of readings: what their number averages.
 AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
 
@@ -61,18 +60,21 @@ class Session:
     # Every method asks for the same sessions.
     @classmethod
     @functools.lru_cache(maxsize=128)
-    def of(cls, model: Model, protocol: MeasuringProtocol, cycles: int, stands: int = 2) -> Session:
+    def of(
+        cls,
+        model: Model,
+        protocol: MeasuringProtocol,
+        cycles: int,
+        stands: int = 2,
+        order: Order = Order.PAPER,
+    ) -> Session:
         """As `measure` guides it: at least one cycle, `stands` gauges read side by side.
 
         The single-posture protocol always takes one.
         """
         stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
-        steps = sequence(model.machine, protocol, cycles, Order.PAPER, stands)
-        minutes = [0.0]
-        for one, other in pairwise(steps):
-            moved = MINUTES_PER_SETUP * (one.setup != other.setup)
-            minutes.append(minutes[-1] + MINUTES_PER_POSTURE * (one.visit != other.visit) + moved)
-        timed = zip(steps, minutes, strict=True)
+        steps = sequence(model.machine, protocol, cycles, order, stands)
+        timed = zip(steps, clock(steps), strict=False)
         plan = plan_of([step.planned._replace(minutes=at) for step, at in timed])
         return cls(protocol, cycles, steps, plan)
 
@@ -92,29 +94,41 @@ class Session:
         return minutes_left(self.steps)
 
 
-@dataclass(frozen=True, eq=False)
-class Expected:
-    """What a session will give with one method.
+class Foreseen:
+    """What readings will give: what follows from the budget of their p calibrated parameters."""
 
-    Attributes:
-        session: how it is measured.
-        method: the estimator.
-        budget: of the offsets, at the degrees of freedom that the readings will have.
-    """
-
-    session: Session
-    method: Method
     budget: Budget
 
     @cached_property
     def noise_std_mm(self) -> Floats:
-        """What the scatter of the readings leaves of each offset, shape (3,) [mm]."""
-        return noise_std(self.budget)
+        """What the scatter of the readings leaves of each, shape (p,) [mm, or its unit]."""
+        parts = [c.std_mm**2 for c in self.budget.contributions if c.source in AVERAGED]
+        return np.asarray(np.sqrt(np.sum(parts, axis=0)))
 
     @property
     def expanded_mm(self) -> Floats:
-        """Expanded uncertainties U of the offsets, shape (3,) [mm]."""
+        """Expanded uncertainties U, shape (p,) [mm, or its unit]."""
         return self.budget.expanded_mm
+
+    @cached_property
+    def floor(self) -> Budget | None:
+        """What is left of it beside the scatter of the readings; None if that is nothing."""
+        found = (each for each in self.budget.contributions if each.source not in AVERAGED)
+        parts = tuple(each for each in found if np.any(each.std_mm))
+        return Budget(parts) if parts else None
+
+
+@dataclass(frozen=True, eq=False)
+class Expected(Foreseen):
+    """What a session will give.
+
+    Attributes:
+        session: how it is measured.
+        budget: of the offsets, at the degrees of freedom that the readings will have.
+    """
+
+    session: Session
+    budget: Budget
 
 
 # The same sessions are asked for by number of cycles, by target and by comparison.
@@ -137,7 +151,7 @@ def expected(
         RankDeficientError: the readings will not determine the offsets.
     """
     session = Session.of(model, protocol, cycles, stands)
-    return Expected(session, method, expected_budget(model, session.plan, method))
+    return Expected(session, expected_budget(model, session.plan, method))
 
 
 def expected_budget(model: Model, plan: Any, method: Method = Method.READINGS) -> Budget:
@@ -222,24 +236,11 @@ def fewest_cycles(
 def _cycles_for(found: Expected, wanted_mm: float) -> int:
     """About so many cycles leave the wanted U: what is averaged falls with their number."""
     k2, cycles = found.budget.k**2, found.session.cycles
-    stays = floor_of(found.budget)
-    left = 0.0 if stays is None else np.diag(stays.covariance_mm2)
+    left = 0.0 if found.floor is None else np.diag(found.floor.covariance_mm2)
     noise = found.noise_std_mm**2 * cycles
     spare = wanted_mm**2 / k2 - left
     needed = np.where(spare * MOST_CYCLES > noise, noise / np.maximum(spare, TINY), MOST_CYCLES)
     return math.ceil(float(needed.max()))
-
-
-def noise_std(budget: Budget) -> Floats:
-    """What the scatter of the readings leaves of each parameter, shape (p,)."""
-    parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
-    return np.asarray(np.sqrt(np.sum(parts, axis=0)))
-
-
-def floor_of(budget: Budget) -> Budget | None:
-    """What is left of it however many cycles are taken; None if that is nothing."""
-    parts = tuple(c for c in budget.contributions if c.source not in AVERAGED and np.any(c.std_mm))
-    return Budget(parts) if parts else None
 
 
 def tool_error_mm(model: Model, budget: Budget) -> float:

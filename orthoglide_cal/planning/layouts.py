@@ -13,9 +13,9 @@ from functools import cached_property
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.model import Cause, Floats, Model
+from orthoglide_cal.model import Cause, Model
 from orthoglide_cal.model.kinds import Layout
-from orthoglide_cal.planning.expected import expected_budget, floor_of, noise_std
+from orthoglide_cal.planning.expected import Foreseen, expected_budget
 from orthoglide_cal.planning.separation import Separations, separations
 
 # Told apart: so far from each other that chance does not count [standard deviations].
@@ -23,7 +23,7 @@ TOLD_SIGMA = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
+class Laid(Foreseen):
     """What a layout will give.
 
     Attributes:
@@ -44,16 +44,6 @@ class Laid:
         """Before a reading is taken."""
         return cls(model, layout, expected_budget(model, layout.plan), _apart(model, layout))
 
-    @property
-    def noise_std(self) -> Floats:
-        """What scatter alone leaves of each parameter, shape (p,), in their units."""
-        return noise_std(self.budget)
-
-    @property
-    def expanded(self) -> Floats:
-        """Expanded uncertainties U, shape (p,), in the parameters' units."""
-        return self.budget.expanded_mm
-
     @cached_property
     def held(self) -> Budget | None:
         """Of the budget what is taken as the controller has it; None if that is nothing."""
@@ -67,15 +57,10 @@ class Laid:
         ids = self.model.kind.held
         return Budget(tuple(each for each in self.budget.contributions if each.source not in ids))
 
-    @property
-    def floor(self) -> Budget | None:
-        """What is left however often the same is read; None if that is nothing."""
-        return floor_of(self.budget)
-
     @cached_property
     def determined(self) -> tuple[bool, ...]:
         """Which parameters are known better than any such machine could be off."""
-        return determined(self.model, self.expanded)
+        return determined(self.model, self.expanded_mm)
 
     @cached_property
     def separations(self) -> Separations:

@@ -14,15 +14,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model import AXES, Contact, GaugePlan, Machine, Model, Plan, other_axes
+from orthoglide_cal.model import (
+    AXES,
+    Contact,
+    GaugePlan,
+    Machine,
+    Model,
+    Plan,
+    double_posture,
+    other_axes,
+)
 from orthoglide_cal.model.kinds import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
     PlannedReading,
     plan_of,
 )
-from orthoglide_cal.planning.bar import places, reach_mm, worst_touch
-from orthoglide_cal.planning.steps import MINUTES_PER_TURN, NOTHING_ENTERED
+from orthoglide_cal.planning.bar import bar_warning, places, reach_mm, worst_touch
+from orthoglide_cal.planning.steps import (
+    NOTHING_ENTERED,
+    MeasuringProtocol,
+    Order,
+    clock,
+    sequence,
+    sequence_options,
+    steps_of,
+)
 
 # Long enough for what creeps to show.
 WAIT_MIN = 15.0
@@ -33,6 +50,7 @@ HALF_WAY = 0.5  # along the leg
 ANOTHER_PLACE = 0.08
 LEGS = (0, 1, 2)
 TIMES = MappingProxyType({1: "one cycle", 5: "five cycles"})
+ALONE = (1, 2, 3, 5)  # cycles of a session of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +62,15 @@ class Option:
         plan: the new readings alone, with part, set-ups, order and hours as in the joined data.
         minutes: that it takes.
         continues: True if the stands are still where they were: same part, same set-ups.
+        session: what `measure` is told for it if it is a session of its own, judged without what
+            was read before; None if it is solved together with that.
     """
 
     what: str
     plan: Any
     minutes: float
     continues: bool
+    session: str | None = None
 
 
 def joined(*plans: Any) -> Any:
@@ -67,10 +88,13 @@ def options(first: GaugePlan | None, machine: Machine) -> tuple[Option, ...]:
     """All that can be done next.
 
     Args:
-        first: what was read; None where it is not known reading by reading.
+        first: what was read with gauges that stand in space; None where nothing can be solved
+            together with what was read.
         machine: its limits bound the postures.
     """
-    here = None if first is None else _Stands.after(first)
+    if first is None:
+        return tuple(_alone(machine))
+    here = _Stands.after(first, machine)
     going_on = () if here is None else _going_on(here, machine)
     return (*going_on, *_afresh(first, machine))
 
@@ -160,11 +184,30 @@ def _step(machine: Machine, leg: int, axis: int, stops: Sequence[float]) -> floa
     return None
 
 
-def _afresh(first: GaugePlan | None, machine: Machine) -> Iterator[Option]:
+def _alone(machine: Machine) -> Iterator[Option]:
+    """Sessions as `measure` guides them, of the best design where plungers would leave the bar."""
+    usual = double_posture(machine)
+    protocol = MeasuringProtocol.BEST if bar_warning(usual, machine) else MeasuringProtocol.DOUBLE
+    for cycles in ALONE:
+        session = (protocol, cycles, Order.PAPER, 2)
+        steps = sequence(machine, *session)
+        *times, minutes = (MINUTES_PER_SETUP + at for at in clock(steps))
+        timed = zip(steps, times, strict=True)
+        plan = plan_of([step.planned._replace(minutes=at) for step, at in timed])
+        how_often = f"{cycles} cycle{'s' if cycles > 1 else ''}"
+        what = (
+            f"Measure a session of its own, {protocol}, {how_often} per leg, reading by reading."
+            " It is solved alone: leave the old data as they are."
+        )
+        told = sequence_options(*session)
+        yield Option(what, plan, minutes, continues=False, session=told)
+
+
+def _afresh(first: GaugePlan, machine: Machine) -> Iterator[Option]:
     """With the stands set up afresh, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
     usual = walks[0]
-    fixed = () if first is None else first.gauge_at[first.contact == Contact.FIXED]
+    fixed = first.gauge_at[first.contact == Contact.FIXED]
     half_way = ", with the gauges half-way" if np.any(np.not_equal(fixed, HALF_WAY)) else ""
     checked = "labels and + sides checked"
     turn = "half round its own axis"
@@ -173,25 +216,26 @@ def _afresh(first: GaugePlan | None, machine: Machine) -> Iterator[Option]:
             stand = f"et the stands up afresh at leg {AXES[leg]}{half_way}"
             for walk in walks:
                 what = f"S{stand}, {checked}, and read {how_often}: {walk.words}."
-                yield _sitting(first, (leg,), what, walk.cycles(times))
+                yield _sitting(first, machine, (leg,), what, walk.cycles(times))
             what = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
-            yield _sitting(first, (leg,), what, usual.cycles(times), turned=True)
+            yield _sitting(first, machine, (leg,), what, usual.cycles(times), turned=True)
         repeat = f"epeat the session, {how_often} per leg"
         for walk in walks:
             what = f"R{repeat}{half_way}: {walk.words}; stands set up afresh, {checked}."
-            yield _sitting(first, LEGS, what, walk.cycles(times))
+            yield _sitting(first, machine, LEGS, what, walk.cycles(times))
         what = f"Turn every bar {turn}, and r{repeat}{half_way}."
-        yield _sitting(first, LEGS, what, usual.cycles(times), turned=True)
+        yield _sitting(first, machine, LEGS, what, usual.cycles(times), turned=True)
         for at in _places(first, machine):
             from_joint = at * machine.leg_length_mm
             what = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
-            yield _sitting(first, LEGS, what, usual.cycles(times), gauge_at=at)
+            yield _sitting(first, machine, LEGS, what, usual.cycles(times), gauge_at=at)
     what = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
-    yield _sitting(first, LEGS[::-1], what, usual.cycles())
+    yield _sitting(first, machine, LEGS[::-1], what, usual.cycles())
 
 
 def _sitting(
-    first: GaugePlan | None,
+    first: GaugePlan,
+    machine: Machine,
     legs: Sequence[int],
     what: str,
     stops: Sequence[float],
@@ -199,26 +243,39 @@ def _sitting(
     turned: bool = False,
 ) -> Option:
     """One leg after the other, with new set-ups, as a part of its own."""
-    readings, minutes = [], 0.0
-    for leg in legs:
-        minutes += MINUTES_PER_SETUP + turned * MINUTES_PER_TURN
-        for displacement in stops:
-            for direction in other_axes(leg):
-                place = leg, direction, displacement, Contact.FIXED
-                readings.append(PlannedReading(*place, minutes, gauge_at, turned=turned))
-            minutes += MINUTES_PER_POSTURE
-    plan = plan_of(readings)
-    if first is not None:
-        plan = replace(
-            plan,
-            setup=plan.setup + first.setups,
-            order=plan.order + int(first.order.max()) + 1,
-            hours=plan.hours + float(first.hours.max()),
-            part=plan.part + int(first.part.max()) + 1,
-            # What was commanded short was so for those readings alone.
-            entered=plan.entered + first.stood[first.in_time[-1]],
-        )
+    plan = plan_of(
+        [
+            PlannedReading(
+                leg, direction, displacement, Contact.FIXED, gauge_at=gauge_at, turned=turned
+            )
+            for leg in legs
+            for displacement in stops
+            for direction in other_axes(leg)
+        ]
+    )
+    *times, minutes = _clock(plan, machine, start=MINUTES_PER_SETUP)
+    plan = replace(plan, hours=np.array(times) / 60.0)
+    plan = replace(
+        plan,
+        setup=plan.setup + first.setups,
+        order=plan.order + int(first.order.max()) + 1,
+        hours=plan.hours + float(first.hours.max()),
+        part=plan.part + int(first.part.max()) + 1,
+        # What was commanded short was so for those readings alone.
+        entered=plan.entered + first.stood[first.in_time[-1]],
+    )
     return Option(what, plan, minutes, continues=False)
+
+
+def _clock(plan: Any, machine: Machine, start: float) -> list[float]:
+    """When each reading of a plan in time order is taken, and when all are, shape (n + 1,) [min].
+
+    Args:
+        plan: with two gauges side by side.
+        machine: that is measured.
+        start: what goes before [min].
+    """
+    return [start + at for at in clock(steps_of(plan, machine, Order.PAPER, stands=2))]
 
 
 @dataclass(frozen=True)
@@ -227,6 +284,7 @@ class _Stands:
 
     Attributes:
         first: all that was read.
+        machine: on which.
         leg: where they are.
         last: of each direction that is read there, its last reading.
         wait: before the next one [min].
@@ -234,6 +292,7 @@ class _Stands:
     """
 
     first: GaugePlan
+    machine: Machine
     leg: int
     last: dict[int, int] = field(default_factory=dict)
     wait: float = 0.0
@@ -246,45 +305,34 @@ class _Stands:
         return float(max(stood, key=lambda at: abs(at - 0.5)))
 
     @classmethod
-    def after(cls, first: GaugePlan) -> _Stands | None:
+    def after(cls, first: GaugePlan, machine: Machine) -> _Stands | None:
         """The stands of the last reading; None where no stand is fixed in space."""
-        at_last = int(first.in_time[-1])
-        leg = int(first.leg[at_last])
-        last: dict[int, int] = {}
-        for i in first.in_time.tolist():
-            here = first.leg[i] == leg and first.part[i] == first.part[at_last]
-            if here and first.contact[i] == Contact.FIXED:
-                last[int(first.direction[i])] = i
-        return cls(first, leg, last) if last else None
+        here = first.in_time[first.standing[first.in_time]]
+        last = dict(zip(first.direction[here].tolist(), here.tolist(), strict=True))
+        return cls(first, machine, int(first.leg[here[-1]]), last) if last else None
 
     def option(self, what: str, stops: Sequence[float]) -> Option:
         """Further postures, in the same set-ups."""
-        minutes, rows, moved, after = self.wait, [], [], []
-        for displacement in stops:
-            rows += list(self.last.values())
-            moved += [displacement] * len(self.last)
-            after += [minutes] * len(self.last)
-            minutes += MINUTES_PER_POSTURE
-        first = self.first
-        index = np.array(rows, dtype=np.intp)
+        first, index = self.first, np.array([*self.last.values()] * len(stops), dtype=np.intp)
         before = {item.name: getattr(first, item.name)[index] for item in fields(GaugePlan)}
         start = float(first.hours.max()) + MINUTES_PER_POSTURE / 60.0
         plan = GaugePlan(
             **before
             | {
-                "displacement": np.array(moved),
-                "order": int(first.order.max()) + 1 + np.arange(len(rows)),
-                "hours": start + np.array(after) / 60.0,
+                "displacement": np.repeat(stops, len(self.last)),
+                "order": int(first.order.max()) + 1 + np.arange(len(index)),
                 "entered": first.stood[index] + self.step,
             }
         )
+        # A bar that was turned before is not turned again.
+        as_it_lies = replace(plan, turned=np.zeros_like(plan.turned))
+        *times, minutes = _clock(as_it_lies, self.machine, start=self.wait)
+        plan = replace(plan, hours=start + np.array(times) / 60.0)
         return Option(what, plan, minutes, continues=True)
 
 
-def _places(first: GaugePlan | None, machine: Machine) -> list[float]:
+def _places(first: GaugePlan, machine: Machine) -> list[float]:
     """The places farthest along the leg at which the plunger stays on the bar, if they are new."""
     found = sorted(set(places(machine) or ()))
-    if first is None:
-        return found
     stood = first.gauge_at[first.contact == Contact.FIXED]
     return [at for at in found if np.all(np.abs(stood - at) > ANOTHER_PLACE)]

@@ -17,12 +17,12 @@ import numpy as np
 from orthoglide_cal.diagnosis.explanations import UNSEEN, as_read
 from orthoglide_cal.diagnosis.fit import Fitted, known_then
 from orthoglide_cal.estimation.influences import influences
-from orthoglide_cal.model import Floats, Model, Plan, differentiate, freeze, without_zeros
+from orthoglide_cal.model import Floats, Model, Plan, ReadOnly, differentiate, without_zeros
 from orthoglide_cal.planning.options import Option, joined
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class Outlook(ReadOnly):
     """What f explanations expect of one option, in r combinations of its readings.
 
     Attributes:
@@ -35,8 +35,12 @@ class Outlook:
     covariance: Floats
     offsets: Floats
 
-    def __post_init__(self) -> None:
-        freeze(self, "mean", "covariance", "offsets")
+    def halves(self) -> tuple[Outlook, Outlook]:
+        """The first half of the explanations, and the second."""
+        half = len(self.mean) // 2
+        parts = (slice(half), slice(half, None))
+        one, two = (Outlook(self.mean[p], self.covariance[p], self.offsets[p]) for p in parts)
+        return one, two
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from itertools import groupby
 import numpy as np
 
 from orthoglide_cal.errors import PostureError, UsageError
-from orthoglide_cal.model import AXES, Floats, Machine, Model, freeze
+from orthoglide_cal.model import AXES, Floats, Machine, Model, ReadOnly
 from orthoglide_cal.model.machine import trilaterate
 from orthoglide_cal.planning.steps import SessionStep
 
@@ -31,7 +31,7 @@ _ROUNDING_MM = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Point(ReadOnly):
     """A place of the machine as its controller believes it to be.
 
     Attributes:
@@ -41,9 +41,6 @@ class Point:
 
     joints: Floats
     tool: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "joints", "tool")
 
     @classmethod
     def of(cls, model: Model, joints: Floats) -> Point:
@@ -113,15 +110,21 @@ def posture_program(
             controller may drive a carriage; None for the joint limits of the machine file.
 
     Raises:
-        UsageError: the approach has no length.
+        UsageError: the approach has no length, or the travel does not hold the isotropic posture.
         PostureError: a point is outside the limits, or they leave no room for the approach.
     """
     if not (math.isfinite(approach_mm) and approach_mm > 0.0):
         raise UsageError(
             f"The approach cannot be {approach_mm:g} mm long.", "Give a length such as 1."
         )
+    low, high = model.machine.joint_limits_mm if travel_mm is None else travel_mm
+    if not low <= 0.0 <= high or low == high:
+        raise UsageError(
+            f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
+            "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
+        )
     home = model.kind.home(model.machine)
-    limits = _Limits(home, model.machine.joint_limits_mm if travel_mm is None else travel_mm)
+    limits = _Limits(home, (low, high))
     blocks: list[Block] = []
     leg, here, stands = 0, 0.0, None
     for number, together in groupby(steps, key=lambda step: step.block):

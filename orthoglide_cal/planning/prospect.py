@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Cause, Model
+from orthoglide_cal.planning.bar import BarWarning, bar_warning
 from orthoglide_cal.planning.design import Design, design_of, readings_needed
 from orthoglide_cal.planning.expected import (
     Expected,
     Session,
     expected,
     fewest_cycles,
-    floor_of,
     tool_error_mm,
 )
 from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
-from orthoglide_cal.planning.steps import MeasuringProtocol
+from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 
 # Repeats that are shown beside those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
@@ -49,8 +49,9 @@ class Comparison:
 
     Attributes:
         protocol, method: which.
-        same_cycles: as many cycles as were asked for.
-        as_sure: as many as make no U larger than the session's largest; None if no number does.
+        same_cycles: as many cycles as were asked for, with the fewest moves of a gauge.
+        as_sure: the same with as many as make no U larger than the session's largest; None if no
+            number does.
     """
 
     protocol: MeasuringProtocol
@@ -113,8 +114,17 @@ class Prospect:
 
     @cached_property
     def floor(self) -> Budget | None:
-        """What is left however many cycles are taken; None if that is nothing."""
-        return floor_of(self.chosen.budget)
+        """What `MOST_CYCLES` leave beside the scatter of the readings; None if that is nothing.
+
+        Less than what this session leaves beside it: more readings tell more of what else is
+        uncertain.
+        """
+        return expected(self.model, self.protocol, MOST_CYCLES, Method.READINGS, self.stands).floor
+
+    @cached_property
+    def bar_warning(self) -> BarWarning | None:
+        """Plungers that leave their bar in this session, or nearly; None if all stay on it."""
+        return bar_warning(self.chosen.session.plan, self.model.machine)
 
     def tool_mm(self, found: Expected) -> float:
         """How far the tool may be off at the worst place of the workspace [mm]."""
@@ -124,16 +134,21 @@ class Prospect:
     def compared(self) -> tuple[Comparison, ...]:
         """Every protocol with every method, for the U that this session gives."""
         wanted = float(self.chosen.expanded_mm.max()) * (1.0 + ROUNDING)
-        return tuple(
-            Comparison(
-                protocol,
-                method,
-                expected(self.model, protocol, self.cycles, method, self.stands),
-                fewest_cycles(self.model, protocol, method, self.stands, wanted),
-            )
-            for protocol, methods in METHODS.items()
-            for method in methods
-        )
+        found = []
+        for protocol, methods in METHODS.items():
+            for method in methods:
+                same = expected(self.model, protocol, self.cycles, method, self.stands)
+                as_sure = fewest_cycles(self.model, protocol, method, self.stands, wanted)
+                few = self._fewest_moves(same), as_sure and self._fewest_moves(as_sure)
+                found.append(Comparison(protocol, method, *few))
+        return tuple(found)
+
+    def _fewest_moves(self, found: Expected) -> Expected:
+        """The same readings in the order that moves the gauges least, which leaves U as it is."""
+        way = found.session
+        order = Order.FEWEST_MOVES
+        session = Session.of(self.model, way.protocol, way.cycles, self.stands, order)
+        return replace(found, session=session)
 
     @cached_property
     def separations(self) -> Separations:
@@ -174,7 +189,7 @@ class Prospect:
 def _traces(usual: Separations, best: Separations) -> Iterator[GivenUp]:
     """Causes that show less."""
     for cause, before, after in zip(usual.causes, usual.trace, best.trace, strict=True):
-        if cause.timed or after < TRACE_SIGMA <= before:
+        if after < before and (cause.timed or after < TRACE_SIGMA <= before):
             yield GivenUp(cause, None, float(before), float(after))
 
 

@@ -25,9 +25,9 @@ from orthoglide_cal.model import (
     Machine,
     Model,
     Place,
+    ReadOnly,
     Stage,
     differentiate,
-    freeze,
     zero_free,
 )
 
@@ -36,7 +36,7 @@ TRACE_SIGMA = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Separations:
+class Separations(ReadOnly):
     """How far apart causes of plausible size are, typically (root mean square).
 
     Attributes:
@@ -48,9 +48,6 @@ class Separations:
     causes: tuple[Cause, ...]
     sigma: Floats
     trace: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "sigma", "trace")
 
     @cached_property
     def invisible(self) -> tuple[Cause, ...]:

@@ -7,7 +7,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -24,12 +23,14 @@ from orthoglide_cal.model import (
     single_posture,
 )
 from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
-from orthoglide_cal.planning.design import best_design
+from orthoglide_cal.planning.design import design_of
 
 # Pace assumed for what else is done between readings [min].
 MINUTES_PER_TURN = 3.0  # turn a bar half round
+MINUTES_PER_SLIDE = 0.5  # slide a stand from one end of a leg to the other
 NOTHING_ENTERED = (0.0, 0.0, 0.0)
 CYCLES = 3  # of a session, if nothing else is said
+MOST_CYCLES = 50  # that `measure --cycles` takes
 
 
 class MeasuringProtocol(StrEnum):
@@ -40,9 +41,11 @@ class MeasuringProtocol(StrEnum):
     BEST = "best-design"  # the double-posture protocol with the postures that tell most
 
     @property
-    def short(self) -> str:
-        """As it is written on the command line: "double"."""
-        return self.partition("-")[0]
+    def option(self) -> str | None:
+        """As `measure` and `plan` are told; None for what they do anyway."""
+        if self is MeasuringProtocol.DOUBLE:
+            return None
+        return "--design best" if self is MeasuringProtocol.BEST else "--protocol single"
 
 
 class Order(StrEnum):
@@ -127,15 +130,15 @@ def sequence(
         case MeasuringProtocol.SINGLE:
             plan = _closed(single_posture(machine, cycles))
         case MeasuringProtocol.BEST:
-            plan = best_design(machine, cycles)
+            plan = design_of(machine).plan(cycles)
     return steps_of(plan, machine, order, stands)
 
 
 def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, stands: int) -> str:
-    """What `measure` and `plan --program` are told for a `sequence`; nothing for the usual one."""
+    """What `measure` and `plan` are told for a `sequence`; nothing for the usual one."""
     single = protocol is MeasuringProtocol.SINGLE
     told = {
-        f"--protocol {protocol.short}": protocol is not MeasuringProtocol.DOUBLE,
+        f"{protocol.option}": protocol.option is not None,
         f"--cycles {cycles}": cycles != CYCLES,
         f"--order {order}": order is not Order.PAPER,
         f"--gauges {stands}": stands != 2 and not single,
@@ -245,15 +248,37 @@ def gauge_moves(steps: Sequence[SessionStep]) -> int:
     return moves
 
 
-def minutes_left(steps: Sequence[SessionStep], pace_min: float | None = None) -> float:
-    """Time that these steps will take [min]; `pace_min` is the time per visit seen so far."""
-    if not steps:
-        return 0.0
-    visits = 1 + sum(a.visit != b.visit for a, b in pairwise(steps))
-    setups = sum(a.setup != b.setup for a, b in pairwise(steps))
+def clock(steps: Sequence[SessionStep], pace_min: float | None = None) -> list[float]:
+    """When each of n steps is read, and when all are, shape (n + 1,) [min].
+
+    It begins when the stands of the first are set up, and a bar for it is still to be turned.
+
+    Args:
+        steps: in order.
+        pace_min: the time per visit seen so far, slides of a stand along the leg included.
+    """
     pace = MINUTES_PER_POSTURE if pace_min is None else pace_min
-    turns = len({(step.planned.part, step.leg) for step in steps if step.planned.turned})
-    return visits * pace + setups * MINUTES_PER_SETUP + turns * MINUTES_PER_TURN
+    slide = MINUTES_PER_SLIDE if pace_min is None else 0.0
+    turned: set[tuple[int, int]] = set()
+    times, now = [], 0.0
+    for before, step in zip((None, *steps), steps, strict=False):
+        if before is not None:
+            now += pace * (before.visit != step.visit)
+            if before.setup != step.setup:
+                now += MINUTES_PER_SETUP
+            elif before.contact is not step.contact:
+                now += slide
+        bar = (step.planned.part, step.leg)
+        if step.planned.turned and bar not in turned:
+            turned.add(bar)
+            now += MINUTES_PER_TURN
+        times.append(now)
+    return [*times, now + pace if times else now]
+
+
+def minutes_left(steps: Sequence[SessionStep], pace_min: float | None = None) -> float:
+    """Time that these steps will take [min]; `pace_min` as of `clock`."""
+    return clock(steps, pace_min)[-1]
 
 
 def step_name(step: SessionStep) -> str:

@@ -31,12 +31,13 @@ def signs(place: Floats, left: Floats, sigma: float) -> tuple[str, ...]:
     rows = []
     for row in reversed(range(CELLS)):
         cells = range(row * CELLS, (row + 1) * CELLS)
-        texts = [_sign(total[k] / count[k], sigma) if count[k] else " " for k in cells]
+        texts = [sign(total[k] / count[k], sigma) if count[k] else " " for k in cells]
         rows.append(" ".join(texts).rstrip())
     return tuple(f"  {text}" for text in rows if text)
 
 
-def _sign(left: float, sigma: float) -> str:
+def sign(left: float, sigma: float) -> str:
+    """What is left of one reading, beside its standard deviation."""
     if abs(left) <= 2.0 * sigma:
         return "·"
     large = abs(left) > 4.0 * sigma

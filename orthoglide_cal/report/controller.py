@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,8 @@ from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation import PromisedDifference, stays
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.files import Conditions
-from orthoglide_cal.model import AXES, Model
+from orthoglide_cal.files.table import csv_text
+from orthoglide_cal.model import AXES, Model, Source
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.escape import in_csv
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
@@ -37,6 +36,8 @@ from orthoglide_cal.results import (
     recording,
 )
 
+# Instead of "may be entered", where there is nothing to change.
+SETTLED = "Nothing to enter: the firmware has these values, as well as these readings know them"
 FORCED = "FORCED: this result must not be used."
 _COMPENSATION_DECIMALS = 4  # tenths of a micrometre
 _TAKING_METHODS = ("solve", "report", "export")
@@ -69,6 +70,15 @@ def expected(check: CheckPosture) -> str:
     return f"{with_uncertainty(check.expected_mm, check.tolerance_mm)} mm"
 
 
+def about(
+    verb: str, source: Source, *others: str, machine: Path | None = None, options: str = ""
+) -> str:
+    """A command about what was read of a file, with what was chosen of it, and other files."""
+    chosen = f"--data {source.excerpt.data}" if source.excerpt else ""
+    given = f"{chosen} {options}".strip()
+    return command(verb, source.path, *others, machine=machine, options=given)
+
+
 def follow_up(
     verb: str, calibration: Calibration, machine_file: Path | None, options: str = ""
 ) -> str:
@@ -77,8 +87,7 @@ def follow_up(
     if solution is not None and verb in _TAKING_METHODS:
         chosen = "" if solution.method_is_default else f"--method {solution.method}"
         options = f"{chosen} {options}".strip()
-    path = calibration.input.measured.source.path
-    return command(verb, path, machine=machine_file, options=options)
+    return about(verb, calibration.input.measured.source, machine=machine_file, options=options)
 
 
 def verify_command(
@@ -89,11 +98,11 @@ def verify_command(
     With what was entered, where no machine file can tell.
     """
     applied = " ".join(plain(change, adjustment.decimals) for change in adjustment.applied_mm)
-    before = calibration.input.measured.source.path
+    before = calibration.input.measured.source
     recorded = adjustment.kind.recorded
     unknown = recorded and recording(calibration.input) is Recording.NOWHERE
     options = f"--applied {applied}" if unknown else ""
-    return command("verify", before, "AFTER", machine=machine_file, options=options)
+    return about("verify", before, "AFTER", machine=machine_file, options=options)
 
 
 def record_command(calibration: Calibration, machine_file: Path | None) -> str | None:
@@ -167,7 +176,8 @@ def head(export: Export) -> list[str]:
     ]
     if export.forced:
         lines += [FORCED, *export.forced]
-    return lines + [f"Note: {line}" for line in cautions(found)]
+    notes = (f"{SETTLED}.", *cautions(found)) if found.settled else cautions(found)
+    return lines + [f"Note: {line}" for line in notes]
 
 
 def after_entering(export: Export, machine_file: Path | None) -> list[str]:
@@ -361,7 +371,7 @@ def as_csv(export: Export) -> str:
         }
         for joint in adjustment.joints
     ]
-    return _csv(list(rows[0]), (row.values() for row in rows))
+    return csv_text(list(rows[0]), (row.values() for row in rows))
 
 
 def as_table(table: Compensation, export: Export) -> str:
@@ -374,14 +384,6 @@ def as_table(table: Compensation, export: Export) -> str:
     causes, left_out = " ".join(table.causes), " ".join(table.left_out)
     stamp = (export.status, causes, left_out, export.calibration.identity.number)
     values = np.hstack((table.points_mm, table.corrections_mm)).tolist()
-    return _csv(
+    return csv_text(
         head, ((*(plain(v, _COMPENSATION_DECIMALS) for v in row), *stamp) for row in values)
     )
-
-
-def _csv(head: Sequence[str], rows: Iterable[Iterable[str]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return text.getvalue()

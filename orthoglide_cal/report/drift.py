@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from orthoglide_cal.model import AXES, Floats, freeze
+from orthoglide_cal.model import AXES, Floats, ReadOnly
 from orthoglide_cal.report.canvas import Axes, line, mark, polygon, polyline, svg, words
 from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.report.words import signed
@@ -14,7 +14,7 @@ WIDTH, HEIGHT = 260.0, 196.0
 
 
 @dataclass(frozen=True, eq=False)
-class DriftLine:
+class DriftLine(ReadOnly):
     """A straight line through the offsets over time.
 
     Attributes:
@@ -28,9 +28,6 @@ class DriftLine:
     value_mm: Floats
     expanded_mm: Floats
     due_day: float | None
-
-    def __post_init__(self) -> None:
-        freeze(self, "days", "value_mm", "expanded_mm")
 
 
 def drift_panels(

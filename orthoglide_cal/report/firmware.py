@@ -7,6 +7,11 @@ All of them have a delta radius, tower angles and arms in common; an endstop is 
     Marlin           H − adjustment (M666), no adjustment above zero
 
 and the carriage stands at that height + √(arm² − radius²) then.
+
+Sources: Klipper's "Configuration reference" ([stepper_a], delta kinematics); RepRapFirmware's
+documents of M665 and M666; Marlin's M665.cpp, M666.cpp (no adjustment above zero is taken) and
+motion.cpp: after homing the nozzle is believed at H less the probe's z offset (M851), each carriage
+lowered by its adjustment.
 """
 
 from __future__ import annotations
@@ -84,6 +89,8 @@ def klipper(values: Values) -> Iterator[str]:
     """Lines of the SAVE_CONFIG block of printer.cfg."""
     yield "# In printer.cfg, at its end: put these in place of the same lines of the SAVE_CONFIG"
     yield "# block. Paste nothing else there: every line of it begins with #*#."
+    yield "# Where these settings stand above the block, too, delete them there: Klipper obeys"
+    yield "# those first."
     yield "# Then type RESTART, home (G28), and make a new mesh (BED_MESH_CALIBRATE)."
     yield "#*# [printer]"
     yield f"#*# delta_radius = {_number(values.radius)}"
@@ -116,6 +123,8 @@ def marlin(values: Values) -> Iterator[str]:
     """M665 and M666, saved with M500; towers a, b, c are X, Y, Z."""
     yield "; Send these lines, then home (G28) and make a new mesh (G29). If Marlin knows a Z"
     yield "; offset of the probe (M851), add it to H with its sign: it takes it off again."
+    yield "; M500 keeps the values only where Marlin has EEPROM_SETTINGS; otherwise enter them in"
+    yield "; Configuration.h, too."
     arm = float(np.mean(values.arms))
     # No endstop may be adjusted upwards.
     height = min(values.endstops)

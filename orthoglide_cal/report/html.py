@@ -143,19 +143,17 @@ def _table(grid: doc.Grid) -> Html:
         )
         for n, row in enumerate(grid.rows)
     )
-    return tag(
+    scrolled = tag(
         "div",
-        tag(
-            "table",
-            tag("caption", grid.caption) if grid.caption else None,
-            tag("thead", head),
-            tag("tbody", *rows),
-        ),
-        class_="scroll whole" if len(grid.rows) < 25 else "scroll",
+        tag("table", tag("thead", head), tag("tbody", *rows)),
+        class_="scroll",
         tabindex="0",
         role="region",
         aria_label=grid.caption or " ".join(grid.head).strip() or "table",
     )
+    # Beside what scrolls: a wide table on a narrow page does not take its caption along.
+    caption = tag("p", grid.caption, class_="small") if grid.caption else None
+    return tag("div", scrolled, caption, class_="whole" if len(grid.rows) < 25 else None)
 
 
 def _tiles(grid: doc.Grid) -> Html:

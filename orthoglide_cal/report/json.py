@@ -28,7 +28,8 @@ def axes_of(value: object, *names: str) -> dict[str, Any]:
 
 def input_data(source: Source, kind: str, count: int) -> dict[str, Any]:
     """The input of a result."""
-    return {"path": source.path, "sha256": source.sha256, "kind": kind, "readings": count}
+    chosen = {"data": source.excerpt.data} if source.excerpt else {}
+    return {"path": source.path, "sha256": source.sha256, "kind": kind, "readings": count, **chosen}
 
 
 def _plain(value: Any) -> Any:

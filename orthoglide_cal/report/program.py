@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 import textwrap
 from collections.abc import Iterator
 
 from orthoglide_cal.files.gcode_template import Template, Values
+from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.program import Block, Point, PostureProgram
 from orthoglide_cal.planning.steps import posture_name
@@ -68,29 +67,26 @@ def program_page(program: PostureProgram) -> doc.Page:
 
 def program_csv(program: PostureProgram) -> str:
     """One row per block; lengths in mm, joints as the controller indicates them."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_CSV)
-    for block in program.blocks:
-        first = block.steps[0]
-        points = (block.posture.joints, block.posture.tool, block.approach.joints)
-        writer.writerow(
-            (
-                f"N{block.number}",
-                first.setup,
-                AXES[first.leg],
-                first.posture,
-                short(first.displacement_mm, _DECIMALS),
-                first.cycle,
-                " ".join(str(step.number) for step in block.steps),
-                _gauges(block),
-                *(plain(value, _DECIMALS) for point in points for value in point),
-                " ".join(AXES[axis] for axis in block.from_above),
-                in_csv(program.machine.name),
-                in_csv(program.session),
-            )
-        )
-    return text.getvalue()
+    return csv_text(_CSV, (_csv_row(block, program) for block in program.blocks))
+
+
+def _csv_row(block: Block, program: PostureProgram) -> tuple[object, ...]:
+    first = block.steps[0]
+    points = (block.posture.joints, block.posture.tool, block.approach.joints)
+    return (
+        f"N{block.number}",
+        first.setup,
+        AXES[first.leg],
+        first.posture,
+        short(first.displacement_mm, _DECIMALS),
+        first.cycle,
+        " ".join(str(step.number) for step in block.steps),
+        _gauges(block),
+        *(plain(value, _DECIMALS) for point in points for value in point),
+        " ".join(AXES[axis] for axis in block.from_above),
+        in_csv(program.machine.name),
+        in_csv(program.session),
+    )
 
 
 def program_gcode(program: PostureProgram, template: Template) -> str:

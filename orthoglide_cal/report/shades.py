@@ -15,14 +15,19 @@ from orthoglide_cal.report.escape import Html, tag
 
 # Below so many σ two causes: cannot, can hardly, can mostly be told apart; above: surely.
 CLASSES = ((1.0, "█", "h5"), (2.0, "▓", "h3"), (4.0, "▒", "h1"), (math.inf, " ", "h0"))
-KEY = (
-    "In standard deviations: below 1 (dark) the two cannot be told apart, below 2 hardly, below 4"
-    " mostly, else surely. First column: from nothing wrong at all."
-)
-LEGEND = "σ: █ below 1, cannot be told apart; ▓ below 2, hardly; ▒ below 4, mostly"
 MOST = 99  # σ beyond which the number says nothing more
 NOTHING = "–"
+KEY = (
+    "In standard deviations. Below 1 (dark) the two cannot be told apart, below 2 they hardly can,"
+    f" below 4 they mostly can, from 4 on surely; {MOST}: or more. First column: from nothing"
+    " wrong at all."
+)
+LEGEND = (
+    "Told apart? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else: yes",
+    f"{NOTHING}: from nothing wrong at all; {MOST}: or more",
+)
 CELL, ROW, NAMES, HEAD = 30.0, 20.0, 158.0, 22.0  # of the picture
+WIDE = 400.0  # a picture from here on is scrolled on a telephone: shrunk it cannot be read
 
 
 def _shown(sigma: float) -> tuple[str, str, str]:
@@ -50,8 +55,8 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
             –   A
     A a   ▓ 1
     B bc  ▓ 1 ▒ 3
-    σ: █ below 1, cannot be told apart; ▓ below 2, hardly; ▒ below 4, mostly
-    –: from nothing wrong at all
+    Told apart? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else: yes
+    –: from nothing wrong at all; 99: or more
     """
     room = max(map(len, names), default=0)
     letters = string.ascii_uppercase[: len(names)]
@@ -60,7 +65,7 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
     for letter, (name, row) in zip(letters, _rows(names, sigma, trace), strict=True):
         cells = "".join(f"{character}{number:>2} " for number, character, _ in map(_shown, row))
         lines.append(f"{letter} {name:<{room}}  {cells}".rstrip())
-    return (*lines, LEGEND, f"{NOTHING}: from nothing wrong at all")
+    return (*lines, *LEGEND)
 
 
 def separation_panel(names: Sequence[str], sigma: Floats, trace: Floats, finding: str) -> Html:
@@ -82,4 +87,7 @@ def separation_panel(names: Sequence[str], sigma: Floats, trace: Floats, finding
     body = tag("g", *parts, class_="before")
     width, height = NAMES + len(names) * CELL, HEAD + len(names) * ROW
     title = "Separation of each pair of causes"
-    return svg("separation", width, height, title, finding, body)
+    picture = svg("separation", width, height, title, finding, body)
+    if width < WIDE:
+        return picture
+    return tag("div", picture, class_="scroll", tabindex="0", role="region", aria_label=title)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from orthoglide_cal.model import AXES, Floats, Series
-from orthoglide_cal.report.canvas import line, svg, words
+from orthoglide_cal.report.canvas import svg, words
 from orthoglide_cal.report.escape import Html, tag
 
 WIDTH, HEIGHT = 360.0, 296.0
@@ -80,9 +80,10 @@ def _at(leg: int, fraction: float) -> Floats:
     return np.asarray(CENTRE + fraction * LEG * ON_PAPER[leg])
 
 
-def _line(start: Floats, stop: Floats, class_: str) -> Html:
+def _line(start: Floats, stop: Floats, class_: str, part: str | None = None) -> Html:
+    """A straight line; one that moves has the name of its part."""
     (x1, y1), (x2, y2) = start.tolist(), stop.tolist()
-    return line(x1, y1, x2, y2, class_)
+    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_, data_part=part)
 
 
 def _gauge(leg: int, direction: int, place: float, faulty: bool) -> Html:
@@ -129,9 +130,9 @@ def moved(believed_mm: Floats, drawn_mm: Floats, rails_mm: Floats, axes: Floats,
         low, high, name = rails[leg]
         x, y = drawn[leg].tolist()
         lines = (
-            _named(f"rail-{axis}", low, high, "rail"),
-            _named(f"ghost-{axis}", believed[leg], believed[3], "ghost"),
-            _named(f"leg-{axis}", drawn[leg], drawn[3], "bar"),
+            _line(low, high, "rail", f"rail-{axis}"),
+            _line(believed[leg], believed[3], "ghost", f"ghost-{axis}"),
+            _line(drawn[leg], drawn[3], "bar", f"leg-{axis}"),
         )
         carriage = tag("rect", x=x - 7, y=y - 7, width=14, height=14, rx=2, class_="carriage",
                        data_part=f"carriage-{axis}")  # fmt: skip
@@ -142,8 +143,3 @@ def moved(believed_mm: Floats, drawn_mm: Floats, rails_mm: Floats, axes: Floats,
         cx, cy = points[3].tolist()
         parts.append(tag("circle", cx=cx, cy=cy, r=7, class_=class_, data_part=name))
     return svg("motion", WIDTH, HEIGHT, "The machine, its errors enlarged", what, *parts)
-
-
-def _named(part: str, start: Floats, stop: Floats, class_: str) -> Html:
-    (x1, y1), (x2, y2) = start.tolist(), stop.tolist()
-    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_, data_part=part)

@@ -12,7 +12,7 @@ from datetime import datetime
 
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.accuracy import decimals_for
-from orthoglide_cal.model import DataKind, Difference, Machine
+from orthoglide_cal.model import DataKind, Difference, Machine, Source
 from orthoglide_cal.report import document as doc
 
 # Kind of data, or of file → what one entry is, and of what.
@@ -49,12 +49,14 @@ _MEASURED = {"method": "Method", "gauge_due": "Gauge due"}
 _UNITS = {"1e-3": "mm/m"}
 
 
-def data_words(count: int, kind: str) -> str:
+def data_words(source: Source | None, kind: str, count: int) -> str:
     """How much of what.
 
-    >>> data_words(6, "six"), data_words(1, "session")
+    >>> data_words(None, "six", 6), data_words(None, "session", 1)
     ('6 differences, max − min', '1 reading of a session')
     """
+    if source is not None and source.excerpt is not None:
+        return source.excerpt.words
     noun, of_what = _DATA[kind]
     return counted(count, noun) + of_what
 

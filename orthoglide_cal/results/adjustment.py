@@ -13,7 +13,7 @@ from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, determined, entered_decimals
 from orthoglide_cal.estimation.budget import Budget, Budgeted, warmth
-from orthoglide_cal.model import Difference, Floats, Measured, Posture, freeze
+from orthoglide_cal.model import Difference, Floats, Measured, Posture, ReadOnly
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class JointOffset(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Adjustment(Budgeted):
+class Adjustment(Budgeted, ReadOnly):
     """Joint offsets with expanded uncertainty U, and what follows for the controller.
 
     Attributes:
@@ -85,9 +85,6 @@ class Adjustment(Budgeted):
     check: CheckPosture | None
 
     confidence = CONFIDENCE
-
-    def __post_init__(self) -> None:
-        freeze(self, "offsets_mm", "previous_mm")
 
     @property
     def applied_mm(self) -> tuple[float, ...]:

@@ -9,11 +9,13 @@ from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from orthoglide_cal import __version__
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import Known, Solution, solve
-from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files import Input, machine_values
 from orthoglide_cal.model import Model, Source, View
@@ -51,7 +53,10 @@ def identify(
         issued: time of issue; now if None.
     """
     software = f"orthocal {__version__}"
-    parts = [(source.sha256, _judging(model)) for source, model in inputs]
+    parts = [
+        (source.sha256, *([source.excerpt.data] if source.excerpt else []), _judging(model))
+        for source, model in inputs
+    ]
     made_of = repr((software, parts, [str(option) for option in options]))
     digest = hashlib.sha256(made_of.encode()).hexdigest()[:12].upper()
     return Identity(f"OC-{digest[:6]}-{digest[6:]}", issued or datetime.now(UTC), software)
@@ -152,6 +157,31 @@ class Calibration:
             return self.alone
         real = Known(self.model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
         return as_diagnosed(solution, diagnosis, real, self.input.conditions.mean_temperature_c)
+
+    @cached_property
+    def settled(self) -> bool:
+        """Whether the controller has the parameters already, as well as the readings know them.
+
+        No change exceeds what noise and a local shape make of it, nor do all together (χ²): what
+        else may be wrong, and what is taken as the controller has it, would be the same again.
+        Never of joint offsets, which are told as an excess.
+        """
+        solution, model = self.solution, self.input.model
+        if solution is None or not (model.kind.absolute and self.release.usable):
+            return False
+        if any(effect.cause.compensable for effect in model.accepted):
+            return False  # it is to be entered, too
+        known, change = solution.budget.without(model.kind.held), solution.offsets_mm
+        if np.any(np.abs(change) > known.expanded_mm):
+            return False
+        apart = float(change @ np.linalg.solve(known.covariance_mm2, change))
+        widened = known.k / half_width(np.inf)
+        return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
+
+    @property
+    def enters(self) -> bool:
+        """Whether there is something to enter, and it may be."""
+        return self.release.usable and not self.settled
 
     @cached_property
     def residuals(self) -> Residuals | None:

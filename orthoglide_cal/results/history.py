@@ -158,7 +158,8 @@ def history(folder: Path, machine: str | None = None, limit_mm: float | None = N
         reason = f" ({left_out[0][0]}: {left_out[0][1]})" if left_out else ""
         raise InputError(
             "There is no usable session of this machine in the folder" + reason + ".",
-            "Name a folder with session files that `orthocal measure` wrote.",
+            "Name a folder with session files that `orthocal measure` wrote. A printer has none:"
+            " compare two of its files, orthocal verify BEFORE AFTER",
             file=str(folder),
         )
     left_out += [

@@ -10,7 +10,7 @@ import numpy as np
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
-from orthoglide_cal.model import gauge_doubts
+from orthoglide_cal.model import DataKind, gauge_doubts
 from orthoglide_cal.planning import Next
 
 
@@ -68,9 +68,8 @@ def release(
     failures = tuple(_failures(solution, diagnosis))
     judged = Release() if diagnosis is None else _judged(solution, diagnosis, following)
     if not failures:
-        # Without spare readings nothing can speak against the offsets, nor for them.
-        told = judged.usable and (not solution.dof or solution.suspicious)
-        return replace(judged, cautions=(*judged.cautions, *[solution.judgement] * told))
+        more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
+        return replace(judged, cautions=(*judged.cautions, *more))
     if diagnosis is not None and diagnosis.verdict is Verdict.UNEXPLAINED:
         # What the check found is the explanation.
         judged = Release()
@@ -79,6 +78,19 @@ def release(
         remedies=(*(remedy for _, remedy in failures), *judged.remedies),
         sound=False,
     )
+
+
+def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
+    """What to know of offsets that nothing bars."""
+    rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].rough
+    if solution.suspicious and rough > 1.0:
+        yield (
+            f"The bed's local shape is about {rough:.1f} times as large as is stated or usual, and"
+            " U does not cover all of that. State it as texture_mm of the probe."
+        )
+    elif not solution.dof or solution.suspicious:
+        # Without spare readings nothing can speak against the offsets, nor for them.
+        yield solution.judgement
 
 
 def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[str, Remedy]]:
@@ -120,25 +132,33 @@ def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) ->
     if diagnosis.verdict is Verdict.NAMED:
         return _named(solution, diagnosis)
     if diagnosis.verdict is Verdict.AMBIGUOUS:
-        first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
-        rivals = ", ".join(diagnosis.ambiguous_with) or "another cause"
-        return Release(
-            (
-                f"Something is wrong beside the {speech.many}, and these data cannot tell {first}"
-                f" from {rivals}.",
-            ),
-            ((Remedy(following.option.what),) if following else ())
-            or tuple(dict.fromkeys(Remedy(cause.advice) for cause in diagnosis.causes))
-            or (Remedy(speech.more),),
-        )
+        return _ambiguous(solution, diagnosis, following)
     return Release(
         (
-            "The model leaves out something that no known cause explains: readings scatter about"
-            f" it by {diagnosis.lack_of_fit.residual_mm:.3f} mm where the {speech.noise}'s noise is"
-            f" {diagnosis.lack_of_fit.noise_mm:.3f} mm (standard deviations).",
+            "The model leaves out something that no known cause explains:"
+            f" {diagnosis.left_mm:.3f} mm r.m.s., where the {speech.noise}'s noise{speech.beside}"
+            f" would leave {diagnosis.expected_mm:.3f} mm.",
         ),
-        (Remedy("Check the set-up, measure again, and compare the two sessions."),),
+        (Remedy(speech.again),),
     )
+
+
+def _ambiguous(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
+    speech = solution.model.kind.speech
+    first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
+    rivals = ", ".join(map(" with ".join, diagnosis.rivals)) or "another cause"
+    beside, apart = f"beside the {speech.many}", f"these data cannot tell {first} from {rivals}"
+    if diagnosis.nothing_wrong is None:
+        reasons = [f"Something is wrong {beside}, and {apart}."]
+    else:
+        reasons = [f"Something may be wrong {beside}: {apart}, nor from a sound machine."]
+    advice = [speech.said(cause.advice) for cause in diagnosis.causes] or [speech.more]
+    if following is not None:
+        advice = [following.option.what]
+    if diagnosis.kind is DataKind.READINGS and diagnosis.spare <= 0:
+        reasons.append("They are so few that nearly anything fits.")
+        advice = [speech.more]
+    return Release(tuple(reasons), tuple(map(Remedy, dict.fromkeys(advice))))
 
 
 def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
@@ -160,8 +180,8 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
             "diagnose",
             f"--accept {cause.id}",
         )
-        if cause.in_machine and cause.recommended
-        else Remedy(cause.advice)
+        if cause.recommended
+        else Remedy(kind.speech.said(cause.advice))
         for cause in diagnosis.causes
     ]
     return Release(

@@ -15,14 +15,14 @@ from orthoglide_cal.model import (
     GaugePlan,
     Ints,
     Measured,
+    ReadOnly,
     Series,
     View,
-    freeze,
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class Residuals(ReadOnly):
     """Measured and predicted readings (or differences) without the arbitrary gauge zeros.
 
     Attributes:
@@ -44,9 +44,6 @@ class Residuals:
     order: Ints
     measured_mm: Floats
     predicted_mm: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "displacement_mm", "cycle", "order", "measured_mm", "predicted_mm")
 
     @property
     def leg(self) -> Ints:
@@ -112,11 +109,12 @@ def _zeros(plan: GaugePlan, predicted: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Explained:
+class Explained(ReadOnly):
     """What a diagnosis explains of the residuals of the offsets-only model.
 
     Attributes:
-        before_mm, after_mm: residuals without and with the cause, in order of time, shape (n,).
+        before_mm, after_mm: residuals without and with the cause, in order of time, each by its
+            weight: noise is as large in all of them, shape (n,).
         leg: of each, shape (n,); None where nothing is read at a leg.
         by_cause, noise, unexplained: shares of the sum of squares before; they sum to 1.
     """
@@ -127,9 +125,6 @@ class Explained:
     by_cause: float
     noise: float
     unexplained: float
-
-    def __post_init__(self) -> None:
-        freeze(self, "before_mm", "after_mm", "leg")
 
     @property
     def rms_before_mm(self) -> float:
@@ -151,8 +146,8 @@ def explained(diagnosis: Diagnosis) -> Explained:
     else:
         in_time = measured.plan.in_time
         leg = measured.plan.leg if measured.view is View.LEGS else None
-    before = (diagnosis.measured_mm - diagnosis.nominal_mm)[in_time]
-    after = (diagnosis.measured_mm - diagnosis.explained_mm)[in_time]
+    before = (measured.weight * (diagnosis.measured_mm - diagnosis.nominal_mm))[in_time]
+    after = (measured.weight * (diagnosis.measured_mm - diagnosis.explained_mm))[in_time]
     total, left = float(before @ before), float(after @ after)
     expected = diagnosis.lack_of_fit.dof * diagnosis.lack_of_fit.noise_mm**2
     by_cause = max(1.0 - left / total, 0.0) if total else 0.0

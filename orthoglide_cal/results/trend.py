@@ -23,7 +23,7 @@ from orthoglide_cal.model import (
     DataKind,
     Floats,
     Model,
-    freeze,
+    ReadOnly,
     ideal_plan,
     reduction,
     simulate_with_jacobian,
@@ -40,7 +40,7 @@ SCATTERED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Trend:
+class Trend(ReadOnly):
     """Straight lines through the total offsets of one machine.
 
     Attributes:
@@ -57,9 +57,6 @@ class Trend:
     rate_mm: Floats
     covariance: Floats
     k: float
-
-    def __post_init__(self) -> None:
-        freeze(self, "level_mm", "rate_mm", "covariance")
 
     @property
     def expanded_mm(self) -> Floats:

@@ -1,24 +1,20 @@
 """The guided measurement: steps, live checks, journal, gauges; no numerics of its own."""
 
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 from orthoglide_cal.session.asking import Show, Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import GaugeLabel
 from orthoglide_cal.session.gauges.formats import Unit
-from orthoglide_cal.session.opening import Request, named, open_session
+from orthoglide_cal.session.opening import Request, open_session
 from orthoglide_cal.session.record import unfinished
 
 __all__ = [
     "Dialogue",
     "GaugeLabel",
-    "MeasuringProtocol",
-    "Order",
     "Quit",
     "Request",
     "Show",
     "Style",
     "Unit",
-    "named",
     "open_session",
     "unfinished",
 ]

@@ -173,6 +173,10 @@ class Asker:
         """Whether what comes too soon is a second press; a simulated gauge has no button."""
         return self.gauge is None or not self.gauge.reads_itself
 
+    def say(self, text: str, style: Style = Style.PLAIN) -> None:
+        """Show text whose lines end where the screen does."""
+        self.show(wrapped(text, self.columns), style)
+
     def rest(self, driving: bool) -> None:
         """The last answer was a reading: begin the dead time, longer if the machine is driven."""
         at, source = self._answered
@@ -348,7 +352,7 @@ class Asker:
     def _break_in(self, text: str, style: Style) -> None:
         """A message below the line of the prompt, which is then shown again with its place."""
         self._end_line()
-        self.show(wrapped(text, self.columns), style)
+        self.say(text, style)
         self.pushed = True
         if self._shown < math.inf and self._held is None:
             self._redraw()

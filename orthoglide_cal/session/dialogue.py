@@ -71,8 +71,7 @@ class Dialogue:
             )
             said.append((lost, Style.BAD))
         if self.state.count > (2 if self.state.planned else 1):
-            count = len(self.state.accepted)
-            resumed = f"Resumed: {count} reading{'' if count == 1 else 's'} so far."
+            resumed = f"Resumed: {wording.counted(len(self.state.accepted), 'reading')} so far."
             said += [(resumed, Style.GOOD), *self._offsets()]
         self._say(*said)
 
@@ -159,10 +158,8 @@ class Dialogue:
 
     def _say(self, *texts: str | tuple[str, Style]) -> None:
         self.asker.pushed = True
-        styled = [(text, Style.PLAIN) if isinstance(text, str) else text for text in texts]
-        columns = self.asker.columns
-        for text, style in [(wording.wrapped(text, columns), style) for text, style in styled]:
-            self.asker.show(text, style)
+        for text in texts:
+            self.asker.say(*((text,) if isinstance(text, str) else text))
 
     def _announce(self, step: SessionStep) -> None:
         """Show the set-up and where to drive: what is new of it, and what was pushed away."""

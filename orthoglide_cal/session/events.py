@@ -96,6 +96,11 @@ class Following:
     continues: bool  # the stands stand where the last of the first readings was taken
     entered: tuple[float, float, float]  # in the controller since the first of them, mm
 
+    @property
+    def words(self) -> str:
+        """One sentence with its minutes."""
+        return f"Next, about {max(self.minutes, 1.0):.0f} min: {self.what}"
+
     def held(self, model: Model) -> Model:
         """The machine of the first reading, with what its controller holds now."""
         now = (round(a + b, 9) for a, b in zip(model.machine.offsets_mm, self.entered, strict=True))

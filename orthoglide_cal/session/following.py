@@ -148,11 +148,6 @@ class Recommendation:
     option: Option  # that is carried out
 
     @property
-    def words(self) -> str:
-        """One sentence with its minutes."""
-        return f"Next, about {max(self.option.minutes, 1.0):.0f} min: {self.option.what}"
-
-    @property
     def held(self) -> Model:
         """The machine with what its controller holds now."""
         return self.first.following.held(self.model)
@@ -242,9 +237,9 @@ def recommended(
     first = first_of(Following(data, "", 0.0, False, NOTHING_ENTERED), model)
     if not first.readings.plan.fixed:
         raise UsageError(
-            f"{path} was measured with the single-posture protocol; a recommendation is of gauges"
-            " on stands, and cannot stand in one file with it.",
-            "Measure a session with --protocol double.",
+            f"{path} was measured with the single-posture protocol. What comes next is read with"
+            " gauges that stay where they stand; readings of both kinds cannot be joined.",
+            "Measure a session of its own: orthocal measure",
         )
     options = tuple(each.option for each in ranked(diagnose(first.readings, model)))
     if choice is not None and choice > len(options):
@@ -298,6 +293,6 @@ def first_of(following: Following, model: Model) -> First:
     if not isinstance(given.measured, Readings):
         raise UsageError(
             f"{following.data.path} holds differences; new readings cannot be joined to them.",
-            "Name the readings that they were made of.",
+            "Give the file of the raw readings, if you have it.",
         )
     return First(following, given.measured, given.conditions, given.is_session)

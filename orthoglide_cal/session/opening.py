@@ -6,9 +6,8 @@ import secrets
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from enum import StrEnum
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.files import (
@@ -24,6 +23,7 @@ from orthoglide_cal.model.kinds import plan_of
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
+    MOST_CYCLES,
     MeasuringProtocol,
     Order,
     SessionStep,
@@ -50,10 +50,8 @@ from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.record import journal_path, new_session, resumed_session, session_path
 from orthoglide_cal.session.state import State, replay
 
-Choice = TypeVar("Choice", bound=StrEnum)
 _HOLDS = "Return, n, or the three offsets > "
 TYPED, SIMULATED = "typed", "simulated"
-MOST_CYCLES = 50  # that `measure --cycles` takes
 
 
 @dataclass(frozen=True)
@@ -90,16 +88,6 @@ def clock() -> str:
     return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
-def named(kind: type[Choice], what: str, text: str | None) -> Choice | None:
-    """The choice that a word means, also without its "-posture". Raises UsageError if none."""
-    if text is None:
-        return None
-    for choice in kind:
-        if text in (choice.value, choice.removesuffix("-posture").removesuffix("-design")):
-            return choice
-    raise UsageError(f"There is no {what} {text!r}.", f"Choose one of {', '.join(kind)}.")
-
-
 def open_session(
     request: Request, folder: Path, keyboard: Keyboard, show: Show, now: Callable[[], str] = clock
 ) -> Dialogue:
@@ -122,7 +110,11 @@ def open_session(
         # A gauge that is not there leaves no file behind, nor does a machine that is another one.
         for line in lines:
             line.open()
-        found = _recommended(request)
+        found = None
+        if request.following is not None:
+            choice, stands, keeper = request.choice, request.stands or 2, request.keeper
+            known = request.model, request.otherwise
+            found = recommended(request.following, *known, keeper, choice, stands)
         model, found = _confirmed(request, Asker(keyboard, show), found)
         journal = Journal.create(journal_path(path), *_begun(request, model, now(), found))
     try:
@@ -131,7 +123,9 @@ def open_session(
         gauge = _gauge(request, setting, state, lines)
         asker = Asker(keyboard, show, gauge)
         if request.resume:
-            _show_machine(setting.held, asker)
+            asker.say("\n".join(wording.machine_lines(setting.held)))
+            if setting.first:
+                asker.say(setting.first.following.words, Style.TITLE)
         dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
         if request.source and request.source != state.source and state.ended is None:
             dialogue.write(Reopened(now(), request.source))
@@ -167,16 +161,6 @@ def _check_options(request: Request) -> None:
         raise UsageError(f"--then and {given[0]} do not go together.", remedy)
 
 
-def _recommended(request: Request) -> Recommendation | None:
-    """What --then asks for; None without it."""
-    if request.following is None:
-        return None
-    choice, stands = request.choice, request.stands or 2
-    return recommended(
-        request.following, request.model, request.otherwise, request.keeper, choice, stands
-    )
-
-
 def _confirmed(
     request: Request, asker: Asker, found: Recommendation | None
 ) -> tuple[Model, Recommendation | None]:
@@ -196,21 +180,19 @@ def _confirmed(
     careful = require_on_bar(_asked(request, given, found), given.machine)
     model = _holding(given, request.offsets_mm)
     while True:
-        _show_machine(model, asker)
+        asker.say("\n".join(wording.machine_lines(model)))
         if careful:
-            asker.show(wording.wrapped(" ".join(careful), asker.columns), Style.BAD)
+            asker.say(" ".join(careful.lines), Style.BAD)
         if found:
             found = found.holding(model.machine.offsets_mm)
             if found.change:
-                asker.show(wording.wrapped(found.change, asker.columns), Style.BAD)
-            asker.show(wording.wrapped(found.words, asker.columns), Style.TITLE)
+                asker.say(found.change, Style.BAD)
+            asker.say(found.first.following.words, Style.TITLE)
         if request.agreed or not asker.keyboard.live:
             return (found.model if found else model), found
         if request.model is None and not found:
-            said = wording.wrapped(wording.PROTOTYPE, asker.columns)
-            asker.show(said, Style.BAD)
-        confirm = wording.CONFIRM_NEXT if found else wording.CONFIRM
-        asker.show(wording.wrapped(confirm, asker.columns), Style.QUESTION)
+            asker.say(wording.PROTOTYPE, Style.BAD)
+        asker.say(wording.CONFIRM_NEXT if found else wording.CONFIRM, Style.QUESTION)
         answer = asker.ask(lambda columns: _HOLDS)
         text = answer.text.lower() if isinstance(answer, Typed) else ""
         if text in ("", "y", "yes"):
@@ -221,9 +203,10 @@ def _confirmed(
                 "Make its own file, orthocal machine new, or name it with --machine.",
             )
         try:
-            model = _holding(model, tuple(map(_offset, text.replace(";", " ").split())))
+            parts = text.replace(";", " ").split()
+            model = _holding(model, tuple(parse_number(p, decimal_comma=True) for p in parts))
         except OrthocalError as error:
-            asker.show(wording.wrapped(str(error), asker.columns), Style.BAD)
+            asker.say(str(error), Style.BAD)
 
 
 def _asked(request: Request, model: Model, found: Recommendation | None) -> GaugePlan:
@@ -234,14 +217,6 @@ def _asked(request: Request, model: Model, found: Recommendation | None) -> Gaug
     protocol = request.protocol or MeasuringProtocol.DOUBLE
     steps = sequence(model.machine, protocol, 1, Order.PAPER, 1)
     return plan_of([step.planned for step in steps])
-
-
-def _show_machine(model: Model, asker: Asker) -> None:
-    asker.show(wording.wrapped("\n".join(wording.machine_lines(model)), asker.columns))
-
-
-def _offset(text: str) -> float:
-    return parse_number(text, decimal_comma=True)
 
 
 def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:

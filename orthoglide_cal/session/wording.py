@@ -9,6 +9,7 @@ from orthoglide_cal.errors import visible
 from orthoglide_cal.estimation.accuracy import decimals_for
 from orthoglide_cal.model import AXES, MM_PER_INCH, Contact, Floats, Model, Posture, other_axes
 from orthoglide_cal.model.kinds import PlannedReading
+from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.program import Point
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
@@ -49,10 +50,10 @@ No machine file is named, and there is none in this folder: these are the
 numbers of the paper's prototype. Make yours: orthocal machine new"""
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
-BEST = """\
-Fewest readings for the offsets. What that gives up: without the isotropic
-posture, drift and a knocked stand show less. To name what is wrong with a
-machine, leave out --design."""
+BEST = (
+    f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is wrong with a"
+    " machine, leave out --design."
+)
 CONFIRM_NEXT = """\
 Is it this machine, with these offsets in its controller, and shall this be
 measured now? Return: yes.  n: no.  Other offsets: type the three, in mm."""
@@ -86,15 +87,14 @@ def opening_lines(state: State, setting: Setting, name: str) -> list[str]:
     opened, steps, first = state.opened, setting.steps, setting.first
     setups = len({step.setup for step in steps})
     gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
-    repeats = "cycle" if opened.cycles == 1 else "cycles"
-    head = [f"{opened.protocol} session, {opened.cycles} {repeats}, order: {opened.order}"]
+    repeats = counted(opened.cycles, "cycle")
+    head = [f"{opened.protocol} session, {repeats}, order: {opened.order}"]
     if opened.protocol is MeasuringProtocol.BEST:
         head.append(BEST)
     if first:
         head = [
             f"Goes on from {visible(first.path)},"
             f" {len(first.readings)} readings: both are solved together at the end.",
-            first.following.what,
         ]
     told = sequence_options(opened.protocol, opened.cycles, opened.order, opened.stands)
     made = f"orthocal plan --program FILE.nc {told}".strip()
@@ -104,14 +104,14 @@ def opening_lines(state: State, setting: Setting, name: str) -> list[str]:
     return [
         *head,
         f"File     {visible(name)}",
-        f"{len(steps)} readings with {gauges}: {_counted(setups, 'set-up')},"
-        f" {_counted(gauge_moves(steps), 'gauge move')}, {_duration(minutes).lower()}."
+        f"{len(steps)} readings with {gauges}: {counted(setups, 'set-up')},"
+        f" {counted(gauge_moves(steps), 'gauge move')}, {_duration(minutes).lower()}."
         " ? is help.",
         *program,
     ]
 
 
-def _counted(number: int, what: str) -> str:
+def counted(number: int, what: str) -> str:
     """ "1 set-up", "3 set-ups"."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
@@ -288,8 +288,8 @@ def saved_line(dropped: Sequence[SessionStep], minutes: float, until_mm: float) 
     """What --until has made unnecessary."""
     cycles = len({(s.leg, s.cycle) for s in dropped if s.posture is not Posture.ISO})
     return (
-        f"Every offset is known within {until_mm:g} mm ({UNLESS}). Saved: {cycles}"
-        f" cycle{'' if cycles == 1 else 's'} of a leg, {len(dropped)} readings,"
+        f"Every offset is known within {until_mm:g} mm ({UNLESS}). Saved:"
+        f" {counted(cycles, 'cycle')} of a leg, {len(dropped)} readings,"
         f" {_duration(minutes).lower()}."
     )
 

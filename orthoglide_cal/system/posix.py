@@ -12,10 +12,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from orthoglide_cal.system.interface import COLUMNS
+from orthoglide_cal.system.interface import COLUMNS, System, Terminal
 
 
-class PosixTerminal:
+class PosixTerminal(Terminal):
     """A terminal that hands over each key at once (not canonical) and shows none (no echo)."""
 
     def __init__(self, descriptor: int) -> None:
@@ -54,7 +54,6 @@ class PosixTerminal:
             signal.signal(signal.SIGTSTP, self._on_signal)
 
     def read(self, timeout_s: float) -> str:
-        """See `interface.Terminal`."""
         try:
             ready, _, _ = select.select([self._input], [], [], timeout_s)
             if not ready:
@@ -67,17 +66,15 @@ class PosixTerminal:
         return self._decoder.decode(data)
 
     def write(self, text: str) -> None:
-        """See `interface.Terminal`."""
         os.write(self._output, text.encode("utf-8", errors="replace"))
 
     def columns(self) -> int:
-        """See `interface.Terminal`."""
         with suppress(OSError):
             return os.get_terminal_size(self._input).columns or COLUMNS
         return COLUMNS
 
     def disturbed(self) -> bool:
-        """See `interface.Terminal`; whoever had the terminal meanwhile has set it differently."""
+        # Whoever had the terminal meanwhile has set it differently.
         if not self._disturbed:
             return False
         self._disturbed = False
@@ -94,15 +91,13 @@ class PosixTerminal:
             os.close(self._output)
 
 
-class Posix:
-    """See `interface.System`."""
+class Posix(System):
+    """A system with POSIX terminals and locks."""
 
     def terminal(self, descriptor: int) -> PosixTerminal:
-        """See `interface.System`."""
         return PosixTerminal(descriptor)
 
     def lock(self, descriptor: int) -> None:
-        """See `interface.System`."""
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def publish(self, temporary: Path, path: Path) -> None:
@@ -119,7 +114,6 @@ class Posix:
             temporary.rename(path)
 
     def sync_folder(self, folder: Path) -> None:
-        """See `interface.System`."""
         with suppress(OSError):
             handle = os.open(folder, os.O_RDONLY)
             try:

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from orthoglide_cal.system.interface import COLUMNS, END_OF_INPUT
+from orthoglide_cal.system.interface import COLUMNS, END_OF_INPUT, System, Terminal
 
 # How often the console is asked whether a key was pressed [s]; it cannot wait for one.
 _LOOK_S = 0.01
@@ -30,7 +30,7 @@ class Msvcrt(Protocol):
     def locking(self, fd: int, mode: int, nbytes: int, /) -> None: ...
 
 
-class WindowsTerminal:
+class WindowsTerminal(Terminal):
     """The console; it knows no signals, so only its width tells that the screen has changed."""
 
     def __init__(self, msvcrt: Msvcrt) -> None:
@@ -38,7 +38,6 @@ class WindowsTerminal:
         self._width = self.columns()
 
     def read(self, timeout_s: float) -> str:
-        """See `interface.Terminal`."""
         until = time.monotonic() + timeout_s
         while not self._msvcrt.kbhit():
             if time.monotonic() >= until:
@@ -56,19 +55,16 @@ class WindowsTerminal:
         return keys
 
     def write(self, text: str) -> None:
-        """See `interface.Terminal`."""
         for character in text.replace("\n", "\r\n"):
             self._msvcrt.putwch(character)
 
     def columns(self) -> int:
-        """See `interface.Terminal`."""
         for descriptor in (1, 2):  # Windows knows the size of what is written to only
             with suppress(OSError):
                 return os.get_terminal_size(descriptor).columns or COLUMNS
         return COLUMNS
 
     def disturbed(self) -> bool:
-        """See `interface.Terminal`."""
         before, self._width = self._width, self.columns()
         return self._width != before
 
@@ -78,18 +74,17 @@ class WindowsTerminal:
             self._msvcrt.getwch()
 
 
-class Windows:
-    """See `interface.System`."""
+class Windows(System):
+    """Windows, through its C library."""
 
     def __init__(self, msvcrt: Msvcrt) -> None:
         self._msvcrt = msvcrt
 
     def terminal(self, descriptor: int) -> WindowsTerminal:
-        """See `interface.System`; a program has one console only."""
+        # A program has one console only.
         return WindowsTerminal(self._msvcrt)
 
     def lock(self, descriptor: int) -> None:
-        """See `interface.System`."""
         place = os.lseek(descriptor, 0, os.SEEK_CUR)
         os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
         try:

@@ -23,7 +23,7 @@ from orthoglide_cal.model import (
     Measured,
     Model,
     Readings,
-    freeze,
+    ReadOnly,
 )
 
 # Eigenvalues of the information matrix below this are zero; real ones are 1/2 and more.
@@ -31,7 +31,7 @@ NO_INFORMATION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(ReadOnly):
     """k quantities measured in both sessions.
 
     Attributes:
@@ -46,9 +46,6 @@ class Comparison:
     before: Floats
     after: Floats
     covariance: Floats
-
-    def __post_init__(self) -> None:
-        freeze(self, "before", "after", "covariance")
 
     def __len__(self) -> int:
         return len(self.before)

@@ -17,7 +17,7 @@ import numpy as np
 
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.model import AXES, Floats, freeze
+from orthoglide_cal.model import AXES, Floats, ReadOnly
 from orthoglide_cal.verification.comparison import Comparison
 
 # Another sign or order of the axes is believed only at these odds against all others together.
@@ -76,11 +76,6 @@ class AxisResponse:
     coefficient: Coefficient | None
     otherwise: bool
 
-    @property
-    def agrees(self) -> bool:
-        """True if the interval holds what was applied."""
-        return self.low_mm <= self.applied_mm <= self.high_mm
-
 
 @dataclass(frozen=True)
 class Change:
@@ -105,12 +100,11 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(ReadOnly):
     """How the machine responded to the correction.
 
     Attributes:
         coefficient: of the change on the model's prediction, all axes together.
-        sigma_mm: standard deviation of one reading that its interval rests on.
         dof: degrees of freedom of that interval.
         axes: the same for each joint, fitted together.
         behaviour: in a word.
@@ -120,15 +114,11 @@ class Response:
     """
 
     coefficient: Coefficient
-    sigma_mm: float
     dof: int
     axes: tuple[AxisResponse, ...]
     behaviour: Behaviour
     acted_as_mm: Floats | None
     change: Change
-
-    def __post_init__(self) -> None:
-        freeze(self, "acted_as_mm")
 
 
 def respond(comparison: Comparison, offsets: Floats, applied: Floats) -> Response:
@@ -159,7 +149,6 @@ def respond(comparison: Comparison, offsets: Floats, applied: Floats) -> Respons
     spare = len(change) - 3
     return Response(
         coefficient=coefficient,
-        sigma_mm=sigma,
         dof=dof,
         axes=axes,
         behaviour=_behaviour(coefficient, dof, acted_as, applied, axes),

@@ -14,7 +14,7 @@ from orthoglide_cal.estimation import PromisedDifference, Solution, pose_differe
 from orthoglide_cal.estimation.accuracy import half_width, rms
 from orthoglide_cal.estimation.methods import table_kind
 from orthoglide_cal.files import Conditions, Input, machine_values
-from orthoglide_cal.model import Difference, Entered, Floats, Measured, Model, Source, freeze
+from orthoglide_cal.model import Difference, Entered, Floats, Measured, Model, ReadOnly, Source
 from orthoglide_cal.verification.comparison import Comparison, compare
 from orthoglide_cal.verification.response import Response, respond
 
@@ -102,7 +102,7 @@ class Decision:
 
 
 @dataclass(frozen=True, eq=False)
-class Verification:
+class Verification(ReadOnly):
     """A correction compared with its promise.
 
     Attributes:
@@ -125,9 +125,6 @@ class Verification:
     comparison: Comparison
     response: Response
     decision: Decision | None
-
-    def __post_init__(self) -> None:
-        freeze(self, "applied_mm")
 
     @property
     def inputs(self) -> tuple[tuple[Source, Model], ...]:

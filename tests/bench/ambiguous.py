@@ -24,12 +24,10 @@ from tests.truth import (
     make_session,
     separation,
 )
-from tests.truth.plan import SETUPS
+from tests.truth.separation import STANDS_OUT
 
-from .cases import SLOW, SLOW_PACE, STANDS_OUT
+from .cases import SLOW, SLOW_PACE
 
-ONE_READING = frozenset({"gauge_drift", "stand_shift", "misread", "gauge_slip"})
-"""Faults of one stand or one reading: where the stand is gone, nobody can tell one from another."""
 NOT_OF_A_READING = ("contact", "setup")
 
 
@@ -76,19 +74,18 @@ def is_named(session: Session, found: Diagnosis) -> bool:
     return found.verdict is Verdict.NAMED and showing(session) <= named <= set(session.causes)
 
 
-def is_right(session: Session, found: Diagnosis) -> bool:
-    """The same; one of `ONE_READING` at stands that are gone may be left open among its kind."""
-    named = {cause.id for cause in found.causes}
-    shown, open_ = showing(session), set(found.ambiguous_with)
-    if gone(session):
-        kind = shown & ONE_READING
-        return (
-            found.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
-            and shown - ONE_READING <= named <= set(session.causes) | ONE_READING
-            and open_ <= ONE_READING
-            and kind <= named | open_
-        )
-    return is_named(session, found)
+def is_answered(session: Session, found: Diagnosis) -> bool:
+    """The same, each cause under its own name or one that stands for it.
+
+    A knock that leaves one reading before it, or one after it where the stand is gone, is one wrong
+    reading: the record is the same, whatever is read later, and so is what is to be done. It is
+    named `misread`, which holds of both, with `stand_shift` as its alias. Counted by the id alone
+    such a name is wrong as often as it was a knock.
+    """
+    said = [{cause.id, *cause.aliases} for cause in found.causes]
+    hidden = set(session.causes)
+    real = all(names & hidden for names in said)
+    return found.verdict is Verdict.NAMED and real and showing(session) <= set().union(*said)
 
 
 def showing(session: Session) -> set[str]:
@@ -99,20 +96,6 @@ def showing(session: Session) -> set[str]:
     first, second = session.causes
     others = ((first, second), (second, first))
     return {cause for cause, other in others if distances[other] >= STANDS_OUT}
-
-
-def gone(session: Session) -> bool:
-    """Whether a hidden fault of one reading or stand is where no stand is any more.
-
-    Or changes but the first reading of a set-up, from which a knock after it differs in nothing.
-    """
-    for effect in session.effects:
-        if effect.id in ONE_READING and effect.setup is not None:
-            rows = np.flatnonzero(session.plan.setup == effect.setup)
-            first = rows[1] if effect.id == "stand_shift" else rows[0]
-            if SETUPS[effect.setup][0] != session.plan.leg[-1] or effect.row == first:
-                return True
-    return False
 
 
 def draw(
@@ -140,15 +123,11 @@ class Tally:
     asked: Counter[tuple[str, str]]
     named: Counter[tuple[str, str]]
     """The right name, and nothing open."""
-    right: Counter[tuple[str, str]]
-    """Or a fault of one reading left open among its kind where its stand is gone."""
+    answered: Counter[tuple[str, str]]
+    """The right answer, whichever of its names is given; see `is_answered`."""
     bottom: Counter[tuple[str, str]]
     silent: Counter[tuple[str, str]]
     """Nothing is recommended, because nothing would tell."""
-    decidable: int = 0
-    """Recommendations where every fault is one that later readings can meet again; see `gone`."""
-    decided: int = 0
-    """Of these, those that lead to the right name."""
     chance: float = 0.0
     """Sum of what the program foretells."""
 
@@ -158,14 +137,14 @@ class Tally:
         return self.named.total() / self.asked.total()
 
     @property
-    def decided_share(self) -> float:
-        """Of the recommendations that lead to the right name, where readings can."""
-        return self.decided / self.decidable
+    def share_of_all(self) -> float:
+        """Of all that is ambiguous, also where nothing is recommended, what ends in its name."""
+        return self.named.total() / (self.asked.total() + self.silent.total())
 
     @property
-    def wider_share(self) -> float:
-        """Of the recommendations after which nothing is open that readings could still decide."""
-        return self.right.total() / self.asked.total()
+    def answered_share(self) -> float:
+        """Of the recommendations that lead to the right answer, under any of its names."""
+        return self.answered.total() / self.asked.total()
 
     @property
     def bottom_share(self) -> float:
@@ -174,19 +153,19 @@ class Tally:
 
     def __str__(self) -> str:
         rows = [
-            f"{self.asked[pair]:5d} {self.named[pair]:5d} {self.right[pair]:5d}"
+            f"{self.asked[pair]:5d} {self.named[pair]:5d} {self.answered[pair]:8d}"
             f" {self.bottom[pair]:6d}"
             f" {self.silent[pair]:6d}  {' / '.join(pair)}"
             for pair in sorted({*self.asked, *self.silent}, key=lambda p: -self.asked[p])
         ]
         total = (
-            f"{self.asked.total()} recommendations: {self.share:.1%} lead to the right name alone,"
-            f" {self.decided_share:.1%} of the {self.decidable} whose stands are not all gone;"
-            f" {self.wider_share:.1%} leave nothing open that readings could decide (foretold"
+            f"{self.asked.total()} recommendations: {self.share:.1%} lead to the right name,"
+            f" {self.answered_share:.1%} to the right answer under any of its names (foretold"
             f" {self.chance / self.asked.total():.1%}), {self.bottom_share:.1%} from the bottom"
-            f" half name it; {self.silent.total()} sessions without one: no reading can tell"
+            f" half name it; {self.silent.total()} sessions without one: no reading can tell. Of"
+            f" all that is ambiguous, these included, {self.share_of_all:.1%} end in the right name"
         )
-        return "\n".join(("asked named right bottom silent  accepted / open with", *rows, total))
+        return "\n".join(("asked named answered bottom silent  accepted / open with", *rows, total))
 
 
 def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = print) -> Tally:
@@ -204,15 +183,13 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
         after, bottom = (joined_diagnosis(case.session, each.option, n) for each in (best, low))
         named = is_named(case.session, after)
         found.named[case.pair] += named
-        found.decidable += not gone(case.session)
-        found.decided += named and not gone(case.session)
-        found.right[case.pair] += is_right(case.session, after)
+        found.answered[case.pair] += is_answered(case.session, after)
         found.bottom[case.pair] += is_named(case.session, bottom)
         if not named:
-            said = [each.id for each in after.causes], after.ambiguous_with
+            said = [(each.id, *each.aliases) for each in after.causes], after.ambiguous_with
             tell(
                 f"{case.session.label} {case.pair}: {best.option.what} ({best.chance:.2f});"
-                f" then {said}, gone {gone(case.session)}"
+                f" then {said}"
             )
     return found
 

@@ -16,8 +16,6 @@ from tests.truth import (
     separation,
 )
 
-STANDS_OUT = 4.0
-"""Sigma from which a truth counts as told apart from a rival."""
 SLOW = ("gauge_drift", "thermal_drift")
 SLOW_PACE = 2.5
 """[min] per posture of every second session with a slow cause: at 0.4 min a plausible creep stays
@@ -52,9 +50,9 @@ class Case:
     def kind(self, by: str = "distance") -> str:
         """What is asked of the answer: one of `KINDS`.
 
-        `distinct`: every rival and the healthy machine are 4 sigma away. `close`: some rival is
-        nearer. `faint`: the healthy machine itself is nearer, so that `consistent` is right too.
-        `pair`: no single cause comes within 4 sigma; `half pair`: one does.
+        `distinct`: every rival and the healthy machine are as far away as the separation's bound.
+        `close`: some rival is nearer. `faint`: the healthy machine itself is nearer, so that
+        `consistent` is right too. `pair`: no single cause is nearer; `half pair`: one is.
 
         Args:
             by: `distance` to the rivals' best fits, or `margin` over the truth's own fit.
@@ -63,12 +61,13 @@ class Case:
             return "outside"
         if self.separation is None:
             return "healthy"
+        bound = self.separation.bound
         if len(self.session.causes) == 2:
-            return "pair" if self.separation.distance >= STANDS_OUT else "half pair"
-        if self.separation.visible < STANDS_OUT:
+            return "pair" if self.separation.distance >= bound else "half pair"
+        if self.separation.visible < bound:
             return "faint"
         far = self.separation.margin if by == "margin" else self.separation.distance
-        return "distinct" if far >= STANDS_OUT else "close"
+        return "distinct" if far >= bound else "close"
 
 
 def draw_group(machine: Machine, gauge: Gauge, counts: Counts, seed: int) -> Iterator[Case]:

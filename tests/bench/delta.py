@@ -24,7 +24,8 @@ from tests.truth.delta import (
     grain,
     make_delta_session,
 )
-from tests.truth.delta_separation import DELTA_CAUSES, GRAIN, delta_separation
+from tests.truth.delta_outside import DELTA_OUTSIDE, clear_delta_outside
+from tests.truth.delta_separation import DELTA_CAUSES, DELTA_PAIRS, GRAIN, delta_separation
 
 from .answers import Answer, NamedCause
 from .cases import Case
@@ -43,8 +44,11 @@ LAYOUTS = (
     Layout(25, cycles=3),
     Layout(400),
 )
+MANY = 25
+"""Places from which an effect outside the list can be told from two causes."""
 NOISES = (0.005, 0.013, 0.030)
-MACHINES = (V400, KOSSEL)
+MACHINES = (V400, replace(KOSSEL, texture=0.005))
+"""A plate with foil and magnets, and a glass."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,10 @@ class DeltaCounts:
     single: int = 48
     """Per cause."""
     healthy: int = 240
+    outside: int = 14
+    """Per kind of effect outside the list."""
+    pair: int = 7
+    """Per combination of a fault of the measurement and one of the machine."""
     largest: int = 400
     """No layout has more places."""
 
@@ -84,6 +92,18 @@ def draw(counts: DeltaCounts, seed: int) -> Iterator[Case]:
             machine, layout = settings[(7 * number + n) % len(settings)]
             session = _draw(base + n, machine, (cause,), layout)
             yield Case(f"{cause}-{n:03d}", session, delta_separation(session))
+    for outside, (_, heights) in DELTA_OUTSIDE.items():
+        able = [
+            each for each in settings if each[1].places >= MANY and len(each[1].heights) >= heights
+        ]
+        for n in range(counts.outside):
+            session = clear_delta_outside(base + n, *able[n % len(able)], outside)
+            yield Case(f"{outside}-{n:03d}", session, None)
+    for number, pair in enumerate(DELTA_PAIRS):
+        for n in range(counts.pair):
+            machine, layout = settings[(7 * number + n) % len(settings)]
+            session = _draw(base + n, machine, pair, layout)
+            yield Case(f"{'-'.join(pair)}-{n:03d}", session, delta_separation(session))
 
 
 def ask(where: Path, session: DeltaSession) -> Answer:
@@ -152,10 +172,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.delta", description=__doc__)
     parser.add_argument("--sessions", type=int, default=48, help="per cause")
     parser.add_argument("--healthy", type=int, default=240)
+    parser.add_argument("--outside", type=int, default=14, help="per effect outside the list")
+    parser.add_argument("--pair", type=int, default=7, help="per combination")
     parser.add_argument("--largest", type=int, default=400, help="places of a layout")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args(arguments)
-    judged = run(DeltaCounts(given.sessions, given.healthy, given.largest), given.seed)
+    counts = DeltaCounts(given.sessions, given.healthy, given.outside, given.pair, given.largest)
+    judged = run(counts, given.seed)
     print(report(judged))
     return int(not all(rate.met for rate in rates(judged)))
 

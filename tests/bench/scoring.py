@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from tests.truth import HEALTHY
 
 from .answers import Answer
-from .cases import KINDS, STANDS_OUT, Case
+from .cases import KINDS, Case
 from .chance import chance_at_most, chance_below
 
 
@@ -68,13 +68,13 @@ REQUIRED: dict[str, tuple[float | None, float]] = {
 
 
 def needed_members(case: Case) -> tuple[str, ...]:
-    """The causes of a pair that show: without them the other alone would be 4 sigma away."""
+    """The causes of a pair that show: without them the other alone would be far away."""
     if case.separation is None:
         return ()
     first, second = case.session.causes
     alone = case.separation.distances
     others = {first: second, second: first}
-    return tuple(cause for cause, other in others.items() if alone[other] >= STANDS_OUT)
+    return tuple(cause for cause, other in others.items() if alone[other] >= case.separation.bound)
 
 
 def is_right(case: Case, answer: Answer, kind: str) -> bool:

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.planning.design import GIVES_UP
 from tests.cli.program import lines, modules_after, process, run
 from tests.machines import ROOT
 
@@ -18,6 +19,7 @@ OWN = [id for id, cause in CAUSES.items() if "orthoglide" in cause.sizes]
 
 SHIPPED = ROOT / "configs" / "orthoglide_prototype.yaml"
 SESSION = str(ROOT / "sample_data" / "double_posture_session.csv")
+LARGE = str(ROOT / "configs" / "orthoglide_large.yaml")
 KEYS = {
     "schema_version", "machine", "protocol", "gauges", "cycles", "by_cycles", "budget", "limits",
     "target", "compare", "separation", "invisible", "design",
@@ -93,12 +95,26 @@ def test_a_target_below_what_cannot_be_seen_says_what_would_mend_it(tmp_path: Pa
     shown = run("plan", "--target", "0.01").stdout
     assert "✘ ± 0.01 mm cannot be reached so" in shown
     words = " ".join(shown.replace("│", " ").split())
-    assert "No number of cycles helps." in words
+    assert "After 50 cycles ± 0.019 mm stay: the legs differ" in words
     assert "legs differ from the nominal length. Measure the legs" in words
     coarse = {"resolution_mm": 0.5, "range_mm": 10.0, "repeatability_mm": 5.0}
     noisy = " ".join(run("plan", "--target", "0.1", "--machine", machine(tmp_path, gauge=coarse))
                      .stdout.replace("│", " ").split())  # fmt: skip
     assert "More than 50 cycles would do, because of the scatter" in noisy
+
+
+def test_what_stays_is_never_more_than_what_more_cycles_leave() -> None:
+    """A target that more than 50 cycles reach is not said to be out of every reach."""
+    said = {}
+    for given in (("--target", "0.019"), ("--target", "0.0184"), ("--cycles", "50"), ()):
+        shown = run("plan", "--machine", LARGE, *given).stdout.replace("│", " ")
+        said[given] = " ".join(shown.partition("What to do next")[0].split())
+    assert "More than 50 cycles would do" in said["--target", "0.0184"]
+    others = [words for given, words in said.items() if given != ("--target", "0.0184")]
+    assert all("After 50 cycles ± 0.017 mm stay: the legs" in words for words in others)
+    (longest,) = lines(run("plan", "--machine", LARGE, "--cycles", "50", "--json"))
+    reach = min(min(each["expanded_mm"].values()) for each in longest["by_cycles"])
+    assert max(longest["limits"]["expanded_mm"].values()) < reach
 
 
 def test_a_target_beyond_all_reason_is_repeated_as_it_was_asked() -> None:
@@ -170,7 +186,9 @@ def test_limits_of_nothing_are_refused(tmp_path: Path) -> None:
 def test_what_it_says_to_type_can_be_typed(tmp_path: Path) -> None:
     path = machine(tmp_path)
     shown = run("plan", "--gauges", "1", "--machine", path).stdout
-    assert f"orthocal measure --machine {path} --cycles 3 --gauges 1" in shown
+    assert f"orthocal measure --machine {path} --gauges 1" in shown
+    shown = run("plan", "--design", "best", "--cycles", "5", "--machine", path).stdout
+    assert f"orthocal measure --machine {path} --design best --cycles 5" in shown
 
 
 def test_it_fits_a_narrow_terminal_and_a_page(
@@ -208,6 +226,16 @@ def test_a_page_and_json_are_asked_for_apart(
     assert done.exit_code == 2
     assert "Leave out --html" in " ".join((done.stdout + done.stderr).split())
     assert not list(tmp_path.iterdir())
+
+
+def test_what_the_best_design_gives_up_is_said_as_measure_says_it() -> None:
+    assert GIVES_UP in " ".join(run("plan").stdout.split())
+
+
+def test_its_help_is_made_of_phrases_that_stand_alone() -> None:
+    """What an option is comes before what it is of."""
+    options = run("plan", "--help").stdout.partition("Options:")[2]
+    assert re.findall(r"^  --\S.*?  Of .*$|^ +Of .*$", options, re.MULTILINE) == []
 
 
 def test_json_is_one_line() -> None:

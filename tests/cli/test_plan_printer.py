@@ -155,7 +155,7 @@ def test_a_printers_own_file_is_a_machine_to_plan_for(tmp_path: Path) -> None:
     (data,) = lines(run("plan", str(path), "--data", "mesh", "--json"))
     assert data["machine"] == "printer.cfg"
     assert data["next"]
-    text = run("plan", str(path), "--program", "-").stdout
+    text = run("plan", str(path), "--data", "mesh", "--program", "-").stdout
     rows = list(csv.DictReader(text.splitlines()))
     assert [{name: float(row[f"{name}_mm"]) for name in "xyz"} for row in rows] == data["design"][
         "places_mm"

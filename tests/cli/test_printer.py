@@ -8,10 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.files import read_machine
+from orthoglide_cal.model import Model
 from tests.cli.program import SIX, lines, run
+from tests.machines import ROOT
 from tests.printer_files import OFF, exact, machine_yaml, printer_cfg
-from tests.truth.delta import V400, Layout, Truth
+from tests.truth.delta import KOSSEL, V400, Layout, Truth, delta_csv, probe_bed
 
 TRUE = {
     "a": V400.endstops[0] + OFF.endstops[0],
@@ -69,9 +74,9 @@ def test_the_calibration_is_what_is_taken_where_there_is_one() -> None:
 
 
 def test_data_is_refused_for_other_files() -> None:
-    Path("v400.yaml").rename("printer.yaml")
-    for file in (SIX, touches(13)):
-        done = run("solve", file, "--data", "mesh", "--machine", "printer.yaml")
+    prototype = str(ROOT / "configs" / "orthoglide_prototype.yaml")
+    for file, machine in ((SIX, prototype), (touches(13), "v400.yaml")):
+        done = run("solve", file, "--data", "mesh", "--machine", machine)
         assert done.exit_code == 2
         assert "--data is for a printer.cfg" in done.stderr
 
@@ -154,6 +159,14 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
     assert "agree better than before" in page
     assert run("verify", *names, "--applied", "1", "2", "3").exit_code == 2
     assert run("report", names[0], "--after", names[1]).exit_code == 2
+
+
+@pytest.mark.parametrize("options", [("verify",), ("diagnose", "--holdout")])
+def test_files_of_two_machines_are_not_compared(options: tuple[str, ...]) -> None:
+    one, other = cfg("one.cfg"), cfg("other.cfg", Truth(), KOSSEL)
+    done = run(options[0], one, *options[1:], other)
+    assert done.exit_code == 2
+    assert "two machines: arms 344 and 265 mm long, delta radius 162 and 130 mm" in done.stderr
 
 
 def test_measure_names_the_command_of_the_printer() -> None:
@@ -269,6 +282,133 @@ def test_a_simulated_bed_of_its_own_shape_is_seen() -> None:
         (found,) = lines(run("solve", name, "--machine", "v400.yaml", "--json"))
         left.append(found["rms_after_mm"])
     assert left[1] > 1.7 * left[0]
+
+
+def stretched(name: str = "belt.csv") -> str:
+    """Touches on three heights of a printer with a stretched belt, 5 mm per metre of tower b."""
+    truth = replace(OFF, scales=np.array([0.0, -5.0, 0.0]))
+    rng = np.random.default_rng(2)
+    session = probe_bed(V400, truth, (), Layout(41, heights=(0.0, 25.0, 50.0)), rng)
+    Path(name).write_text(delta_csv(session))
+    return name
+
+
+def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
+    """In every form: values for programs, the machine file, the page, and what is typed."""
+    file = stretched()
+    (found,) = lines(run("diagnose", file, "--machine", "v400.yaml", "--json"))
+    (cause,) = found["causes"]
+    assert (cause["id"], list(cause["parameters"])) == ("encoder_scale", ["a", "b", "c"])
+    accept = ("--accept", "encoder_scale", "--output", "known.yaml")
+    done = run("diagnose", file, "--machine", "v400.yaml", *accept)
+    assert done.exit_code == 0, done.stderr
+    (known,) = yaml.safe_load(Path("known.yaml").read_text())["identified"]
+    assert list(known["parameters"]) == ["a", "b", "c"]
+    assert known["parameters"]["b"]["value"] == pytest.approx(-5.0, abs=0.3)
+    (again,) = lines(run("diagnose", file, "--machine", "known.yaml", "--json"))
+    assert again["verdict"] == "consistent"
+    text = Path("known.yaml").read_text()
+    Path("other.yaml").write_text(text.replace("    b: {value", "    y: {value"))
+    typed = run("simulate", "--machine", "v400.yaml", "--cause", "encoder_scale=1")
+    assert "Write encoder_scale=a,b,c" in typed.stderr
+    refused = run("solve", file, "--machine", "other.yaml")
+    assert refused.exit_code == 3
+    assert "encoder_scale has the parameters a, b, c." in refused.stderr
+
+
+def test_sizes_of_causes_are_shown_with_the_uncertainty_of_the_table() -> None:
+    file = stretched()
+    (found,) = lines(run("diagnose", file, "--machine", "v400.yaml", "--json"))
+    std = found["causes"][0]["parameters"]["b"]["std"]
+    page = " ".join(run("diagnose", file, "--machine", "v400.yaml").stdout.split())
+    shown = re.search(r"tower b -[\d.]+ ± ([\d.]+) mm/m", page)
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(1.96 * std, rel=0.06)
+    assert "(± U, k = 1.96)" in page
+
+
+def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
+    """Every cause that a printer can have, on the pages that name it."""
+    foreign = re.compile(
+        r"\b(postures?|nut|stands?|(?<!feeler )gauges?|legs?|cycles?)\b", re.IGNORECASE
+    )
+    speech = Model(read_machine("v400.yaml").machine).kind.speech
+    for cause in CAUSES.values():
+        if "linear_delta" in cause.sizes:
+            text = speech.said(f"{cause.title} {cause.advice} {cause.instrument}")
+            assert not foreign.search(text), text
+    file, known = stretched(), ("--machine", "v400.yaml")
+    noisy = Path(touches(41)).read_text().splitlines()
+    for k in range(1, len(noisy), 2):
+        head, _, value = noisy[k].rpartition(",")
+        noisy[k] = f"{head},{float(value) + 0.3 * (-1) ** (k // 2 % 3):.4f}"
+    Path("noisy.csv").write_text("\n".join(noisy) + "\n")
+    for page in (
+        *(
+            run(verb, name, *known)
+            for name in (file, "noisy.csv")
+            for verb in ("solve", "diagnose")
+        ),
+        run("report", file, *known),
+        run("plan", *known),
+        run("plan", file, *known),
+        run("export", touches(41), *known, "--format", "marlin"),
+    ):
+        found = foreign.findall(page.stdout)
+        assert not found, (found, page.stdout)
+
+
+def test_what_is_not_recommended_is_not_accepted() -> None:
+    """Lost motion: a printer's firmware has no setting for it, and belts are tightened."""
+    truth = replace(OFF, lost=np.array([0.12, 0.0, 0.1]))
+    session = probe_bed(V400, truth, (), Layout(81), np.random.default_rng(2))
+    Path("v400.yaml").write_text(machine_yaml(V400))
+    Path("t.csv").write_text(delta_csv(session))
+    done = run("diagnose", "t.csv", "--machine", "v400.yaml", "--accept", "backlash")
+    assert "is not recommended" in done.stdout
+    assert done.exit_code == 4
+    assert "Making backlash part of the machine's model is not recommended" in done.stderr
+    assert not Path("v400-backlash.yaml").exists()
+
+
+def test_a_leaning_tower_that_is_named_can_be_lived_with() -> None:
+    """No firmware knows of it, but its parameters are found beside it, and may be pasted."""
+    truth = replace(OFF, leans=np.array([[3.0, -1.5], [1.0, -6.0], [1.0, -5.0]]))
+    heights = Layout(81, heights=(0.0, 25.0, 50.0))
+    session = probe_bed(V400, truth, (), heights, np.random.default_rng(2))
+    Path("t.csv").write_text(delta_csv(session))
+    page = run("diagnose", "t.csv", "--machine", "v400.yaml")
+    assert "--accept tower_lean" in page.stdout
+    assert run("export", "t.csv", "--machine", "v400.yaml", "--format", "klipper").exit_code == 4
+    accept = ("--accept", "tower_lean", "--output", "known.yaml")
+    assert run("diagnose", "t.csv", "--machine", "v400.yaml", *accept).exit_code == 0
+    pasted = run("export", "t.csv", "--machine", "known.yaml", "--format", "klipper")
+    assert pasted.exit_code == 0
+    assert "Not in these lines: tower_lean" in pasted.stdout
+
+
+def test_a_machine_of_no_kind_is_refused() -> None:
+    name = cfg()
+    text = Path(name).read_text()
+    assert "kinematics" in text
+    Path("slip.cfg").write_text(text.replace("kinematics", "kinematic"))
+    done = run("solve", "slip.cfg")
+    assert done.exit_code == 3
+    assert "kinematics of [printer]: The option is missing." in done.stderr
+    yaml_text = Path("v400.yaml").read_text()
+    Path("slip.yaml").write_text(yaml_text.replace("kind: linear", "kinds: linear"))
+    done = run("solve", touches(13), "--machine", "slip.yaml")
+    assert done.exit_code == 3
+    assert "Add a line `kind: linear_delta`." in done.stderr
+    assert "arm_length_mm" not in done.stderr.replace("Known here", "").split("kinds")[0]
+
+
+def test_distances_are_no_places_to_probe() -> None:
+    layout = ("--layout", "print-13", "--program", "p.csv")
+    done = run("plan", "--machine", "v400.yaml", *layout)
+    assert done.exit_code == 2
+    assert "DELTA_ANALYZE" in done.stderr
+    assert "--layout bed-13" in done.stderr
 
 
 def test_distances_scatter_as_a_calliper_does_and_not_as_a_probe() -> None:

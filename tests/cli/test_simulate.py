@@ -10,6 +10,7 @@ from orthoglide_cal.files import read_input
 from orthoglide_cal.model import Contact, Readings
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, run
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, ROOT
+from tests.printers import CONFIG
 
 LARGE_FILE = str(ROOT / "configs" / "orthoglide_large.yaml")
 CAUSES = (
@@ -232,3 +233,32 @@ def test_json_is_not_shown_for_a_file_that_was_not_written() -> None:
     assert refused.exit_code == 2
     assert refused.stdout == ""
     assert Path("there.csv").read_text(encoding="utf-8") == "kept"
+
+
+@pytest.mark.parametrize(
+    ("option", "message", "remedy"),
+    [
+        (("--cause", "axis_gap=0.5,0.5,0.5"), "no cause 'axis_gap' of kind", "tower_lean"),
+        (("--cause", "misread=0.3"), "misread cannot act", "its place: 12 (a touch)."),
+        (("--protocol", "single"), "--protocol and --gauge-at are for gauges", "Leave"),
+        (("--gauge-at", "0.9"), "--protocol and --gauge-at are for gauges", "Leave"),
+    ],
+)
+def test_a_printer_has_no_gauges_and_causes_of_its_own(
+    option: tuple[str, str], message: str, remedy: str
+) -> None:
+    refused = run("simulate", "--machine", str(CONFIG), *option)
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert message in refused.stderr
+    assert remedy in refused.stderr
+    assert "swapped_gauges" not in refused.stderr
+    assert "leg)" not in refused.stderr
+
+
+@pytest.mark.parametrize(
+    "option", [("--places", "13"), ("--height", "10"), ("--cause", "tower_lean=1,1,1,1,1,1")]
+)
+def test_an_orthoglide_has_no_bed_and_no_towers(option: tuple[str, str]) -> None:
+    refused = run("simulate", *option)
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert "kind" in refused.stderr or "linear delta" in refused.stderr

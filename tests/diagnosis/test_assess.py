@@ -71,6 +71,19 @@ class TestVerdict:
         assert found.ambiguous_with == ("axis_gap", "misread")
         assert judge(posterior(nothing=1.0, axis_gap=1.1 * ODDS_TO_NAME), FITS).verdict == "named"
 
+    def test_where_more_is_asked_for_a_cause_more_is_asked_for_a_second(self) -> None:
+        shares = posterior(axis_gap=1.0, axis_gap_and_bar_skew=1.5 * ODDS_TO_NAME)
+        assert judge(shares, FITS).accepted == ("axis_gap", "bar_skew")
+        assert judge(replace(shares, odds=2.0 * ODDS_TO_NAME), FITS).accepted == ("axis_gap",)
+
+    def test_a_rival_a_little_below_the_bound_is_looked_at_again(self) -> None:
+        shares = posterior(axis_gap=1.0, bar_skew=0.5 * DISMISSED, leg_length=2.0 * DISMISSED)
+        assert shares.nearly_dismissed(("bar_skew",))
+        assert not shares.nearly_dismissed(("leg_length",))
+        assert not posterior(axis_gap=1.0, misread=1e-9).nearly_dismissed(("misread",))
+        beside = posterior(axis_gap=1.0, axis_gap_and_misread=0.5 * DISMISSED)
+        assert not beside.nearly_dismissed(("axis_gap", "misread"))
+
     def test_what_would_have_been_seen_is_not_mentioned(self) -> None:
         found = judge(posterior(nothing=1.0, leg_length=0.06, axis_gap=1e-6), FITS)
         assert found.ambiguous_with == ("leg_length",)
@@ -117,6 +130,14 @@ class TestVerdict:
         assert (found.verdict, found.accepted) == ("named", ("gauge_slip",))
         assert replace(shares, remedies=again).same_answer(("gauge_slip",)) == (("misread",),)
         assert judge(shares, FITS).verdict == "ambiguous"
+        # With its stand gone a knock that moved this reading alone is no more than a wrong reading.
+        knock = {**again, ("stand_shift",): ((), (12,))}
+        shares = posterior(misread=0.47, stand_shift=0.53)
+        found = judge(replace(shares, remedies=knock), FITS)
+        assert (found.verdict, found.accepted) == ("named", ("misread",))
+        shares = posterior(misread=0.3, stand_shift=0.31 * ODDS_TO_NAME)
+        found = judge(replace(shares, remedies=knock), FITS)
+        assert (found.verdict, found.accepted) == ("named", ("stand_shift",))
         # Together they are likelier than what each alone is not.
         shares = posterior(gauge_slip=0.35, misread=0.25, stand_shift=0.4)
         found = judge(replace(shares, remedies=again), FITS)
@@ -128,14 +149,12 @@ class TestVerdict:
 
 
 def test_bayes_rule_with_the_weights_of_the_candidates() -> None:
-    weights = {(): log(0.5), ("a",): log(0.2)}
-    found = Posterior.of({(): 3.0, ("a",): 5.0}, weights, {"p": 4.0, "q": 2.0}, {})
-    parts = [
-        0.5 * exp(3.0), 0.2 * exp(5.0), 0.5 * UNLISTED * exp(4.0), 0.5 * UNLISTED * exp(2.0)
-    ]  # fmt: skip
-    got = [found.listed[()], found.listed["a",], found.unlisted["p"], found.unlisted["q"]]
+    weights = {(): log(0.5), ("misread",): log(0.2)}
+    found = Posterior.of({(): 3.0, ("misread",): 5.0}, weights, {"p": 4.0, "q": 2.0}, {}, 1.0)
+    parts = [0.5 * exp(3.0), 0.2 * exp(5.0), exp(4.0), exp(2.0)]
+    got = [found.listed[()], found.listed["misread",], found.unlisted["p"], found.unlisted["q"]]
     assert got == pytest.approx([part / sum(parts) for part in parts])
-    assert found.best == ("a",)
+    assert found.best == ("misread",)
 
 
 OWN = {id: cause for id, cause in CAUSES.items() if PROTOTYPE.kind in cause.sizes}

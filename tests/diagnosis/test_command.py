@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from orthoglide_cal.causes import CAUSES
 from tests import truth
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, one, written
 from tests.machines import SAMPLES
@@ -85,6 +86,11 @@ class TestJson:
         assert answer["input"]["kind"] == "six"
         assert answer["input"]["readings"] == 6
         assert all(np.isfinite(answer["std_mm"][axis]) for axis in "xyz")
+
+    def test_what_it_separates_are_causes_and_two_of_them(self) -> None:
+        first, second = one(THIRD)["next_measurement"]["separates"]
+        assert {first, second} <= set(CAUSES)
+        assert f"tells {first} from {second}" in " ".join(diagnose(THIRD).out.split())
 
     def test_the_same_data_give_the_same_answer(self) -> None:
         assert diagnose(GAP, "--json").out == diagnose(GAP, "--json").out

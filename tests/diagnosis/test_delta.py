@@ -1,5 +1,6 @@
 """Printers: what is named from touches, what is left open, and what is kept from evidence."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,8 +8,12 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
+from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import Input, read_input, read_machine_file
+from orthoglide_cal.model.kinds import DeltaMachine
 from orthoglide_cal.planning import best_next
+from orthoglide_cal.results import calibrate
+from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import (
     V400,
     Delta,
@@ -22,6 +27,7 @@ from tests.truth.delta import (
     make_delta_session,
     probe_bed,
 )
+from tests.truth.delta_outside import clear_delta_outside
 from tests.truth.delta_separation import GRAIN
 from tests.truth.plan import frozen
 
@@ -164,6 +170,99 @@ def test_a_series_that_drifts_is_named_drift(seed: int, tmp_path: Path) -> None:
     )
     estimate = found.causes[0].parameters["rate"]
     assert abs(estimate.value - 0.15) < 3.0 * estimate.std
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_several_wrong_touches_are_all_pointed_at(seed: int, tmp_path: Path) -> None:
+    """On a bed that could be four times as rough as stated, so that each alone might be its own."""
+    session = clear_delta_outside(seed, V400, Layout(41), "scattered_misreads")
+    found = diagnosed(tmp_path, session)
+    assert found.verdict is Verdict.UNEXPLAINED
+    (note,) = (note for note in found.notes if "each by itself" in note)
+    touches = {int(number) - 1 for number in re.findall(r"touch (\d+)", note)}
+    wrong = np.flatnonzero(np.abs(session.contact) > 0.1)
+    assert touches <= set(np.flatnonzero(session.contact).tolist())
+    assert len(touches & set(wrong.tolist())) >= 0.7 * len(wrong)
+
+
+@pytest.mark.parametrize("layout", [Layout(13, cycles=5), Layout(41, cycles=3)])
+def test_a_fast_drift_of_repeated_touches_is_named_alone(layout: Layout, tmp_path: Path) -> None:
+    """3 mm/h, sixty times what is usual; that endstops drift as fast is the same answer."""
+    session = probe_bed(V400, Truth(drift=3.0), ("probe_drift",), layout, np.random.default_rng(0))
+    found = diagnosed(tmp_path, session)
+    assert (found.verdict, [cause.id for cause in found.causes]) == (
+        Verdict.NAMED,
+        ["probe_drift"],
+    )
+    estimate = found.causes[0].parameters["rate"]
+    assert abs(estimate.value - 3.0) < 3.0 * estimate.std
+
+
+def test_repeats_tell_the_repeatability(tmp_path: Path) -> None:
+    """Twenty places four times: 60 degrees of freedom, off by a third with p < 1e-5."""
+    session = make_delta_session(5, V400, (), Layout(20, cycles=4), (0.03, GRAIN), grain)
+    given_ = given(tmp_path, session)
+    found = diagnose(given_.measured, given_.model)
+    assert found.lack_of_fit.repeats_mm == pytest.approx(V400.noise, rel=0.33)
+    assert found.lack_of_fit.repeats_p_value is not None
+    assert solve(given_.measured, given_.model).sigma_repeats_mm == found.lack_of_fit.repeats_mm
+
+
+SEVEN = np.array([0.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
+
+
+def test_seven_touches_that_fit_badly_are_not_to_be_pasted(tmp_path: Path) -> None:
+    """One spare reading: 40 µm to and fro on the ring, which nothing that is calibrated does."""
+    session = probe_bed(V400, Truth(), (), Layout(7), np.random.default_rng(1))
+    read = given(tmp_path, replace(session, readings=session.readings + 0.04 * SEVEN))
+    found = calibrate(read)
+    assert found.diagnosis is not None
+    assert found.diagnosis.verdict in (Verdict.UNEXPLAINED, Verdict.AMBIGUOUS)
+    assert not found.release.usable
+    assert "places" in found.release.remedies[0].sentence
+    sound = calibrate(given(tmp_path, session))
+    assert sound.release.usable
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_consistent_is_what_noise_leaves(seed: int, tmp_path: Path) -> None:
+    """Stored calibrations whose heights scatter four times as much as is usual."""
+    file = tmp_path / "printer.cfg"
+    file.write_text(printer_cfg(V400, OFF, seed=seed, noise=0.05))
+    found = calibrate(read_input(str(file)))
+    assert found.diagnosis is not None
+    assert found.solution is not None
+    chance = found.diagnosis.lack_of_fit.p_value
+    assert chance == pytest.approx(found.solution.lack_of_fit_p)
+    sound = found.diagnosis.verdict is Verdict.CONSISTENT
+    assert (sound, found.release.usable) == (chance >= 0.001,) * 2
+
+
+def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
+    """Of heights and distances together: each by its precision, as the fit weighed it."""
+    file = tmp_path / "printer.cfg"
+    file.write_text(printer_cfg(V400, OFF, noise=0.02))
+    found = calibrate(read_input(str(file)))
+    assert found.solution is not None
+    assert found.diagnosis is not None
+    assert found.explained is not None
+    left = found.diagnosis.measured_mm - found.diagnosis.nominal_mm
+    calliper = found.input.model.machine
+    assert isinstance(calliper, DeltaMachine)
+    weight = np.array([1.0] * 7 + [calliper.gauge.noise_mm / calliper.calliper_mm] * 3)
+    expected = float(np.sqrt(np.mean((weight * left) ** 2)))
+    assert found.solution.rms_after_mm == pytest.approx(expected, rel=1e-6)
+    assert found.explained.rms_before_mm == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1.0, 2.5])
+def test_a_rough_bed_is_told_to_be_rough(size: float, tmp_path: Path) -> None:
+    rough = (size * V400.texture, GRAIN)
+    session = make_delta_session(1, V400, (), Layout(240), rough, grain)
+    found = calibrate(given(tmp_path, session))
+    assert found.release.usable
+    said = " ".join(found.release.cautions)
+    assert ("as large as is stated" in said) == (size > 2.0)
 
 
 def _sound(folder: Path, seeds: range) -> list[int]:

@@ -9,7 +9,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import Assessment, assess
-from orthoglide_cal.diagnosis.candidates import Ids
+from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.scores import all_or_one
@@ -272,9 +272,11 @@ def test_patterns_beyond_the_list_are_brute_force_by_another_way() -> None:
         expected.append(np.logaddexp.reduce(each) - np.log(len(each)))
     each = [log(np.zeros((len(white), len(white))), scale) for scale in NOISIER]
     expected.append(np.logaddexp.reduce(each) - np.log(len(each)))
-    got = [pattern.log_evidence for pattern in found.unlisted]
+    general = [pattern for pattern in found.unlisted if "each by itself" not in pattern.what]
+    got = [pattern.log_evidence for pattern in general]
     assert got == pytest.approx(expected, abs=2e-3, rel=1e-6)
     assert np.ptp(expected) > 10.0
+    assert sum(np.exp(pattern.log_prior) for pattern in general) == pytest.approx(UNLISTED)
 
 
 def test_the_places_found_are_those_of_the_truth() -> None:

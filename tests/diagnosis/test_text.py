@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.diagnosis import Explanation
-from orthoglide_cal.files import readings_csv
+from orthoglide_cal.files import read_input, readings_csv
 from orthoglide_cal.model import double_posture
 from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.results import calibrate
@@ -90,6 +90,26 @@ class TestText:
         faint = replace(found, diagnosis=replace(found.diagnosis, ranking=ranking))
         text = markdown(diagnosis_document(faint).page())
         assert "21.7 % that nothing is wrong at all" in text
+
+    def test_what_is_less_likely_than_nothing_is_not_called_likeliest(self) -> None:
+        """The sound machine is one of the open answers, and then nothing must be wrong."""
+        from orthoglide_cal.report.documents.diagnosis import headline
+        from orthoglide_cal.results.release import release
+
+        found = calibrate(read_input(str(SECOND)))
+        assert found.diagnosis is not None
+        assert found.solution is not None
+        assert "Likeliest" in headline(found.diagnosis)
+        ranking = {**found.diagnosis.ranking, Explanation(): found.diagnosis.causes[0].probability}
+        ranking[Explanation()] *= 1.01
+        faint = replace(found.diagnosis, ranking=ranking)
+        assert headline(faint).endswith("what is wrong, and whether anything is.")
+        (before,), (after,) = (
+            release(found.solution, each).reasons for each in (found.diagnosis, faint)
+        )
+        assert before.startswith("Something is wrong")
+        assert after.startswith("Something may be wrong")
+        assert after.endswith("nor from a sound machine.")
 
     def test_names_from_outside_are_shown_not_obeyed(self, tmp_path: Path) -> None:
         session = truth.make_session(21, truth.PROTOTYPE, truth.MICRON)

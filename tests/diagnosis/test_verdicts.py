@@ -210,12 +210,15 @@ def last_reading_wrong(setup: int, back: int) -> tuple[Diagnosis, int]:
     return judged(session), row
 
 
-@pytest.mark.parametrize("setup", [1, 5])
-def test_a_wrong_last_reading_may_be_a_knock(setup: int) -> None:
-    """Nothing after it says whether the stand stayed where it was."""
+@pytest.mark.parametrize(("setup", "verdict"), [(1, "named"), (5, "ambiguous")])
+def test_a_wrong_last_reading_may_be_a_knock(setup: int, verdict: str) -> None:
+    """The next reading says whether the stand stayed where it was; of one that is gone, none."""
     found, row = last_reading_wrong(setup, 0)
-    assert found.verdict == "ambiguous"
-    assert {*ids(found), *found.ambiguous_with} == {"misread", "stand_shift"}
+    assert found.verdict == verdict
+    (cause,) = found.causes
+    assert {cause.id, *cause.aliases} == {"misread", "stand_shift"}
+    assert found.ambiguous_with == (() if verdict == "named" else cause.aliases)
+    assert verdict == "ambiguous" or cause.id == "misread"
     assert f"reading {row + 1})" in found.causes[0].where
     assert not found.causes[0].recommended
 

@@ -192,7 +192,37 @@ def test_another_profile_where_there_is_no_default():
     two = read(GOOD + MESH.replace("[bed_mesh default]", "[bed_mesh hot]").replace("0.3", "0.9"))
     assert two.mesh.profile == "default"
     assert two.mesh.height[4] == 0.3
-    assert two.remarks == ("Of 2 stored meshes, 'default' was taken.",)
+    assert two.remarks == ()
+    (remark,) = two.mesh.remarks
+    assert remark.startswith("Of 2 stored meshes, 'default' was taken.")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["bltouch", "smart_effector", "dockable_probe", "scanner", "probe_eddy_current at the nozzle"],
+)
+def test_offsets_of_whatever_probes(name):
+    found, same = read(GOOD.replace("[probe]", f"[{name}]")), read(GOOD)
+    assert found.probe.tolist() == [2.0, -3.5, 1.5]
+    np.testing.assert_array_equal(found.mesh.x, same.mesh.x)
+
+
+def test_offsets_that_may_stand_in_an_included_file_are_asked_for():
+    bare = GOOD.replace("x_offset: 2\n", "").replace("y_offset: -3.5\n", "")
+    (remark,) = read(bare).mesh.remarks
+    assert "x_offset and y_offset of [probe] taken as 0" in remark
+    (remark,) = read(GOOD.replace("x_offset: 2\n", "")).mesh.remarks
+    assert remark.startswith("x_offset of [probe]")
+    assert read(bare.replace("[include macros.cfg]\n", "")).mesh.remarks == ()
+
+
+@pytest.mark.parametrize("option", ["zero_reference_position: 0,0", "relative_reference_index: 12"])
+def test_a_mesh_that_counts_from_one_of_its_places_does_not_tell_the_height(option):
+    text = GOOD.replace("mesh_radius: 100\n", f"mesh_radius: 100\n{option}\n")
+    (remark,) = read(text).mesh.remarks
+    assert f"line {line_of(text, option)}, {option.split(':')[0]}" in remark
+    assert "the three endstops have in common" in remark
+    assert read(GOOD).mesh.remarks == ()
 
 
 def test_what_was_saved_wins_and_the_difference_is_told():
@@ -203,7 +233,7 @@ def test_what_was_saved_wins_and_the_difference_is_told():
     above, saved = line_of(text, "arm_length: 250.25"), line_of(text, "#*# arm_length = 251.125")
     assert found.remarks == (
         f"Line {above}, arm_length of [stepper_a], was not used: line {saved}, which SAVE_CONFIG"
-        " wrote, says otherwise.",
+        " wrote, says otherwise. Klipper itself obeys the line above: delete one of the two.",
     )
 
 
@@ -224,7 +254,8 @@ def test_what_was_saved_again_is_not_told():
         GOOD.replace("print_radius: 110", "[stepper_a]\n[printer]\nprint_radius: 110"),
         GOOD.replace("#*# \t  0.210", "#*#   \t\n#*# \t0.210"),
         GOOD.replace("\t  ", "    "),
-        GOOD.replace("kinematics: delta   # of course\n", ""),
+        GOOD.replace("[printer]", "[ printer ]\t# mine").replace("[stepper_b]", "[stepper_b] 2"),
+        GOOD.replace("[probe]\npin", "[probe]   ; below the nozzle\npin"),
         GOOD.replace("[gcode_macro START]", "[heater_bed]\nsensor: {}: = ;\n[gcode_macro START]"),
     ],
 )  # fmt: skip
@@ -251,6 +282,7 @@ def test_a_file_without_steps_need_not_say_how_long_they_are():
 BROKEN = [
     ("kinematics: delta", "kinematics: corexy", "kinematics", "not a linear delta"),
     ("kinematics: delta", "kinematics: rotary_delta", "kinematics", "not a linear delta"),
+    ("kinematics: delta", "kinematic: delta", "[printer]", "missing"),
     ("delta_radius: 130.5\n", "", "[printer]", "missing"),
     ("delta_radius: 130.5", "delta_radius: 13O.5", "delta_radius", "not a number"),
     ("delta_radius: 130.5", "delta_radius: nan", "delta_radius", "not a number"),
@@ -315,6 +347,13 @@ def test_what_an_included_file_holds_is_asked_for():
     assert "included" in problems(read, text)[0].remedy
     text = text.replace("[include macros.cfg]\n", "")
     assert "included" not in problems(read, text)[0].remedy
+
+
+def test_all_of_it_may_stand_in_included_files():
+    text = "[include machine/*.cfg]\n" + MESH
+    (fault,) = problems(read, text)
+    assert "no linear delta" in fault.what
+    assert "Copy [printer]" in fault.remedy
 
 
 def test_damage_anywhere_is_a_value_or_an_input_error():

@@ -8,7 +8,12 @@ import pytest
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import default_machine, machine_from_text, read_input
+from orthoglide_cal.files import (
+    default_machine,
+    machine_from_text,
+    read_input,
+    read_machine_file,
+)
 from orthoglide_cal.files.probe_readings import CALLIPER_MM, MINUTES_PER_TOUCH, REPEATABILITY_MM
 from orthoglide_cal.model import Floats, Model, Readings
 from orthoglide_cal.model.kinds import DeltaMachine
@@ -257,11 +262,12 @@ def test_padded_points_of_a_mesh_are_left_out_and_it_is_said(tmp_path: Path) -> 
 def test_what_else_is_known_comes_from_the_machine_file(tmp_path: Path) -> None:
     """Its probe, tolerances and causes; the numbers in force are those of the printer.cfg."""
     path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
-    known = replace(MODEL, machine=replace(MODEL.machine, name="mine", calliper_mm=0.02))
+    own = replace(printer(UNEVEN, {"leg_length": 0.1}), name="mine", calliper_mm=0.02)
+    known = Model(replace(own, offsets_mm=(1.0, 2.0, 3.0), texture_mm=0.02))
     machine = read_input(path, known).model.machine
     assert isinstance(machine, DeltaMachine)
     assert (machine.name, machine.calliper_mm, machine.texture_mm) == ("mine", 0.02, 0.02)
-    assert machine.tolerances == MODEL.machine.tolerances
+    assert machine.tolerances == {"leg_length": 0.1}
     assert machine.offsets_mm == UNEVEN.endstops
 
 
@@ -270,6 +276,13 @@ def test_a_machine_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is of a linear delta") as caught:
         read_input(path, default_machine())
     assert "--machine" in caught.value.remedy
+
+
+def test_a_printers_file_is_no_machine_file_and_where_it_belongs_is_said(tmp_path: Path) -> None:
+    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
+    (fault,) = problems(read_machine_file, path)
+    assert "not a machine file" in fault.what
+    assert "solve, diagnose or plan" in fault.remedy
 
 
 @pytest.mark.parametrize("kinematics", ["cartesian", "corexy"])
@@ -294,6 +307,105 @@ def test_a_printer_that_stores_nothing_is_told_what_to_run(tmp_path: Path) -> No
     with pytest.raises(InputError) as caught:
         read_input(path)
     assert "CALIBRATE" in caught.value.remedy
+
+
+def test_a_printer_that_stores_nothing_is_not_sent_to_the_other_choice(tmp_path: Path) -> None:
+    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH, ""), "printer.cfg")
+    for stored in (None, "mesh", "calibration"):
+        (fault,) = problems(lambda kind=stored: read_input(path, stored=kind))
+        assert "neither probed heights nor a mesh" in fault.what
+        assert "DELTA_CALIBRATE" in fault.remedy
+        assert "BED_MESH_CALIBRATE" in fault.remedy
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("microsteps: 16", "microsteps: 32", "mm off"),
+        ("rotation_distance: 40", "rotation_distance: 32", "mm off"),
+        (
+            f"position_endstop: {UNEVEN.endstops[0]}",
+            f"position_endstop: {UNEVEN.endstops[0] - 30.0}",
+            "mm off",
+        ),
+        ("rotation_distance: 40", "rotation_distance: 4000", "out of reach"),
+    ],
+)
+def test_settings_that_changed_since_the_heights_were_stored(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    """Of one tower: the stored steps count from its endstop, in the length they have then."""
+    text = printer_cfg(UNEVEN, TRUTH)
+    assert old in text
+    (fault,) = problems(read_input, saved(tmp_path, text.replace(old, new, 1), "printer.cfg"))
+    assert fault.line is not None
+    assert text.split("\n")[fault.line - 1].startswith("#*# height")
+    assert words in fault.what
+    assert "DELTA_CALIBRATE" in fault.remedy
+    mesh = printer_cfg(UNEVEN, TRUTH, "m")
+    assert len(read_input(saved(tmp_path, mesh.replace(old, new), "p.cfg")).measured) == 13
+
+
+def test_a_distance_that_was_typed_wrong_is_named(tmp_path: Path) -> None:
+    text = printer_cfg(UNEVEN, TRUTH)
+    line = next(row for row in text.split("\n") if row.startswith("#*# distance3 "))
+    wrong = text.replace(line, f"#*# distance3 = {float(line.split()[-1]) + 30.0}")
+    (fault,) = problems(read_input, saved(tmp_path, wrong, "printer.cfg"))
+    assert fault.line == text.split("\n").index(line) + 1
+    assert "mm off" in fault.what
+    assert "DELTA_ANALYZE" in fault.remedy
+
+
+@pytest.mark.parametrize(("by", "words"), [(0.3, "0.300 mm higher"), (-0.2, "0.200 mm lower")])
+def test_endstops_that_were_trimmed_after_the_calibration_are_told(
+    tmp_path: Path, by: float, words: str
+) -> None:
+    """As a first layer is set: all three by the same."""
+    text = printer_cfg(UNEVEN, Truth())
+    assert not any("first layer" in each for each in remarks_of(tmp_path, text))
+    for end in set(UNEVEN.endstops):
+        text = text.replace(f"position_endstop: {end}\n", f"position_endstop: {end + by}\n")
+    (remark,) = (each for each in remarks_of(tmp_path, text) if "first layer" in each)
+    assert words in remark
+
+
+def remarks_of(folder: Path, text: str) -> tuple[str, ...]:
+    return read_input(saved(folder, text, "printer.cfg")).measured.remarks
+
+
+def test_a_mesh_that_lies_beyond_the_bed_is_refused(tmp_path: Path) -> None:
+    text = printer_cfg(UNEVEN, TRUTH, "m").replace(
+        f"print_radius: {UNEVEN.bed}", f"print_radius: {0.6 * UNEVEN.bed}"
+    )
+    (fault,) = problems(read_input, saved(tmp_path, text, "printer.cfg"))
+    assert "from the middle of the bed" in fault.what
+    assert "print_radius" in fault.remedy
+    assert text.split("\n")[(fault.line or 0) - 1].startswith("#*# \t")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("[printer]", "[printer] # mine"),
+        ("[printer]", "[ printer ]"),
+        ("[printer]", "[printer]\t; mine"),
+    ],
+)
+def test_a_printer_is_known_by_its_section(tmp_path: Path, old: str, new: str) -> None:
+    text = printer_cfg(UNEVEN, TRUTH).replace(old, new)
+    for name in "abc":
+        text = text.replace(f"[stepper_{name}]", f"[stepper_{name}] # {name}")
+    assert len(read_input(saved(tmp_path, text, "printer.cfg")).measured) == 13
+
+
+@pytest.mark.parametrize(
+    "text", ["[gcode_macro M600]\ngcode:\n  PAUSE\n", "[Printer]\n", "[include a.cfg]\n"]
+)
+def test_a_part_of_a_configuration_is_no_table(tmp_path: Path, text: str) -> None:
+    for stored in (None, "mesh"):
+        path = saved(tmp_path, text, "part.cfg")
+        (fault,) = problems(lambda kind=stored, file=path: read_input(file, stored=kind))
+        assert "no linear delta" in fault.what
 
 
 # --- solved -----------------------------------------------------------------------------------

@@ -54,6 +54,17 @@ def test_a_wrong_shape_names_the_array() -> None:
         replace(small_plan(), hours=[0.0])
 
 
+def test_stands_stay_where_they_were_used_last() -> None:
+    plan = double_posture(PROTOTYPE)
+    assert plan.standing.tolist() == (plan.leg == 2).tolist()
+    # The order in time counts, the part does, and a gauge at an end of the leg moves with it.
+    backwards = replace(plan, order=-plan.order)
+    assert backwards.standing.tolist() == (plan.leg == 0).tolist()
+    parted = replace(plan, part=(plan.order >= len(plan) - 6).astype(int))
+    assert parted.standing.tolist() == (plan.order >= len(plan) - 6).tolist()
+    assert not single_posture(PROTOTYPE).standing.any()
+
+
 def test_order_in_time_and_set_ups() -> None:
     plan = small_plan()
     assert plan.in_time.tolist() == [1, 0, 3, 2]

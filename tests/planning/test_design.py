@@ -6,6 +6,7 @@ Here f are the derivatives of a reading by the three offsets and six zeros, from
 """
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import fit_offsets, pose_plan
 from orthoglide_cal.model import DataKind, Floats, GaugePlan, Machine, Model, double_posture
 from orthoglide_cal.planning.bar import MARGIN
-from orthoglide_cal.planning.design import best_design, design_of, readings_needed
+from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.expected import Session
 from orthoglide_cal.planning.prospect import prospect
 from orthoglide_cal.planning.separation import Separations, separations
@@ -131,7 +132,7 @@ def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
 
     The largest variance of 3 with a standard error of 1 % each, in the ratio of two.
     """
-    plans = [best_design(model.machine, 5), double_posture(model.machine, 3)]
+    plans = [design_of(model.machine).plan(5), double_posture(model.machine, 3)]
     share = readings_needed(model, plans[0]) / readings_needed(model, plans[1])
     found = [_variance(model, plan) * len(plan) for plan in plans]
     assert share <= 0.65
@@ -162,7 +163,7 @@ def test_every_plunger_stays_on_its_bar(limits: tuple[float, float]) -> None:
     assert np.all((moved >= limits[0]) & (moved <= limits[1]))
     fraction = design.gauge_at + moved / machine.leg_length_mm
     assert np.all((fraction >= MARGIN - 1e-9) & (fraction <= 1.0 - MARGIN + 1e-9))
-    plan = best_design(machine, 2)
+    plan = design_of(machine).plan(2)
     assert len(plan) == 12 * len(moved)
     assert plan.setups == 6
     assert set(plan.gauge_at.tolist()) == {design.gauge_at}
@@ -177,18 +178,24 @@ def trace(found: Separations, id: str) -> float:
     return float(found.trace[[cause.id for cause in found.causes].index(id)])
 
 
-def test_what_it_gives_up_is_said() -> None:
-    """For the same U knocks show less, and rails that do not meet look like a skewed bar."""
-    plan = prospect(NOMINAL)
-    usual, best = (separations(NOMINAL, each.session.plan) for each in (plan.chosen, plan.best))
-    lost = {(g.cause.id, g.rival.id if g.rival else None): g for g in plan.given_up}
-    for id in ("stand_shift", "gauge_drift", "thermal_drift"):
-        assert lost[id, None].usual_sigma == trace(usual, id)
-        assert lost[id, None].best_sigma == trace(best, id)
-    assert lost["stand_shift", None].best_sigma < 0.95 * lost["stand_shift", None].usual_sigma
-    assert lost["gauge_drift", None].best_sigma < 0.95 * lost["gauge_drift", None].usual_sigma
-    pair = next(g for key, g in lost.items() if set(key) == {"axis_gap", "bar_skew"})
-    assert pair.best_sigma < 0.1 < 5.0 < pair.usual_sigma
+@both_models
+def test_what_it_gives_up_is_what_is_said(model: Model) -> None:
+    """`GIVES_UP`, part by part, for the same U."""
+    plan = prospect(model)
+    usual, best = (separations(model, each.session.plan) for each in (plan.chosen, plan.best))
+    left = {id: trace(best, id) / trace(usual, id) for id in ("encoder_scale", "backlash",
+            "gauge_drift", "stand_shift", "thermal_drift")}  # fmt: skip
+    assert max(left[id] for id in ("encoder_scale", "backlash", "gauge_drift")) < 0.6
+    assert 0.8 < left["stand_shift"] < 0.95
+    # A machine that warms shows more, not less: it is not said, and not listed.
+    assert left["thermal_drift"] > 1.0
+    lost = {frozenset((g.cause.id, g.rival.id if g.rival else None)): g for g in plan.given_up}
+    for id in ("stand_shift", "gauge_drift"):
+        assert lost[frozenset((id, None))].usual_sigma == trace(usual, id)
+        assert lost[frozenset((id, None))].best_sigma == trace(best, id)
+    assert all(each.best_sigma < each.usual_sigma for each in plan.given_up)
+    for pair in combinations(("axis_gap", "axis_squareness", "bar_skew"), 2):
+        assert lost[frozenset(pair)].best_sigma < 0.1 < 5.0 < lost[frozenset(pair)].usual_sigma
 
 
 def test_the_default_stays_the_double_posture_protocol() -> None:

@@ -15,6 +15,7 @@ from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model import Effect, Floats, GaugePlan, Posture, Readings, double_posture
 from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.planning import Next, best_next, joined, ranked
+from orthoglide_cal.planning.next_reading import _pair
 from orthoglide_cal.planning.options import options
 from orthoglide_cal.planning.outlook import outlooks
 from orthoglide_cal.results import calibrate
@@ -178,6 +179,31 @@ def test_nothing_is_asked_for_where_nothing_is_open() -> None:
     assert best_next(found) is None
 
 
+UNTELLABLE = [
+    # Exchanging two gauges that read nearly the same changes nothing else either.
+    (7_500_003, truth.MICRON, ("thermal_drift",), 2.5, "swapped_gauges"),
+    # Whether a stand that is gone crept a little beside what is sure.
+    (7_500_005, truth.DIAL, ("gauge_drift", "backlash"), 0.4, "gauge_drift"),
+]
+
+
+@pytest.mark.parametrize(("seed", "gauge", "causes", "pace", "rival"), UNTELLABLE)
+def test_what_no_reading_tells_is_not_looked_for(
+    seed: int, gauge: truth.Gauge, causes: tuple[str, ...], pace: float, rival: str
+) -> None:
+    """The truth measures the longest session that could be recommended: it tells as little."""
+    session = truth.make_session(seed, truth.LARGE, gauge, causes, pace=pace)
+    found = diagnose(*known(session))
+    assert found.verdict == "ambiguous"
+    assert found.ambiguous_with == (rival,)
+    assert best_next(found) is None
+    ranking = ranked(found)
+    assert all(each.chance == 0.0 for each in ranking)
+    longest = max(ranking, key=lambda each: each.option.minutes).option
+    after = [diagnose(*known(continued(session, longest, n))) for n in range(3)]
+    assert sum(rival in each.ambiguous_with for each in after) >= 2
+
+
 def ends_only(readings: Readings, count: int) -> Readings:
     """Without the isotropic posture in the first `count` readings."""
     iso = (readings.plan.displacement == 0.0) & (np.arange(len(readings)) < count)
@@ -277,3 +303,12 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
         # The fit knows the lost motion, and the gauge its noise, to some per cent.
         expected = np.linalg.norm(seen.mean[0] - seen.mean[1])
         assert expected == pytest.approx(np.linalg.norm(apart), rel=0.1, abs=truth.MICRON.noise)
+
+
+def test_a_part_of_the_answer_is_no_rival_that_the_next_reading_is_for() -> None:
+    """The likeliest one that a diagnosis states is, although the part is likelier."""
+    answer, part, other = ("axis_gap", "bar_skew"), ("axis_gap",), ("misread",)
+    told = ~np.eye(3, dtype=np.bool_)
+    sigma = np.full((3, 3), 4.0)
+    assert _pair(told, sigma, [answer, part, other]) == (0, 2)
+    assert _pair(told[:2, :2], sigma, [answer, part]) == (0, 1)

@@ -8,7 +8,7 @@ import pytest
 from orthoglide_cal.model import Contact, GaugePlan, double_posture, single_posture
 from orthoglide_cal.model.kinds import MINUTES_PER_SETUP
 from orthoglide_cal.planning.bar import MARGIN
-from orthoglide_cal.planning.design import best_design
+from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.options import WAIT_MIN, Option, joined, options
 from orthoglide_cal.planning.steps import Order, minutes_left, steps_of
 from tests import truth
@@ -64,6 +64,13 @@ def test_stands_that_stay_keep_their_zeros_and_others_get_new_ones() -> None:
         assert joined(FIRST, option.plan).setups == FIRST.setups + 2 * len(set(option.plan.leg))
 
 
+def test_a_bar_that_was_turned_is_not_turned_again() -> None:
+    turned = replace(FIRST, turned=np.ones_like(FIRST.turned))
+    for option, usual in zip(options(turned, MACHINE), ALL, strict=True):
+        assert option.minutes == usual.minutes
+        assert option.plan.hours.tolist() == usual.plan.hours.tolist()
+
+
 def test_each_teaches_something_else() -> None:
     """No two are the same readings, under any words."""
     seen = {
@@ -108,7 +115,7 @@ def test_a_step_stays_inside_the_limits(low: float, way: str | None) -> None:
 
 
 def test_after_other_places_of_the_gauges_theirs_is_named() -> None:
-    for first in (best_design(MACHINE, 2), FIRST):
+    for first in (design_of(MACHINE).plan(2), FIRST):
         for option in options(first, MACHINE):
             named = "with the gauges half-way" in option.what
             half_way = set(option.plan.gauge_at) == {0.5}

@@ -21,6 +21,7 @@ from tests.truth.machines import MACHINES
 from tests.truth.plan import joints_at, standard_plan
 
 MICROMETRE = 1e-3
+NAN = float("nan")
 WIDE = (-150.0, 100.0)  # travel with room behind every posture of both machines
 protocols = pytest.mark.parametrize(
     ("protocol", "order", "stands"),
@@ -163,3 +164,12 @@ def test_the_best_design_has_a_program_too(tmp_path: Path) -> None:
     assert len(done.set_ups) == 3
     for wait in done.set_ups:
         np.testing.assert_allclose(wait.at, PROTOTYPE.leg_length_mm, rtol=0.0, atol=MICROMETRE)
+
+
+@pytest.mark.parametrize(
+    "travel", [(5.0, 3.0), (10.0, 60.0), (-100.0, -5.0), (0.0, 0.0), (NAN, 60.0)]
+)
+def test_travel_that_cannot_be_is_refused_as_such(travel: tuple[float, float]) -> None:
+    steps = steps_of(NOMINAL)
+    with pytest.raises(UsageError, match=r"LOW must be below HIGH, and 0 between them"):
+        posture_program(NOMINAL, steps, SESSION, travel_mm=travel)

@@ -229,7 +229,7 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
         (("--program", "made.nc", "--order", "any"), 2, "fewest-moves"),
         (("--program", "made.nc", "--approach", "-1"), 2, "approach"),
         (("--program", "made.nc", "--approach", "101"), 3, "has no room for an approach"),
-        (("--program", "made.nc", "--travel", "5", "65"), 3, "Its limits are"),
+        (("--program", "made.nc", "--travel", "5", "65"), 2, "LOW"),
         (("--program", "no folder/made.nc"), 3, "cannot be written"),
     ],
 )
@@ -263,7 +263,7 @@ def test_it_says_unit_values_and_what_the_approach_hides(tmp_path: Path) -> None
         (),
         ("--cycles", "2", "--gauges", "1"),
         ("--protocol", "single", "--cycles", "1", "--order", "fewest-moves"),
-        ("--protocol", "best", "--cycles", "4"),
+        ("--design", "best", "--cycles", "4"),
     ],
 )
 def test_a_program_names_the_session_that_it_belongs_to(

@@ -9,7 +9,7 @@ from orthoglide_cal.estimation import Method
 from orthoglide_cal.model import Model
 from orthoglide_cal.planning.expected import Expected, expected
 from orthoglide_cal.planning.prospect import METHODS, SHOWN_CYCLES, prospect
-from orthoglide_cal.planning.steps import MeasuringProtocol
+from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol
 from tests.machines import NOMINAL, both_models, sure
 
 DOUBLE, SINGLE, BEST = MeasuringProtocol
@@ -38,6 +38,21 @@ def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
     assert own.as_sure.session.cycles == 2
 
 
+def test_a_gauge_alone_is_compared_with_its_fewest_moves() -> None:
+    """One move for each leg and one between the legs; every move of it takes its time."""
+    plan = prospect(NOMINAL, cycles=3, stands=1)
+    for way in plan.compared:
+        if way.protocol is SINGLE:
+            assert way.same_cycles.session.moves == 3
+    asked = prospect(NOMINAL, SINGLE, cycles=3)
+    assert asked.chosen.session.moves == 39
+    # Twice ten postures, driven to once or once for each end; 19 slides, or one.
+    assert asked.chosen.session.minutes == pytest.approx(2 * (10 * 0.4 + 19 * 0.5) + 4.0)
+    own = next(w for w in asked.compared if (w.protocol, w.method) == (SINGLE, "readings"))
+    assert own.same_cycles.session.minutes == pytest.approx(2 * (20 * 0.4 + 0.5) + 4.0)
+    assert own.same_cycles.expanded_mm.tolist() == asked.chosen.expanded_mm.tolist()
+
+
 def test_all_readings_are_worth_most() -> None:
     """Of one protocol no method leaves less uncertainty than all readings at once."""
     for protocol, methods in METHODS.items():
@@ -53,8 +68,27 @@ def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
         assert np.all(more.expanded_mm < fewer.expanded_mm)
         assert more.session.minutes > fewer.session.minutes
         assert plan.tool_mm(more) < plan.tool_mm(fewer)
+        assert plan.floor is not None
+        assert np.all(plan.floor.expanded_mm < more.expanded_mm)
     assert plan.floor is not None
     assert plan.floor.largest.source == "leg_length"
+
+
+@pytest.mark.parametrize("protocol", list(MeasuringProtocol))
+@both_models
+def test_what_stays_is_the_same_whatever_was_asked_for(
+    model: Model, protocol: MeasuringProtocol
+) -> None:
+    """No session that `measure` guides comes below it, and it is near to what the longest gives."""
+    plans = [prospect(model, protocol, cycles) for cycles in (1, 3, MOST_CYCLES)]
+    floors = [plan.floor for plan in plans]
+    longest = plans[-1].chosen
+    for floor in floors:
+        assert floor is not None
+        assert floor.expanded_mm.tolist() == floors[0].expanded_mm.tolist()  # type: ignore[union-attr]
+        assert np.all(floor.expanded_mm < longest.expanded_mm)
+        left = floor.std_mm**2 + longest.noise_std_mm**2
+        assert left == pytest.approx(longest.budget.std_mm**2)
 
 
 def test_the_tool_is_off_by_what_the_offsets_leave() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from orthoglide_cal.model import Contact, Floats, GaugePlan, Ints, Machine
 from tests import truth
 from tests.truth.effects import state_with
-from tests.truth.forward import carriages_and_tool, signals
+from tests.truth.forward import PARTS, carriages_and_tool, signals
 from tests.truth.plan import SETUPS, frozen, frozen_ints, joints_at
 
 
@@ -56,15 +56,30 @@ def standing(
     )
 
 
-def true_readings(plan: GaugePlan, machine: Machine, offsets: Floats) -> Floats:
-    """What perfect gauges read, shape (n,) [mm], of a plan of one part."""
+def true_readings(
+    plan: GaugePlan,
+    machine: Machine,
+    offsets: Floats,
+    legs: Floats | None = None,
+    misplaced: Floats | None = None,
+) -> Floats:
+    """What perfect gauges read, shape (n,) [mm], of a plan of one part.
+
+    Args:
+        plan, machine: as the program has them.
+        offsets: of the joints, shape (3,) [mm].
+        legs: by how much they are too long, shape (3,) [mm]; None for the nominal ones.
+        misplaced: how far along the leg each gauge stands from its place, shape (6,) [mm].
+    """
     pairs = zip(plan.leg.tolist(), plan.displacement.tolist(), strict=True)
     joints = np.array([joints_at(machine.leg_length_mm, leg, moved) for leg, moved in pairs])
     gauge = np.array([SETUPS.index(tuple(series)) for series in plan.series])
     there = standing(gauge, plan.displacement, joints, plan.gauge_at, plan.hours)
     real, state = machine_of(machine), state_with(offsets, ())[None]
+    if legs is not None:
+        state[0, PARTS["leg_length"]] = legs
     if plan.fixed:
-        return np.asarray(signals(there, real, state)[0])
+        return np.asarray(signals(there, real, state, misplaced=misplaced)[0])
     carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
     rows = np.arange(len(plan))
     at_joint = carriages[plan.leg, plan.direction, 0, rows]

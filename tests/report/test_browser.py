@@ -13,6 +13,7 @@ import pytest
 
 from orthoglide_cal.files import Conditions, GaugeIdentity
 from orthoglide_cal.model import Details, Model
+from orthoglide_cal.report.document import Grid
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.html import html
 from tests.report.cases import documents
@@ -58,6 +59,14 @@ CUT = """(() => {
   return found;
 })()"""
 
+# Sizes of all letters in pictures, as they are shown [px].
+LETTERS = """[...document.querySelectorAll('svg text')].map(
+  e => parseFloat(getComputedStyle(e).fontSize) * e.getScreenCTM().a)"""
+
+# Text and right edge of every element.
+TEXTS = """[...document.querySelectorAll('body *')].map(
+  e => [e.textContent, e.getBoundingClientRect().right])"""
+
 PICTURES = """[...document.querySelectorAll('svg')].map(s => ({
   role: s.getAttribute('role'),
   named: s.getAttribute('aria-labelledby').split(' ').map(
@@ -74,7 +83,7 @@ COLOURS = """(() => {
     }
     return 'rgb(255, 255, 255)';
   };
-  return [...document.querySelectorAll('h1, h2, p, td, th, dt, dd, li, code, caption, footer')]
+  return [...document.querySelectorAll('h1, h2, p, td, th, dt, dd, li, code, footer')]
     .filter(e => e.textContent.trim() && !e.closest('svg'))
     .map(e => [e.tagName, getComputedStyle(e).color, behind(e)]);
 })()"""
@@ -106,6 +115,35 @@ def test_page_is_silent_alone_and_fits(chromium: Browser, pages: dict[str, Path]
         assert outside == [pages[kind].as_uri()]
         assert chromium.evaluate(OVERFLOW) == [], width
         assert chromium.evaluate(CUT) == [], width
+
+
+@pytest.mark.parametrize("kind", ["planned", "ambiguous"])
+def test_captions_are_read_without_scrolling(chromium: Browser, pages: dict[str, Path], kind: str):
+    chromium.open(pages[kind], width=360)
+    texts = chromium.evaluate(TEXTS)
+    sections = documents()[kind]().page().sections
+    captions = [
+        block.caption
+        for section in sections
+        for block in section.blocks
+        if isinstance(block, Grid) and block.caption
+    ]
+    assert captions
+    for caption in captions:
+        edges = [right for text, right in texts if text == caption]
+        assert edges
+        assert max(edges) <= 360
+
+
+@pytest.mark.parametrize(("width", "media"), [(360, ""), (800, ""), (A4_CONTENT, "print")])
+def test_the_table_of_separations_can_be_read(
+    chromium: Browser, pages: dict[str, Path], width: int, media: str
+):
+    """Its letters are shown in at least 9 px, 6.7 pt in print."""
+    chromium.open(pages["planned"], width=width, media=media)
+    letters = chromium.evaluate(LETTERS)
+    assert len(letters) > 50
+    assert min(letters) >= 8.9
 
 
 @pytest.mark.parametrize("kind", KINDS)

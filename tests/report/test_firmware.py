@@ -118,6 +118,12 @@ def read_input_machine(tmp_path: Path):
     return read_machine_file(path).model.machine
 
 
+def test_klipper_is_told_which_lines_it_would_obey_instead(tmp_path):
+    text = exported(tmp_path, OFF, "klipper")
+    remarks = " ".join(line[2:] for line in text.splitlines() if line.startswith("# "))
+    assert "Where these settings stand above the block, too, delete them there" in remarks
+
+
 @pytest.mark.parametrize("format", FIRMWARES)
 def test_what_no_firmware_can_be_told_is_said(tmp_path, format):
     leaning = CAUSES["tower_lean"].at(1e-3 * np.array([2.0, -1.0, 1.0, 0.5, 0.0, 1.5]))

@@ -80,6 +80,16 @@ def test_both_first_records_are_there_or_none(tmp_path: Path, first: Path) -> No
     assert events_of(path) == (opened(), planned)
 
 
+def test_what_is_measured_is_said_once(first: Path, tmp_path: Path) -> None:
+    """At the beginning, and again where it is gone on with."""
+    what = "Without touching the stands"
+    begun = run_program(tmp_path, "s.yaml", *choice(first, is_step), stdin="\nq\n")
+    again = run_program(tmp_path, "s.yaml", "--resume", stdin="\n" * 20)
+    for done in (begun, again):
+        assert " ".join(done.stdout.split()).count(what) == 1, done.stdout
+    assert again.returncode == 0
+
+
 def test_undo_retake_and_notes_are_those_of_any_session(first: Path, tmp_path: Path) -> None:
     lines = ["", "", "u", "", "r 1 dust", "", "n door", *[""] * 20]
     done = run_program(tmp_path, "s.yaml", *choice(first, is_step), stdin="\n".join(lines) + "\n")

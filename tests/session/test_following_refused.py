@@ -41,7 +41,8 @@ def test_what_does_not_go_together_is_refused(
     ("name", "code", "said"),
     [
         ("experiment1.csv", 2, "holds differences; new readings cannot be joined"),
-        ("single_posture_session.csv", 2, "was measured with the single-posture protocol"),
+        ("experiment2.csv", 2, "Give the file of the raw readings, if you have it"),
+        ("single_posture_session.csv", 2, "readings of both kinds cannot be joined"),
         ("none.csv", 3, "There is no such file"),
         ("-", 2, "standard input is the keyboard"),
     ],

@@ -2,6 +2,7 @@
 
 import os
 from collections import deque
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -40,11 +41,11 @@ class Msvcrt:
         self.locked.add(place)
 
 
-def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> StandardInput:
+def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> closing[StandardInput]:
     monkeypatch.setattr("orthoglide_cal.cli.keyboard.SYSTEM", Windows(msvcrt))
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("sys.stdin.fileno", lambda: 0, raising=False)
-    return StandardInput()
+    return closing(StandardInput())
 
 
 @pytest.mark.parametrize(

@@ -34,8 +34,8 @@ TOLERANCES: dict[str, float] = {
 CALIBRATED = {"endstops": 0.5, "radius": 0.5, "angles": 0.1}
 """How far a machine is off before its calibration, one standard deviation: mm, mm, deg."""
 
-LAYOUTS = (7, 13, 25, 41, 121, 400)
-"""Numbers of places."""
+PULLEY = 40.0
+"""Way of a carriage in one turn of its pulley [mm]."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,8 @@ class Truth:
     """Height of the probe's tip over its nominal one, by place."""
     drift: float = 0.0
     """What the tip's height loses, so that a reading gains, with time [mm/h]."""
+    pulleys: Floats = field(default_factory=lambda: frozen(np.zeros((3, 2))))
+    """How far out of true each turns: what its carriage gains [mm], and the phase."""
 
 
 def feet(machine: Delta, truth: Truth) -> Floats:
@@ -168,6 +170,8 @@ def tool(
     growth = np.broadcast_to(hours, joints.shape[:1])[:, None] * truth.rates
     height = home - (home - joints) * (1.0 + 1e-3 * truth.scales) + truth.endstops + growth
     height = height - 0.5 * truth.lost * ways
+    turns = joints / PULLEY
+    height = height + truth.pulleys[:, 0] * np.sin(2.0 * np.pi * turns + truth.pulleys[:, 1])
     carriages = feet(machine, truth)[None] + height[:, :, None] * rails(machine, truth)[None]
     arms = (np.array(machine.arms) + truth.arms)[:, None]
     centre = carriages[:, :, :2].mean(axis=1)
@@ -283,15 +287,14 @@ class DeltaSession:
     block: Floats
     minutes: Floats
     cycle: Ints
-    misread: tuple[int, float] | None
-    """Row and size of a wrong touch."""
+    contact: Floats
+    """What was added to the touches: a wrong one, or an effect outside the list; shape (N,)."""
     clean: Floats
     """Trigger heights without noise and rounding, shape (N,)."""
     readings: Floats
     """Shape (N,)."""
-
-    outside: None = None
-    """Nothing outside the list is hidden."""
+    outside: str | None = None
+    """An effect outside the list."""
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -300,8 +303,12 @@ class DeltaSession:
 
     @property
     def label(self) -> str:
-        """`healthy`, an id, or `id+id`."""
-        return "+".join(self.hidden) or "healthy"
+        """`healthy`, an id, `id+id`, or what is outside the list."""
+        return self.outside or "+".join(self.hidden) or "healthy"
+
+
+Disturb = Callable[[Truth, Floats, np.random.Generator], tuple[Truth, Floats]]
+"""Truth and minutes (N,) -> the truth with an effect outside the list, and what it adds (N,)."""
 
 
 def draw_truth(hidden: tuple[str, ...], bed: float, rng: np.random.Generator) -> Truth:
@@ -354,6 +361,7 @@ def make_delta_session(
     layout: Layout | None = None,
     bumps: tuple[float, float] = (0.0, 30.0),
     shape: Callable[[np.random.Generator, float, float], Floats] = texture,
+    outside: tuple[str, Disturb] | None = None,
 ) -> DeltaSession:
     """Draw one session. The same arguments give the same session.
 
@@ -363,15 +371,16 @@ def make_delta_session(
         layout: 121 places on the flat bed if None.
         bumps: standard deviation [mm] and correlation length [mm] of the bed's local shape.
         shape: draws it: `texture` or `grain`.
+        outside: an effect outside the list.
     """
     layout = layout or Layout()
-    words = "|".join((machine.name, *hidden, str(layout)))
+    words = "|".join((machine.name, *hidden, *(outside or ())[:1], str(layout)))
     rng = np.random.default_rng([seed, zlib.crc32(words.encode())])
     truth = draw_truth(hidden, machine.bed, rng)
     if bumps[0]:
         terms = truth.bed.terms if truth.bed else {}
         truth = replace(truth, bed=Surface(machine.bed, terms, shape(rng, *bumps)))
-    return probe_bed(machine, truth, hidden, layout, rng)
+    return probe_bed(machine, truth, hidden, layout, rng, outside)
 
 
 def probe_bed(
@@ -380,6 +389,7 @@ def probe_bed(
     hidden: tuple[str, ...],
     layout: Layout,
     rng: np.random.Generator,
+    outside: tuple[str, Disturb] | None = None,
 ) -> DeltaSession:
     """Touch the bed of a machine; a second call is another day at the same one."""
     at = places_of(layout, machine.bed)
@@ -389,18 +399,20 @@ def probe_bed(
     cycle = np.repeat(np.arange(1, cycles + 1), len(at) * heights)
     steps = rng.gamma(25.0, layout.pace / 25.0, size=len(x))
     minutes = np.round(np.cumsum(steps) - steps[0], 2)
+    contact = np.zeros(len(x))
+    if outside:
+        truth, contact = outside[1](truth, minutes, rng)
     clean = touches(machine, truth, x, y, block, minutes / 60.0)
     shown = clean + rng.normal(scale=machine.noise, size=len(x))
     if machine.resolution:
         shown = np.round(shown / machine.resolution) * machine.resolution
-    misread = None
     if "misread" in hidden:
         size = rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 4.0) * TOLERANCES["misread"]
-        misread = int(rng.integers(len(x))), float(size)
-        shown[misread[0]] += size
+        contact[rng.integers(len(x))] += size
     return DeltaSession(
         machine, truth, hidden, layout, frozen(x), frozen(y), frozen(block), frozen(minutes),
-        frozen_ints(cycle), misread, frozen(clean), frozen(np.round(shown, 6)),
+        frozen_ints(cycle), frozen(contact), frozen(clean), frozen(np.round(shown + contact, 6)),
+        outside[0] if outside else None,
     )  # fmt: skip
 
 

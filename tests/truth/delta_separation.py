@@ -4,16 +4,20 @@ As for the Orthoglide: the root of the least cost of a rival's fit to the record
 the calibrated parameters free and the rival's own at one tolerance each. What is noise here are the
 touches' own scatter and the local shape of the bed, which neighbours share: exp(-d / GRAIN). All
 is linear around the machine without its hidden cause; derivatives are differences of exact touches.
+
+Four sigma of one parameter and of the seven of a bed are not equally rare: noise alone brings
+seven that far twenty times a thousand. What stands out does so with the chance of four sigma.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from .delta import TOLERANCES, DeltaSession, Surface, Truth, touches
 from .plan import Floats, frozen
-from .separation import HEALTHY, Separation
+from .separation import HEALTHY, STANDS_OUT, Separation
 
 GRAIN = 20.0
 """Over which the local shape of a bed is forgotten [mm]."""
@@ -44,6 +48,11 @@ def _families(radius: float) -> dict[str, tuple[int, Change]]:
 
 
 DELTA_CAUSES = (*_families(1.0), "misread")
+IN_MACHINE = (
+    "tower_lean", "tower_radius", "leg_length", "encoder_scale", "backlash", "thermal_drift"
+)  # fmt: skip
+MEASURED = ("bed_shape", "probe_tilt", "probe_drift", "misread")
+DELTA_PAIRS = tuple((first, second) for first in MEASURED for second in IN_MACHINE)
 
 
 def _calibrated(truth: Truth, values: Floats) -> Truth:
@@ -77,45 +86,79 @@ def noise_root(session: DeltaSession) -> Floats:
     return np.linalg.cholesky(local + machine.noise**2 * np.eye(len(places)))
 
 
+def _stands_out(session: DeltaSession) -> float:
+    """Sigma at which its hidden parameters are as unlikely to be noise as one at STANDS_OUT."""
+    families, chance = _families(session.machine.bed), float(chi2.sf(STANDS_OUT**2, 1))
+    count = sum(families[cause][0] if cause in families else 1 for cause in session.hidden)
+    places = len(session.x) if "misread" in session.hidden else 1
+    return float(np.sqrt(chi2.isf(chance / places, max(count, 1))))
+
+
+class _Rivals:
+    """What each cause, at one tolerance, could explain of a session's record without noise.
+
+    Attributes:
+        residual: of the best fit of the calibrated parameters, in sigma, shape (N,).
+        own: cause -> its columns at one tolerance, shape (N, p), as far as these do not follow.
+        wrong: one wrong touch each, shape (N, N).
+    """
+
+    def __init__(self, session: DeltaSession) -> None:
+        hidden, machine = session.truth, session.machine
+        bare = Truth(hidden.endstops, hidden.radius, hidden.angles)
+        bed = Surface(machine.bed, hidden.bed.terms) if hidden.bed else None
+        hours = session.minutes / 60.0
+        record, sound = (
+            touches(machine, truth, session.x, session.y, session.block, hours)
+            for truth in (replace(hidden, bed=bed), bare)
+        )
+        root = noise_root(session)
+        free, _ = np.linalg.qr(np.linalg.solve(root, _columns(session, bare, 6, _calibrated, 1e-3)))
+
+        def seen(values: Floats) -> Floats:
+            values = np.linalg.solve(root, values)
+            return values - free @ (free.T @ values)
+
+        self.residual = seen(record - sound + session.contact)
+        self.own = {
+            cause: seen(_columns(session, bare, count, change, 1e-2 * tolerance)) * tolerance
+            for cause, (count, change) in _families(machine.bed).items()
+            for tolerance in (TOLERANCES[cause],)
+        }
+        self.wrong = seen(np.eye(len(session.x)) * TOLERANCES["misread"])
+
+    def distance(self, *causes: str) -> float:
+        """Root of the least cost of a fit by some causes together [sigma]."""
+        empty = np.zeros((len(self.residual), 0))
+        own = np.hstack([empty, *(self.own[cause] for cause in causes if cause != "misread")])
+        inner = np.eye(own.shape[1]) + own.T @ own
+        left = self.residual - own @ np.linalg.solve(inner, own.T @ self.residual)
+        cost = float(left @ self.residual)
+        if "misread" in causes:
+            wrong = self.wrong - own @ np.linalg.solve(inner, own.T @ self.wrong)
+            gain = (wrong.T @ self.residual) ** 2 / (1.0 + (wrong * self.wrong).sum(axis=0))
+            cost -= float(gain.max())
+        return float(np.sqrt(max(cost, 0.0)))
+
+
 def delta_separation(session: DeltaSession) -> Separation:
     """Distances of a session's truth from every single cause and from a sound machine."""
-    hidden, machine = session.truth, session.machine
-    bare = Truth(hidden.endstops, hidden.radius, hidden.angles)
-    bed = Surface(machine.bed, hidden.bed.terms) if hidden.bed else None
-    hours = session.minutes / 60.0
-    record, sound = (
-        touches(machine, truth, session.x, session.y, session.block, hours)
-        for truth in (replace(hidden, bed=bed), bare)
-    )
-    left = record - sound
-    if session.misread is not None:
-        left[session.misread[0]] += session.misread[1]
-    root = noise_root(session)
-
-    def white(values: Floats) -> Floats:
-        return np.linalg.solve(root, values)
-
-    free, _ = np.linalg.qr(white(_columns(session, bare, 6, _calibrated, 1e-3)))
-
-    def seen(values: Floats) -> Floats:
-        values = white(values)
-        return values - free @ (free.T @ values)
-
-    residual = seen(left)
-    costs = {HEALTHY: float(residual @ residual)}
-    for cause, (count, change) in _families(machine.bed).items():
-        tolerance = TOLERANCES[cause]
-        own = seen(_columns(session, bare, count, change, 1e-2 * tolerance)) * tolerance
-        match = own.T @ residual
-        inner = np.eye(count) + own.T @ own
-        costs[cause] = costs[HEALTHY] - float(match @ np.linalg.solve(inner, match))
-    patterns = seen(np.eye(len(left)) * TOLERANCES["misread"])
-    gain = (patterns.T @ residual) ** 2 / (1.0 + (patterns**2).sum(axis=0))
-    costs["misread"] = costs[HEALTHY] - float(gain.max())
-    distances = {name: float(np.sqrt(max(cost, 0.0))) for name, cost in costs.items()}
-    own_name = session.hidden or (HEALTHY,)
+    rivals = _Rivals(session)
+    distances = {cause: rivals.distance(cause) for cause in DELTA_CAUSES}
+    distances[HEALTHY] = rivals.distance()
     order = sorted(distances, key=lambda name: distances[name])
-    single = own_name if len(own_name) == 1 else ()
+    single = session.hidden if len(session.hidden) == 1 else () if session.hidden else (HEALTHY,)
     return Separation(
-        session.hidden, distances, tuple(name for name in order if name not in single)
+        session.hidden,
+        distances,
+        tuple(name for name in order if name not in single),
+        _stands_out(session),
+    )
+
+
+def delta_clear(session: DeltaSession, single: float = 10.0, pair: float = 8.0) -> bool:
+    """Whether an effect outside the list is that far from each cause and each pair [sigma]."""
+    rivals = _Rivals(session)
+    return all(rivals.distance(cause) >= single for cause in DELTA_CAUSES) and all(
+        rivals.distance(*causes) >= pair for causes in DELTA_PAIRS
     )

@@ -24,6 +24,8 @@ from .refine import Hypothesis, refined_costs
 from .session import PAIR_MACHINE, PAIR_MEASUREMENT, Session
 
 HEALTHY = "healthy"
+STANDS_OUT = 4.0
+"""Sigma from which a truth counts as told apart from a rival."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Separation:
     """Sigma from the best fit of each cause id and of `healthy`; the truth's own id included."""
     rivals: tuple[str, ...]
     """Hypotheses other than a single truth, nearest first."""
+    bound: float = STANDS_OUT
+    """Sigma from which the truth counts as told apart from another."""
 
     @property
     def nearest(self) -> str:

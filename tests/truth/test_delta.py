@@ -10,7 +10,6 @@ import yaml
 
 from .delta import (
     KOSSEL,
-    LAYOUTS,
     TOLERANCES,
     V400,
     Delta,
@@ -228,7 +227,7 @@ def test_texture_has_its_size_and_length() -> None:
     assert there[0].mean() == pytest.approx(np.exp(-0.5), abs=0.08)
 
 
-@pytest.mark.parametrize("places", LAYOUTS)
+@pytest.mark.parametrize("places", [7, 13, 25, 41, 121, 400])
 @pytest.mark.parametrize("heights", [(0.0,), (0.0, 20.0, 40.0)])
 def test_layouts(places: int, heights: tuple[float, ...]) -> None:
     session = make_delta_session(1, V400, (), Layout(places, heights, cycles=2))
@@ -270,8 +269,8 @@ def test_each_cause_shows_in_the_touches(cause: str) -> None:
     args = session.x, session.y, session.block, session.minutes / 60.0
     apart = session.readings - touches(V400, sound, *args)
     if cause == "misread":
-        assert session.misread
-        row, size = session.misread
+        (row,) = np.flatnonzero(session.contact)
+        size = session.contact[row]
         assert apart[row] == pytest.approx(size, abs=0.08)
         assert np.abs(np.delete(apart, row)).max() < 0.08
     else:

@@ -27,6 +27,8 @@ MINUTES_PER_PRINT, MINUTES_PER_DISTANCE = 60.0, 0.5
 SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31, 37, 49)
 # Places are sent to a printer with this many decimals [mm].
 DECIMALS = 1
+# Multiples of it, less their whole parts, are spread most evenly.
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
 
 
 class Layout(NamedTuple):
@@ -49,11 +51,11 @@ def rings(count: int, radius: float) -> Floats:
     """The middle, and places on rings around it, evenly, shape (count, 2) [mm].
 
     Args:
-        count: of places, at least 7.
+        count: of places, at least 1.
         radius: of the outermost ring [mm].
     """
     # Ring k of n has a share of places that grows with k: as many as stand equally close.
-    n = round((np.sqrt(1.0 + 4.0 * (count - 1) / 3.0) - 1.0) / 2.0)
+    n = max(round((np.sqrt(1.0 + 4.0 * (count - 1) / 3.0) - 1.0) / 2.0), 1)
     shares = np.cumsum(np.arange(1, n + 1)) / (n * (n + 1) / 2.0)
     ends = np.round((count - 1) * shares).astype(int)
     found = [np.zeros((1, 2))]
@@ -64,18 +66,14 @@ def rings(count: int, radius: float) -> Floats:
     return np.asarray(np.round(np.vstack(found), DECIMALS) + 0.0, dtype=np.float64)
 
 
-def to_and_fro(places: Floats) -> Floats:
-    """The same places, each once, row by row, every other row backwards, shape (m, 2).
+def mixed(places: Floats) -> Floats:
+    """The same places, each once, in an order that has little to do with where they are, (m, 2).
 
-    So the time at which a place is touched has little to do with its distance from the middle,
-    and what drifts is not taken for a shape.
+    So what drifts with time is taken neither for a tilt nor for a shape, and every place is come to
+    from another side. Row by row, time is the way across the bed.
     """
     at = np.unique(places, axis=0)
-    low, high = at[:, 1].min(), at[:, 1].max()
-    rows = max(round(np.sqrt(len(at))), 1)
-    row = np.clip(((at[:, 1] - low) / (high - low) * rows).astype(int), 0, rows - 1)
-    along = np.where(row % 2 == 0, at[:, 0], -at[:, 0])
-    return np.asarray(at[np.lexsort((along, row))])
+    return np.asarray(at[np.argsort(np.arange(len(at)) * GOLDEN % 1.0, kind="stable")])
 
 
 def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
@@ -86,7 +84,7 @@ def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
         calliper: how precise a distance is beside a touch: ratio of the standard deviations.
     """
     reach = REACH * radius
-    places = {count: to_and_fro(rings(count, reach)) for count in PLACES}
+    places = {count: mixed(rings(count, reach)) for count in PLACES}
     heights = ", ".join(f"{height:g}" for height in BLOCKS_MM)
     turn = np.radians(30.0 + 60.0 * np.arange(6))
     ring = PILLARS * radius * np.stack((np.cos(turn), np.sin(turn)), axis=1)
@@ -95,11 +93,11 @@ def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
     flat, raised, measured = [], [], []
     for count, at in places.items():
         bed, up = [(at, 0.0)], [(at, height) for height in BLOCKS_MM]
-        flat.append(_layout(f"bed-{count}", f"{count} places of the bed", bed))
+        flat.append(layout_of(f"bed-{count}", f"{count} places of the bed", bed))
         what = f"{count} places of the bed, and again on blocks of {heights} mm"
-        raised.append(_layout(f"blocks-{count}", what, bed + up))
+        raised.append(layout_of(f"blocks-{count}", what, bed + up))
         what = f"{count} places of the bed, and {len(first)} distances on a printed object"
-        measured.append(_layout(f"print-{count}", what, bed, printed, calliper))
+        measured.append(layout_of(f"print-{count}", what, bed, printed, calliper))
     return (*flat, *raised, *measured)
 
 
@@ -115,17 +113,17 @@ def telling(radius: float) -> tuple[Layout, ...]:
         upper = rings(some, reach)
         for count in SPREAD:
             # A place that is touched on both heights has one local shape.
-            bed = to_and_fro(np.vstack((rings(count, reach), upper)))
+            bed = mixed(np.vstack((rings(count, reach), upper)))
             what = (
                 f"{len(bed)} places of the bed, and {some} of them again on a block of"
                 f" {HIGH_MM:g} mm"
             )
-            parts = [(bed, 0.0), (to_and_fro(upper), HIGH_MM)]
-            found.append(_layout("telling", what, parts))
+            parts = [(bed, 0.0), (mixed(upper), HIGH_MM)]
+            found.append(layout_of("telling", what, parts))
     return tuple(sorted(found, key=lambda each: each.minutes))
 
 
-def _layout(
+def layout_of(
     name: str,
     what: str,
     parts: Sequence[tuple[Floats, float]],

@@ -76,6 +76,7 @@ class Orthoglide:
     supposed = read_only(OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)]))
     # What is calibrated is told as an excess over what the controller has, and may be recorded.
     absolute, recorded = False, True
+    probes = False  # somebody reads gauges
     decimals = None
     has_cube = True  # the error of its tool is shown over a cube of its workspace
     formats = ("linuxcnc", "table")
@@ -94,6 +95,8 @@ class Orthoglide:
     caution = 1.0
     # Causes in the machine that may act beside any other one, and what is not claimed with them.
     companions: Mapping[str, str] = MappingProxyType({})
+    # Causes that no controller compensates, but that are worth knowing for what is calibrated.
+    beside = ()
 
     def active(self, machine: Machine) -> tuple[float, ...]:
         """What the controller has of each calibrated parameter: the offsets [mm]."""

@@ -54,6 +54,11 @@ class ProbePlan(Plan):
         """As given, shape (n,)."""
         return self.weight
 
+    @property
+    def weighing(self) -> str:
+        """Distances are measured with a calliper."""
+        return " (a distance counts by its precision)" if np.any(self.weight != 1.0) else ""
+
     @cached_property
     def same(self) -> np.ndarray:
         """Whether two readings are touches of one part, shape (n, n)."""
@@ -62,8 +67,15 @@ class ProbePlan(Plan):
 
     @cached_property
     def repeats(self) -> Ints:
-        """None repeats another exactly: the controller stopped elsewhere, shape (n,)."""
-        return read_only(np.arange(len(self)), np.intp)
+        """Number of the touches of the same spot, or of the same distance, shape (n,).
+
+        The height at which the controller stopped is what was read.
+        """
+        ends = np.where(self.distance[:, None], self.other, 0.0)
+        height = np.where(self.distance, self.place[:, 2], self.surface)
+        kind = self.distance.astype(np.intp)
+        where = (*self.place[:, :2].T, height, *ends.T)
+        return alike(*where, self.weight, kind, self.part)[1]
 
     @cached_property
     def texture(self) -> Floats:
@@ -75,8 +87,9 @@ class ProbePlan(Plan):
 
     @property
     def distinct(self) -> tuple[Ints, Ints]:
-        """Each reading is its own kind."""
-        return self.repeats, self.repeats
+        """Each reading is its own kind: the controller stopped elsewhere."""
+        alone = read_only(np.arange(len(self)), np.intp)
+        return alone, alone
 
     @cached_property
     def cells(self) -> Ints:
@@ -101,11 +114,16 @@ class ProbePlan(Plan):
         if ordered and touch.any():
             moments = self.in_time[touch[self.in_time]]
             steps = moments[:: max(len(moments) // MOMENTS, 1)]
-            yield "readings that wander with time", self.onwards[:, steps] / np.sqrt(len(steps))
+            wander = self.onwards[:, steps] / np.sqrt(len(steps))
+            # A steady drift is a cause's own.
+            steady = touch[:, None] * np.stack((np.ones(len(self)), self.hours), axis=1)
+            wander -= steady @ np.linalg.lstsq(steady, wander)[0]
+            yield "readings that wander with time", wander
 
     def words(self, machine: Machine, index: int) -> str:
         """One reading: "x 12.5, y -30 mm (touch 12)"."""
-        x, y, _ = (f"{value:g}" for value in self.place[index].round(2).tolist())
+        # Without a negative zero.
+        x, y, _ = (f"{value:g}" for value in (self.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(self.order <= self.order[index]))
         what = "distance" if self.distance[index] else "touch"
         return f"x {x}, y {y} mm ({what} {number})"

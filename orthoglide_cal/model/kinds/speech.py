@@ -26,8 +26,11 @@ class Speech:
         probing: how such a machine measures itself, and what to bring; None where somebody reads
             gauges.
         beside: what belongs to that noise, too.
-        leg: what such a machine calls a leg.
-        axes: what it calls the first, second and third of its rails, where not x, y and z.
+        repeats: what the scatter of repeated readings does not hold.
+        again: what to do where nothing explains the readings.
+        words: what this kind has other words for: those of several kinds → its own; where one is
+            part of another, the longer one first.
+        axes: names of parameters of its rails → in words.
     """
 
     one: str
@@ -42,14 +45,19 @@ class Speech:
     more: str
     fewest: str | None
     noise: str
+    repeats: str
+    again: str
     probing: str | None = None
     beside: str = ""
-    leg: str = "leg"
+    words: Mapping[str, str] = field(default_factory=dict)
     axes: Mapping[str, str] = field(default_factory=dict)
 
     def said(self, text: str) -> str:
-        """What is said of a cause of several kinds of machine, in the words of this one."""
-        return re.sub(r"\bleg(s?)\b", rf"{self.leg}\1", text)
+        """What is said of several kinds of machine, in the words of this one."""
+        if not self.words:
+            return text
+        others = "|".join(map(re.escape, self.words))
+        return re.sub(rf"\b(?:{others})\b", lambda found: self.words[found[0]], text)
 
 
 # Joint offsets that somebody measures with gauges and types in.
@@ -68,6 +76,8 @@ OFFSETS = Speech(
     more="Measure again with more postures.",
     fewest=None,
     noise="gauge",
+    repeats="They share one gauge set-up, so they understate the real scatter.",
+    again="Check the set-up, measure again, and compare the two sessions.",
 )
 
 # Parameters of a firmware, which probes the bed by itself.
@@ -85,13 +95,36 @@ FIRMWARE = Speech(
     more="Probe more places, spread over the whole bed; if that does not do, the same places"
     " again on blocks of two known heights, or measure distances on a printed object.",
     fewest="Touch at least seven places spread over the whole bed: the middle and six near the"
-    " edge, evenly around. More places, or heights, say how sure that is.",
+    " edge, evenly around. More places, or heights, say how sure that is. A series at one place"
+    " says how the probe scatters and drifts once it stands with them in one file.",
     noise="probe",
+    repeats="They are touches of the same spots: the bed's local shape is not in them.",
+    again="Clean bed and nozzle and probe again: more places, spread over the whole bed. Few places"
+    " fit nearly anything, and cannot tell what is wrong.",
     probing="Klipper: DELTA_CALIBRATE or BED_MESH_CALIBRATE, then SAVE_CONFIG, and bring"
     " printer.cfg. Others: probe with G30 at places all over the bed, bed mesh off, and write"
     " x, y and the height at which it triggers in a CSV: orthocal template touches. Then:"
     " orthocal diagnose FILE",
     beside=" and the bed's local shape",
-    leg="arm",
-    axes={"x": "tower a", "y": "tower b", "z": "tower c"},
+    words={
+        "enter the mean in the machine file": "enter each in printer.cfg (arm_length), or in your"
+        " firmware and the machine file; then calibrate and probe again",
+        "two more postures of each leg between the isotropic one and its limits": "more places, and"
+        " on blocks of two known heights",
+        "a gauge with finer divisions": "a probe with finer steps",
+        "the gauges that it names": "the probe that it names",
+        "resolution of the gauge": "resolution of the probe",
+        "the gauge's stated noise": "the probe's stated noise",
+        "repeat the session": "probe again",
+        "Take more cycles": "Probe more places",
+        "gauge blocks": "a calliper",
+        "nut or belt": "belt",
+        "axis scale": "steps per millimetre",
+        "actuator zeros": "endstops",
+        "postures": "places",
+        "posture": "place",
+        "legs": "arms",
+        "leg": "arm",
+    },
+    axes={"a": "tower a", "b": "tower b", "c": "tower c"},
 )

@@ -9,7 +9,7 @@ from orthoglide_cal.errors import command
 from orthoglide_cal.model import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import measure_again
-from orthoglide_cal.report.json import SCHEMA_VERSION
+from orthoglide_cal.report.json import SCHEMA_VERSION, by_axis
 from orthoglide_cal.report.words import signed
 from orthoglide_cal.results import Application
 
@@ -28,8 +28,8 @@ def _data(found: Application) -> dict[str, Any]:
         "machine": found.file.model.machine.name,
         "undone": found.undone,
         "date": entry.date,
-        "before": dict(zip(AXES, found.before_mm, strict=True)),
-        "after": dict(zip(AXES, found.after_mm, strict=True)),
+        "before": by_axis(found.before_mm),
+        "after": by_axis(found.after_mm),
         "data_sha256": entry.data_sha256,
     }
 

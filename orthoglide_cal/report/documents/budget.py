@@ -12,7 +12,8 @@ from orthoglide_cal.estimation.accuracy import decimals_for
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.words import coverage_words, short, two_figures, unit_words
+from orthoglide_cal.report.documents.parameters import common_unit
+from orthoglide_cal.report.words import counted, coverage_words, short, two_figures, unit_words
 
 # Source → in words, and what would lessen it.
 _SOURCES: Mapping[str, tuple[str, str]] = {
@@ -65,15 +66,15 @@ def budget_section(budget: Budget, kind: Any) -> doc.Section:
         )
         for each in sorted(shown, key=lambda each: -float(each.std_mm.max()))
     ]
-    if rest:
+    if any(np.any(each.std_mm > 0.0) for each in rest):
         small = np.sqrt(sum(each.std_mm**2 for each in rest))
-        rows.append((f"{len(rest)} smaller ones", "", "", *map(two_figures, small)))
+        rows.append((counted(len(rest), "smaller one"), "", "", *map(two_figures, small)))
     rows.append(("together, u", "", "", *map(two_figures, budget.std_mm)))
     reach = map(two_figures, budget.expanded_mm)
     rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *reach))
     what, remedy = source_words(budget.largest, kind)
     return doc.Section(
-        f"Uncertainty of the {kind.speech.many}{_unit(kind)}",
+        f"Uncertainty of the {kind.speech.many}{common_unit(kind)}",
         (
             doc.Grid(("source", "type", "size", *_heads(kind)), tuple(rows)),
             doc.Paragraph(f"Most of it: {what}. {remedy}"),
@@ -81,15 +82,9 @@ def budget_section(budget: Budget, kind: Any) -> doc.Section:
     )
 
 
-def _unit(kind: Any) -> str:
-    """The unit of all columns, if they have one."""
-    units = set(kind.units)
-    return f", {units.pop()}" if len(units) == 1 else ""
-
-
 def _heads(kind: Any) -> list[str]:
     """The parameters; with their units where these differ."""
-    if _unit(kind):
+    if common_unit(kind):
         return list(kind.calibrated)
     return [f"{name}, {unit}" for name, unit in zip(kind.calibrated, kind.units, strict=True)]
 
@@ -97,11 +92,12 @@ def _heads(kind: Any) -> list[str]:
 def source_words(each: Contribution, kind: Any) -> tuple[str, str]:
     """A source in words, and what would lessen it."""
     if each.source in _SOURCES:
-        return _SOURCES[each.source]
+        what, remedy = _SOURCES[each.source]
+        return kind.speech.said(what), kind.speech.said(remedy)
     causes = [CAUSES[id] for id in each.source.split(" and ")]
     what = kind.speech.said(" and ".join(cause.title for cause in causes))
     if each.possible:
-        return f"whether {what}", _OPEN
+        return f"whether {what}", kind.speech.said(_OPEN)
     return what, kind.speech.said(f"{causes[0].advice} {_STATE}")
 
 

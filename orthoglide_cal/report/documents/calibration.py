@@ -107,7 +107,7 @@ def _page(calibration: Calibration, machine_file: Path | None, interactive: bool
         sheet=tuple(sheet),
         sections=tuple(pages),
         signatures=("Measured by", "Adjusted by", "Checked by"),
-        scope=SCOPE,
+        scope=calibration.input.model.kind.speech.said(SCOPE),
     )
 
 
@@ -218,7 +218,11 @@ def _parameters(calibration: Calibration, adjustment: Adjustment) -> doc.Section
     coverage = doc.Paragraph(_coverage(adjustment), small=True)
     return doc.Section(
         offsets_title(adjustment, usable),
-        (offsets_grid(adjustment, usable), *open_blocks(calibration, adjustment), coverage),
+        (
+            offsets_grid(adjustment, calibration.enters),
+            *open_blocks(calibration, adjustment),
+            coverage,
+        ),
     )
 
 

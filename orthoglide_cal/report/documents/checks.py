@@ -59,7 +59,8 @@ def _lines(check: Check, refused: UnusableResultError | None) -> Iterator[str]:
         yield f"{path}: machine {check.name!r}, fine"
     elif check.valid and check.kind is not None:
         word = "which give no offsets" if refused else "fine"
-        yield f"{path}: {data_words(check.count, check.kind)}, {word} (for {check.name})"
+        data = data_words(check.source, check.kind, check.count)
+        yield f"{path}: {data}, {word} (for {check.name})"
     else:
         yield f"{path}: {counted(len(check.problems), 'fault')}"
     for problem in check.problems:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import (
+    SETTLED,
     cautions,
     check_words,
     expected,
@@ -29,9 +30,11 @@ def decision_notice(calibration: Calibration) -> doc.Notice:
     if not decision.usable:
         return doc.Notice(doc.Tone.BAD, f"Do not enter these {many}", decision.reasons)
     told = cautions(calibration)
+    title = SETTLED if calibration.settled else f"The {many} may be entered"
     if told:
-        return doc.Notice(doc.Tone.WARN, f"The {many} may be entered, with care", told)
-    return doc.Notice(doc.Tone.GOOD, f"The {many} may be entered", (solution.judgement,))
+        title = title if calibration.settled else f"{title}, with care"
+        return doc.Notice(doc.Tone.WARN, title, told)
+    return doc.Notice(doc.Tone.GOOD, title, (solution.judgement,))
 
 
 def to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
@@ -42,9 +45,19 @@ def to_do(calibration: Calibration, machine_file: Path | None) -> doc.Section:
             doc.Instruction(remedy.sentence, remedy_command(remedy, calibration, machine_file))
             for remedy in decision.remedies
         ]
+    elif calibration.settled:
+        items = list(_settled(calibration, machine_file))
     else:
         items = list(_entering(calibration, adjustment, machine_file))
     return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
+
+
+def _settled(calibration: Calibration, machine_file: Path | None) -> Iterator[doc.Instruction]:
+    yield doc.Instruction(
+        "Enter nothing: each calibration gives other digits, none better than those in force."
+    )
+    plan = follow_up("plan", calibration, machine_file)
+    yield doc.Instruction("To know them better, see which readings would:", plan)
 
 
 def _entering(

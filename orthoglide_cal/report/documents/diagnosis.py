@@ -5,6 +5,7 @@ The calibration report shows the same blocks for the verdict, its causes and wha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -12,27 +13,32 @@ from typing import Any
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Explanation, NamedCause, Verdict
-from orthoglide_cal.errors import command, file_words
-from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.errors import file_words
+from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import (
     Cause,
-    Differences,
     Estimate,
     Series,
     other_axes,
 )
+from orthoglide_cal.model.kinds.speech import Speech
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.controller import SETTLED, about
 from orthoglide_cal.report.documents.next_reading import next_blocks, told_data
 from orthoglide_cal.report.documents.parameters import (
     offsets_grid,
     offsets_title,
     open_blocks,
     parameters_of,
+    release_of,
     result_of,
 )
 from orthoglide_cal.report.documents.pictures import residual_pictures
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.report.words import (
+    counted,
+    coverage_words,
     data_words,
     percent,
     plain,
@@ -45,7 +51,7 @@ from orthoglide_cal.results import Calibration
 _VERDICTS = {
     Verdict.CONSISTENT: (
         doc.Tone.GOOD,
-        "Consistent: nothing shows beyond this {noise}'s noise; the model fits.",
+        "Consistent: nothing shows beyond this {noise}'s noise{beside}; the model fits.",
         "",
     ),
     Verdict.NAMED: (doc.Tone.WARN, "Named: {causes}.", ", the cause taken into account"),
@@ -60,13 +66,24 @@ _VERDICTS = {
         ", the unexplained part of {spread}",
     ),
 }
+# Instead of "the model fits", where no reading is to spare.
+_UNTOLD = (
+    doc.Tone.WARN,
+    "Consistent, but there is no reading to spare: whether the model fits cannot be told.",
+    "",
+)
+# And where noise seldom leaves as much.
+_UNUSUAL = (
+    doc.Tone.INFO,
+    "Consistent: what is left is larger than usual for this {noise}'s noise{beside}, not large"
+    " enough to call the model wrong.",
+    "",
+)
 # A parameter of one leg and direction has the name of that series.
 _PLACES = {
     series.name: series.words
     for series in (Series(leg, direction) for leg in range(3) for direction in other_axes(leg))
 }
-# Probability from which "nothing is wrong" is mentioned beside a cause.
-_WORTH_SAYING = 0.005
 _BEST = 5  # explanations in the ranking
 
 
@@ -90,14 +107,16 @@ def _diagnosis_page(
     calibration: Calibration, machine_file: Path | None, held_out_file: bool
 ) -> doc.Page:
     diagnosis, found = calibration.diagnosed
-    tone, _, taken = _VERDICTS[diagnosis.verdict]
+    tone, _, taken = _answer(diagnosis)
     causes = (
         *cause_blocks(diagnosis, machine_file, held_out_file),
         *next_blocks(diagnosis, calibration.following),
     )
     release = calibration.release
     speech = found.kind.speech
-    told = () if release.usable else (f"Do not enter the {speech.many}.", *release.reasons)
+    told: tuple[str, ...] = (f"{SETTLED}.",) if calibration.settled else ()
+    if not release.usable:
+        told = (f"Do not enter the {speech.many}.", *release.reasons)
     title = offsets_title(found, True, short=True)
     spread = "U" if found.kind.absolute else "std. dev."
     return doc.Page(
@@ -105,7 +124,7 @@ def _diagnosis_page(
         title=file_words(diagnosis.source.path),
         facts=doc.Facts(
             (
-                ("Data", data_words(diagnosis.count, diagnosis.kind)),
+                ("Data", data_words(diagnosis.source, diagnosis.kind, diagnosis.count)),
                 ("Machine", doc.Given(diagnosis.machine)),
             )
         ),
@@ -116,7 +135,7 @@ def _diagnosis_page(
             doc.Section(
                 title if found is calibration.alone else title + taken.format(spread=spread),
                 (
-                    offsets_grid(found, release.usable),
+                    offsets_grid(found, calibration.enters),
                     *open_blocks(calibration, found),
                     *note_blocks(diagnosis),
                 ),
@@ -136,13 +155,14 @@ def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
         "lack_of_fit": {
             **fields_of(lack, "statistic", "p_value", "noise_mm", "residual_mm", "dof"),
             **fields_of(lack, "repeats_mm", "repeats_p_value"),
+            **(fields_of(diagnosis, "left_mm", "expected_mm") if found.kind.absolute else {}),
         },
-        "causes": [_cause_data(cause) for cause in diagnosis.causes],
+        "causes": [_cause_data(cause, found.kind.speech) for cause in diagnosis.causes],
         "ambiguous_with": list(diagnosis.ambiguous_with),
         "next_measurement": None if following is None else told_data(following),
         **parameters_of(found),
         **result_of(found, "offsets_mm", "std_mm"),
-        **fields_of(calibration.release, "usable", "reasons"),
+        **release_of(calibration),
         "assumed_tolerances": dict(diagnosis.assumed_tolerances),
         "sensitivity": {
             how: {"verdict": verdict, "causes": list(ids)}
@@ -152,7 +172,7 @@ def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _cause_data(cause: NamedCause) -> dict[str, Any]:
+def _cause_data(cause: NamedCause, speech: Speech) -> dict[str, Any]:
     return {
         **fields_of(cause, "id", "probability", "where"),
         "parameters": {
@@ -161,15 +181,28 @@ def _cause_data(cause: NamedCause) -> dict[str, Any]:
         },
         **fields_of(cause, "rms_before_mm", "rms_after_mm"),
         **fields_of(cause, "heldout_before_mm", "heldout_after_mm", "aliases"),
-        **fields_of(cause, "heldout_ratio", "recommended", "advice"),
+        **fields_of(cause, "heldout_ratio", "recommended"),
+        "advice": speech.said(cause.advice),
     }
+
+
+def _answer(diagnosis: Diagnosis) -> tuple[doc.Tone, str, str]:
+    if diagnosis.verdict is Verdict.CONSISTENT and not diagnosis.lack_of_fit.dof:
+        return _UNTOLD
+    if diagnosis.verdict is Verdict.CONSISTENT and diagnosis.lack_of_fit.p_value < UNUSUAL:
+        return _UNUSUAL
+    return _VERDICTS[diagnosis.verdict]
 
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
     speech = diagnosis.model.kind.speech
     titles = " and ".join(speech.said(CAUSES[cause.id].title) for cause in diagnosis.causes)
-    return _VERDICTS[diagnosis.verdict][1].format(causes=titles, noise=speech.noise)
+    sentence = _answer(diagnosis)[1]
+    nothing, causes = diagnosis.nothing_wrong or 0.0, diagnosis.causes
+    if diagnosis.verdict is Verdict.AMBIGUOUS and causes and nothing > causes[0].probability:
+        sentence = "Ambiguous: these data leave open what is wrong, and whether anything is."
+    return sentence.format(causes=titles, noise=speech.noise, beside=speech.beside)
 
 
 def cause_blocks(
@@ -189,7 +222,10 @@ def cause_blocks(
     if len(causes) > 1:
         blocks += [doc.Paragraph(doc.Strong("Both together")), doc.Facts(gain)]
     if diagnosis.verdict is Verdict.AMBIGUOUS:
-        rivals = tuple((id, said(CAUSES[id].title)) for id in diagnosis.ambiguous_with)
+        rivals = tuple(
+            (" with ".join(ids), said(" and ".join(CAUSES[id].title for id in ids)))
+            for ids in diagnosis.rivals
+        )
         blocks += [doc.Paragraph("These data are explained as well by"), doc.Facts(rivals)]
     return tuple(blocks)
 
@@ -201,14 +237,14 @@ def _cause(
     if cause.where:
         rows.append(("where", cause.where))
     if cause.parameters:
-        rows.append(("size", _size(cause.parameters, diagnosis.model.kind.speech.axes)))
+        rows.append(("size", _size(cause.parameters, diagnosis.model.kind)))
     rows.append(("mend", diagnosis.model.kind.speech.said(cause.advice)))
     doubt = diagnosis.model.kind.companions.get(cause.id)
     if doubt is not None:
         rows.append(("doubt", doubt))
     if cause.recommended:
-        path, option = diagnosis.source.path, f"--accept {cause.id}"
-        accept = command("diagnose", path, machine=machine_file, options=option)
+        option = f"--accept {cause.id}"
+        accept = about("diagnose", diagnosis.source, machine=machine_file, options=option)
         rows.append(("or accept", doc.Command(accept)))
     elif not cause.in_machine:
         rows.append(("note", "It lies in the measurement: nothing for the controller to correct."))
@@ -219,16 +255,17 @@ def _cause(
     return tuple(rows)
 
 
-def _size(parameters: Mapping[str, Estimate], axes: Mapping[str, str]) -> str:
-    """Parameters with their standard deviations."""
-    sizes = []
+def _size(parameters: Mapping[str, Estimate], kind: Any) -> str:
+    """Parameters with what the table of this kind of machine states: U, or standard deviations."""
+    sizes, k = [], half_width(math.inf) if kind.absolute else 1.0
     for name, found in parameters.items():
         # A single parameter needs no name.
-        place = axes.get(name) or _PLACES.get(name, name)
-        size = with_uncertainty(found.value, found.std) if found.std else f"{found.value:+g}"
+        place = kind.speech.axes.get(name) or _PLACES.get(name, name)
+        size = with_uncertainty(found.value, k * found.std) if found.std else f"{found.value:+g}"
         named = f"{place} {size}" if len(parameters) > 1 else size
         sizes.append(f"{named} {unit_words(found.unit)}".rstrip())
-    return "; ".join(sizes)
+    meant = f" (± U, {coverage_words(k)})" if kind.absolute else ""
+    return "; ".join(sizes) + meant
 
 
 def _gain(diagnosis: Diagnosis, held_out_file: bool) -> tuple[tuple[str, doc.Blank], ...]:
@@ -241,8 +278,8 @@ def _gain(diagnosis: Diagnosis, held_out_file: bool) -> tuple[tuple[str, doc.Bla
         return f"{plain(before, 4)} mm {what}with {many} only, {plain(after, 4)} mm {with_it}"
 
     rows: list[tuple[str, doc.Blank]] = [("probability", percent(first.probability, 1))]
-    nothing = diagnosis.ranking.get(Explanation(), 0.0)
-    if nothing >= _WORTH_SAYING:
+    nothing = diagnosis.nothing_wrong
+    if nothing is not None:
         rows.append(("", f"{percent(nothing, 1)} that nothing is wrong at all"))
     rows.append(("residual", gain(first.rms_before_mm, first.rms_after_mm, "r.m.s. ")))
     before, after = first.heldout_before_mm, first.heldout_after_mm
@@ -260,7 +297,9 @@ def ranking_grid(diagnosis: Diagnosis) -> doc.Grid:
         ids = explanation.causes
         if len(ids) == 1:
             return str(diagnosis.model.kind.speech.said(CAUSES[ids[0]].title))
-        return explanation.pattern or " and ".join(ids) or "no cause"
+        if explanation.pattern is not None:
+            return str(diagnosis.model.kind.speech.said(explanation.pattern))
+        return " and ".join(ids) or "no cause"
 
     best = list(diagnosis.ranking.items())[:_BEST]
     return doc.Grid(
@@ -296,25 +335,22 @@ def fit_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
     """Do the offsets alone explain the data?"""
     lack = diagnosis.lack_of_fit
     speech, measured = diagnosis.model.kind.speech, diagnosis.measured
-    apart = diagnosis.measured_mm - diagnosis.nominal_mm
-    left = rms(apart if isinstance(measured, Differences) else measured.plan.precision * apart)
-    # Both are root mean squares: the fit takes a part of the noise away, too.
-    noise = left * lack.noise_mm / lack.residual_mm if lack.residual_mm else lack.noise_mm
+    left, noise = diagnosis.left_mm, diagnosis.expected_mm
+    if not lack.dof:
+        told = f"As many {speech.many} as readings: they fit exactly, whatever is wrong."
+        return (doc.Paragraph(told),)
     said = [
-        f"{speech.many.capitalize()} only leave {plain(left, 4)} mm r.m.s.; this {speech.noise}'s"
-        f" noise{speech.beside} would leave"
+        f"{speech.many.capitalize()} only leave {plain(left, 4)} mm r.m.s.{measured.weighing}; this"
+        f" {speech.noise}'s noise{speech.beside} would leave"
         f" {plain(noise, 4)} mm. Noise alone leaves as much in {_sessions(lack.p_value)}"
-        f" ({lack.dof} degrees of freedom)."
+        f" ({counted(lack.dof, 'degree')} of freedom)."
     ]
     if lack.repeats_mm is not None:
         judged = ""
         if lack.repeats_p_value is not None:
             chance = _sessions(lack.repeats_p_value)
             judged = f" Judged by them, noise leaves as much in {chance}."
-        said.append(
-            f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm.{judged} They share one gauge"
-            " set-up, so they understate the real scatter."
-        )
+        said.append(f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm.{judged} {speech.repeats}")
     return tuple(map(doc.Paragraph, said))
 
 

@@ -79,7 +79,8 @@ def _steps(calibration: Calibration) -> doc.Section:
     texts = [f"{two_figures(size)} mm" for size in left.values()]
     figure = doc.Figure(
         None,
-        f"r.m.s. of the data: {texts[0]} as found, {texts[-1]} left.",
+        f"r.m.s. of the data{calibration.input.measured.weighing}: {texts[0]} as found,"
+        f" {texts[-1]} left.",
         charts.waterfall(left, calibration.noise_mm),
         sketch=bar_lines(list(left), list(left.values()), texts),
         columns=1,
@@ -369,7 +370,7 @@ def origin(calibration: Calibration) -> doc.Section:
         ("Software", identity.software),
         ("Input", doc.Given(file_words(measured.source.path))),
         ("SHA-256", doc.Code(measured.source.sha256)),
-        ("Data", data_words(len(measured), measured.kind)),
+        ("Data", data_words(measured.source, measured.kind, len(measured))),
         ("Machine", doc.Given(machine.name)),
         ("Geometry", model.kind.geometry_words(machine)),
     ]

@@ -9,15 +9,21 @@ from typing import Any
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command
+from orthoglide_cal.model import Floats, Source
 from orthoglide_cal.planning import Next
 from orthoglide_cal.planning.layouts import TOLD_SIGMA, Laid, LayoutProspect
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.controller import about
 from orthoglide_cal.report.documents.budget import budget_section, source_words
-from orthoglide_cal.report.documents.next_reading import next_data, next_section
+from orthoglide_cal.report.documents.next_reading import next_data, next_section, told_apart
 from orthoglide_cal.report.documents.parameters import by_joint
-from orthoglide_cal.report.documents.plan import separation_section
+from orthoglide_cal.report.documents.plan import (
+    budget_data,
+    separation_data,
+    separation_section,
+)
 from orthoglide_cal.report.json import SCHEMA_VERSION
-from orthoglide_cal.report.words import two_figures, unit_words
+from orthoglide_cal.report.words import percent, two_figures, unit_words
 
 # Where the places to probe are written, unless somebody chose another name.
 _PLACES = "places.csv"
@@ -25,7 +31,7 @@ _PLACES = "places.csv"
 
 def layouts_document(
     plan: LayoutProspect,
-    source: str | None = None,
+    source: Source | None = None,
     machine_file: Path | None = None,
     following: Sequence[Next] = (),
 ) -> doc.Document:
@@ -33,7 +39,7 @@ def layouts_document(
 
     Args:
         plan: what the layouts will give.
-        source: file whose readings there are already, and whose machine it is.
+        source: whose readings there are already, and whose machine it is.
         machine_file: as the user gave it.
         following: what to measure beside these readings, best first.
     """
@@ -43,28 +49,14 @@ def layouts_document(
 
 def layouts_data(plan: LayoutProspect, following: Sequence[Next] = ()) -> dict[str, Any]:
     """The contract's fields as far as they fit, then a few more; of joint offsets in mm."""
-    chosen, model, floor = plan.chosen, plan.model, plan.chosen.floor
+    chosen, model = plan.chosen, plan.model
     return {
         "schema_version": SCHEMA_VERSION,
         "machine": model.machine.name,
         "protocol": chosen.layout.name,
         "by_cycles": [_laid_data(each) for each in plan.shown],
-        "budget": [
-            {
-                "source": each.source,
-                "type": each.evaluation,
-                "std_mm": by_joint(model, each.std_mm),
-            }
-            for each in chosen.budget.contributions
-        ],
-        "limits": {
-            "expanded_mm": None if floor is None else by_joint(model, floor.expanded_mm),
-            "source": None if floor is None else floor.largest.source,
-        },
-        "separation": [
-            {"causes": [a.id, b.id], "sigma": sigma} for a, b, sigma in chosen.separations.pairs
-        ],
-        "invisible": [cause.id for cause in chosen.separations.invisible],
+        **budget_data(chosen, chosen.floor, model),
+        **separation_data(chosen.separations),
         "design": None if plan.telling is None else _design_data(plan, plan.telling),
         **({"next": next_data(following, model)} if following else {}),
     }
@@ -72,15 +64,15 @@ def layouts_data(plan: LayoutProspect, following: Sequence[Next] = ()) -> dict[s
 
 def _laid_data(each: Laid) -> dict[str, Any]:
     kind, layout = each.model.kind, each.layout
-    columns = (kind.units, each.noise_std.tolist(), each.expanded.tolist(), each.determined)
+    columns = (kind.units, each.noise_std_mm.tolist(), each.expanded_mm.tolist(), each.determined)
     return {
         "layout": layout.name,
         "what": layout.what,
         "cycles": 1,
         "readings": len(layout.plan),
-        "minutes": layout.minutes,
-        "noise_std_mm": by_joint(each.model, each.noise_std),
-        "expanded_mm": by_joint(each.model, each.expanded),
+        "minutes": round(layout.minutes, 2),
+        "noise_std_mm": by_joint(each.model, each.noise_std_mm),
+        "expanded_mm": by_joint(each.model, each.expanded_mm),
         "parameters": {
             name: {"unit": unit, "noise_std": noise, "expanded": reach, "determined": known}
             for name, unit, noise, reach, known in zip(kind.calibrated, *columns, strict=True)
@@ -101,32 +93,41 @@ def _design_data(plan: LayoutProspect, telling: Laid) -> dict[str, Any]:
 
 
 def _page(
-    plan: LayoutProspect, source: str | None, machine_file: Path | None, following: Sequence[Next]
+    plan: LayoutProspect,
+    source: Source | None,
+    machine_file: Path | None,
+    following: Sequence[Next],
 ) -> doc.Page:
     model, chosen = plan.model, plan.chosen
     probe = two_figures(model.machine.gauge.noise_mm)
+    layout = ("Layout", f"{chosen.layout.name}: {chosen.layout.what}")
     facts = (
-        ("Layout", f"{chosen.layout.name}: {chosen.layout.what}"),
+        *(() if following else (layout,)),
         (model.kind.speech.noise.capitalize(), f"one touch scatters by {probe} mm"),
     )
     return doc.Page(
         kind="Plan",
         title=model.machine.name,
         facts=doc.Facts(facts),
-        notice=_notice(plan),
+        notice=_next_notice(plan, following[0]) if following else _notice(plan),
         sheet=(_to_do(plan, source, machine_file, following),),
         sections=(
             *((next_section(following),) if following else ()),
             _compared(plan),
             *_telling(plan, source, machine_file),
             budget_section(chosen.budget, model.kind),
-            separation_section(chosen.separations, f"these {len(chosen.layout.plan)} readings"),
+            separation_section(
+                chosen.separations, f"these {len(chosen.layout.plan)} readings", model.kind.speech
+            ),
         ),
     )
 
 
 def _to_do(
-    plan: LayoutProspect, source: str | None, machine_file: Path | None, following: Sequence[Next]
+    plan: LayoutProspect,
+    source: Source | None,
+    machine_file: Path | None,
+    following: Sequence[Next],
 ) -> doc.Section:
     if following:
         steps = [doc.Instruction(following[0].option.what)]
@@ -145,24 +146,42 @@ def _to_do(
     return doc.Section("What to do next", (doc.Instructions(tuple(steps)),))
 
 
-def _write(plan: LayoutProspect, source: str | None, machine: Path | None, laid: Laid) -> str:
+def _write(plan: LayoutProspect, source: Source | None, machine: Path | None, laid: Laid) -> str:
     """The command that writes the places of a layout."""
     first = plan.telling or plan.compared[0]
     named = "" if laid is first else f"--layout {laid.layout.name} "
-    given = () if source is None else (source,)
-    return command("plan", *given, machine=machine, options=f"{named}--program {_PLACES}")
+    options = f"{named}--program {_PLACES}"
+    if source is None:
+        return command("plan", machine=machine, options=options)
+    return about("plan", source, machine=machine, options=options)
+
+
+def _next_notice(plan: LayoutProspect, best: Next) -> doc.Notice:
+    """What to touch beside the readings that there are, and what all of them together give."""
+    lines = [f"With the readings that there are: {_reach(plan, best.expanded_mm)}."]
+    if best.separates is not None:
+        first, second = told_apart(best)
+        lines.append(
+            f"It leaves one name with a chance of {percent(best.chance)}: it tells {first} from"
+            f" {second}."
+        )
+    title = f"Next, about {max(best.option.minutes, 1.0):.0f} min: {best.option.what}"
+    return doc.Notice(doc.Tone.INFO, title, tuple(lines))
+
+
+def _reach(plan: LayoutProspect, expanded: Floats) -> str:
+    """U of each parameter."""
+    columns = (plan.model.kind.calibrated, expanded.tolist(), plan.model.kind.units)
+    return ", ".join(
+        f"{name} ± {two_figures(value)} {unit_words(unit)}"
+        for name, value, unit in zip(*columns, strict=True)
+    )
 
 
 def _notice(plan: LayoutProspect) -> doc.Notice:
     """What the layout gives, what limits it, and what it leaves open."""
     chosen, kind = plan.chosen, plan.model.kind
-    reach = ", ".join(
-        f"{name} ± {two_figures(value)} {unit_words(unit)}"
-        for name, value, unit in zip(
-            kind.calibrated, chosen.expanded.tolist(), kind.units, strict=True
-        )
-    )
-    lines = [f"{reach} (95 % if nothing else is wrong)."]
+    lines = [f"{_reach(plan, chosen.expanded_mm)} (95 % if nothing else is wrong)."]
     missing = [n for n, known in zip(kind.calibrated, chosen.determined, strict=True) if not known]
     if missing:
         lines.append(f"They do not determine {' and '.join(missing)}. {kind.speech.more}")
@@ -220,7 +239,7 @@ def _compared(plan: LayoutProspect) -> doc.Section:
 
 
 def _telling(
-    plan: LayoutProspect, source: str | None, machine_file: Path | None
+    plan: LayoutProspect, source: Source | None, machine_file: Path | None
 ) -> tuple[doc.Section, ...]:
     """The quickest layout that tells the rivals apart."""
     telling = plan.telling

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
 
 from orthoglide_cal.files import machine_values
 from orthoglide_cal.model import Machine, Model
@@ -16,12 +15,7 @@ _TRAVEL = 48  # characters of the rail's travel
 
 def machine_document(model: Model) -> doc.Document:
     """The document, for any of the renderers."""
-    return doc.Document(partial(_data, model), partial(_page, model))
-
-
-def _data(model: Model) -> dict[str, Any]:
-    """What the machine file says, in its own words."""
-    return machine_values(model)
+    return doc.Document(partial(machine_values, model), partial(_page, model))
 
 
 def _page(model: Model) -> doc.Page:
@@ -47,7 +41,7 @@ def _page(model: Model) -> doc.Page:
                 effect.cause.id,
                 ", ".join(
                     f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
-                    for name, each in effect.estimates.items()
+                    for name, each in model.called(effect).items()
                 ),
                 (effect.date or "")[:10],
             )

@@ -7,9 +7,9 @@ from typing import Any
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
+from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.model import Model
 from orthoglide_cal.planning import Next
-from orthoglide_cal.planning.next_reading import SETTLES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.parameters import JOINTS, by_joint
 from orthoglide_cal.report.json import fields_of
@@ -32,14 +32,18 @@ def next_blocks(diagnosis: Diagnosis, following: Next | None) -> tuple[doc.Block
         )
     if diagnosis.verdict is not Verdict.AMBIGUOUS:
         return ()
-    ids = (*(cause.id for cause in diagnosis.causes), *diagnosis.ambiguous_with)
-    mended = all(not CAUSES[id].in_machine for id in ids)
-    again = " All of them lie in the measurement: measure again." if mended else ""
-    return (doc.Paragraph(f"No further reading of this kind would tell them apart.{again}"),)
+    open_ = {*diagnosis.ambiguous_with, *(cause.id for cause in diagnosis.causes if cause.aliases)}
+    mended = all(not CAUSES[id].in_machine for id in open_)
+    again = (
+        " What is open lies in the measurement: measure there again, and leave the old readings"
+        " out. Then it does not matter which it was."
+    )
+    told = f"No further reading of this kind is likely to tell.{again if mended else ''}"
+    return (doc.Paragraph(told),)
 
 
-def next_section(found: Sequence[Next]) -> doc.Section:
-    """The best of the ranking as a table."""
+def next_section(found: Sequence[Next], now_mm: float | None = None) -> doc.Section:
+    """The best of the ranking as a table; `now_mm` is the largest U without it, if it is known."""
     telling = any(each.separates is not None for each in found)
     rows = [
         (
@@ -51,18 +55,22 @@ def next_section(found: Sequence[Next]) -> doc.Section:
         )
         for number, each in enumerate(found[:_SHOWN], start=1)
     ]
+    if now_mm is not None:
+        rows.insert(
+            0, ("", "", *(("", "") if telling else ()), two_figures(now_mm), "nothing: U as it is")
+        )
     heads = ("", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do")
     if telling and found[0].separates is not None:
         first, second = told_apart(found[0])
         meaning = (
-            "Settles: the chance that one name is left. First what settles almost surely"
-            f" ({percent(SETTLES)}), the quickest first; then by that chance per minute. σ: how far"
+            "Settles: the chance that one answer is left. Ranked by that chance per minute, eight"
+            " hours added for coming back if it stays open. σ: how far"
             f" {first} and {second} are apart in the new readings, in standard deviations."
         )
     else:
         meaning = (
             "Nothing that further readings could tell is open: ranked by how much U they save per"
-            " minute."
+            " minute, half an hour added for the sitting."
         )
     return doc.Section(
         "What to measure next, best first",
@@ -73,7 +81,7 @@ def next_section(found: Sequence[Next]) -> doc.Section:
 def next_data(found: Sequence[Next], model: Model) -> list[dict[str, Any]]:
     """Key `next` of the plan's contract."""
     return [
-        {**told_data(each), "minutes": each.option.minutes}
+        {**told_data(each), "minutes": round(each.option.minutes, 2)}
         | {"expanded_mm": by_joint(model, each.expanded_mm), "chance": each.chance}
         for each in found
     ]
@@ -81,15 +89,20 @@ def next_data(found: Sequence[Next], model: Model) -> list[dict[str, Any]]:
 
 def told_data(each: Next) -> dict[str, Any]:
     """Key `next_measurement` of the diagnosis' contract."""
-    names = each.separates
     return {
         "what": each.option.what,
-        "separates": ["+".join(ids) for ids in names or ()],
+        "separates": [] if each.separates is None else _ids_apart(*each.separates),
         **fields_of(each, "separation_sigma"),
     }
 
 
+def _ids_apart(one: Ids, other: Ids) -> list[str]:
+    """Of each of two explanations the first cause that the other lacks, or has as well."""
+    pairs = ((one, other), (other, one))
+    return [min(ids, key=lambda id: id in rival, default="") for ids, rival in pairs]
+
+
 def told_apart(each: Next) -> tuple[str, str]:
     """The two explanations that it tells apart, in words."""
-    first, second = ("+".join(ids) or "a sound machine" for ids in each.separates or ((), ()))
+    first, second = (" with ".join(ids) or "a sound machine" for ids in each.separates or ((), ()))
     return first, second

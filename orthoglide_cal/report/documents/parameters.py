@@ -13,6 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.json import fields_of
 from orthoglide_cal.report.words import (
     coverage_words,
     plain,
@@ -33,19 +34,23 @@ def offsets_title(found: Adjustment, usable: bool, short: bool = False) -> str:
     """Heading of the table: what it is of, in which unit, and how it is meant."""
     speech = found.kind.speech
     kind = speech.title if usable else f"{speech.title} as found"
-    units = set(found.kind.units)
-    unit = f", {units.pop()}" if len(units) == 1 else ""
     # Where there is little room, of "true position" the "position" goes without saying.
     relation = speech.relation.replace("true position", "true") if short else speech.relation
-    return f"{kind}{unit} ({relation})"
+    return f"{kind}{common_unit(found.kind)} ({relation})"
 
 
-def offsets_grid(found: Adjustment, usable: bool, beside: Adjustment | None = None) -> doc.Grid:
+def common_unit(kind: Any) -> str:
+    """What is written behind a title: the unit of all parameters, if they have one."""
+    units = set(kind.units)
+    return f", {units.pop()}" if len(units) == 1 else ""
+
+
+def offsets_grid(found: Adjustment, enters: bool, beside: Adjustment | None = None) -> doc.Grid:
     """What was found, and only if it may be entered what to type in.
 
     Args:
         found: with uncertainty.
-        usable: whether it may be entered.
+        enters: whether it may be entered, and changes something.
         beside: the same as a cause that was found would have it.
     """
     columns = (_values if found.kind.absolute else _changes)(found)
@@ -57,7 +62,7 @@ def offsets_grid(found: Adjustment, usable: bool, beside: Adjustment | None = No
             show(value, found.decimals) if known else UNKNOWN
             for value, known in zip(values, beside.determined, strict=True)
         ]
-    if usable:
+    if enters:
         show = plain if found.kind.absolute else signed
         columns["type in"] = [
             doc.Strong(show(each.new_mm, found.decimals)) for each in found.joints
@@ -179,3 +184,11 @@ def parameters_of(found: Adjustment) -> dict[str, Any]:
             for joint, value, std, limits in zip(*columns, strict=True)
         }
     }
+
+
+def release_of(calibration: Calibration) -> dict[str, Any]:
+    """Whether the result may be used and why not, and if the controller may have it already."""
+    told = fields_of(calibration.release, "usable", "reasons")
+    if not calibration.input.model.kind.absolute:
+        return told
+    return {**told, **fields_of(calibration, "settled")}

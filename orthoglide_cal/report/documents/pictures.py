@@ -10,7 +10,7 @@ from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.model import Contact, Differences, Floats, Ints, Readings, Series, View
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.bed import colours, limits_of, signs
+from orthoglide_cal.report.bed import colours, limits_of, sign, signs
 from orthoglide_cal.report.words import comparison_words, counted, end_words, plain, signed
 
 BED_LEGEND = (
@@ -156,15 +156,8 @@ def _mean_and_signs(residual: Floats, sigma: float) -> str:
     if not residual.size:
         return ""
     parts = np.array_split(residual, min(residual.size, _SIGNS))
-    signs = "".join(_sign(float(part[np.argmax(np.abs(part))]), sigma) for part in parts)
-    return f"{signed(1000.0 * float(residual.mean()), 1)} {signs}"
-
-
-def _sign(residual: float, sigma: float) -> str:
-    if abs(residual) <= 2.0 * sigma:
-        return "·"
-    large = abs(residual) > 4.0 * sigma
-    return ("▲" if large else "+") if residual > 0.0 else ("▼" if large else "−")
+    marks = "".join(sign(float(part[np.argmax(np.abs(part))]), sigma) for part in parts)
+    return f"{signed(1000.0 * float(residual.mean()), 1)} {marks}"
 
 
 # How readings were taken → how what is left of them is drawn, and what the signs mean.
@@ -173,8 +166,5 @@ _VIEWS = {
         _by_leg,
         "Mean of the repeats, then one sign for each: · noise, + − over 2σ, ▲ ▼ over 4σ.",
     ),
-    View.BED: (
-        bed_maps,
-        BED_LEGEND,
-    ),
+    View.BED: (bed_maps, BED_LEGEND),
 }

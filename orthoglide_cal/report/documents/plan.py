@@ -2,36 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.errors import command
+from orthoglide_cal.errors import command, file_words, visible
+from orthoglide_cal.estimation.accuracy import decimals_for
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.model import Cause
+from orthoglide_cal.model import Cause, Model
 from orthoglide_cal.model.kinds import OFFSET_MM
+from orthoglide_cal.model.kinds.speech import Speech
 from orthoglide_cal.planning import Next
-from orthoglide_cal.planning.bar import MARGIN, bar_warning, worst_touch
-from orthoglide_cal.planning.expected import MOST_CYCLES, Expected
-from orthoglide_cal.planning.prospect import MOST_COMPARED, Comparison, GivenUp, Prospect
+from orthoglide_cal.planning.bar import MARGIN
+from orthoglide_cal.planning.design import GIVES_UP
+from orthoglide_cal.planning.expected import Expected, Foreseen, Session
+from orthoglide_cal.planning.prospect import MOST_COMPARED, ROUNDING, Comparison, GivenUp, Prospect
 from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations
-from orthoglide_cal.planning.steps import MeasuringProtocol
+from orthoglide_cal.planning.steps import MOST_CYCLES, Order, sequence_options
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.budget import budget_section, source_words
 from orthoglide_cal.report.documents.next_reading import next_data, next_section, told_apart
+from orthoglide_cal.report.documents.parameters import by_joint
 from orthoglide_cal.report.json import SCHEMA_VERSION, by_axis
 from orthoglide_cal.report.shades import KEY, separation_lines, separation_panel
-from orthoglide_cal.report.words import counted, percent, short, two_figures
+from orthoglide_cal.report.words import counted, percent, plain, short, two_figures
+from orthoglide_cal.results import Calibration
 
-# Options with which `measure` takes each protocol.
-_OPTIONS = {
-    MeasuringProtocol.DOUBLE: "",
-    MeasuringProtocol.SINGLE: "--protocol single ",
-    MeasuringProtocol.BEST: "--design best ",
-}
 _SHOWN_LOSSES = 12
 _SHOWN_PAIRS = 4
 
@@ -39,24 +40,24 @@ _SHOWN_PAIRS = 4
 def plan_document(
     plan: Prospect,
     machine_file: Path | None = None,
+    begun: Calibration | None = None,
     following: Sequence[Next] = (),
-    go_on: str | None = None,
 ) -> doc.Document:
     """The document, for any of the renderers.
 
     Args:
         plan: what a session of its own will give.
         machine_file: as the user gave it.
-        following: what to measure beside readings that there are, best first; empty without them.
-        go_on: the command that measures it; None if it must be typed by hand.
+        begun: what the data say that there are already; None without any.
+        following: what to measure beside them, best first; empty without any.
     """
-    page = partial(_page, plan, machine_file, following, go_on)
+    page = partial(_page, plan, machine_file, begun, following)
     return doc.Document(partial(plan_data, plan, following), page)
 
 
 def plan_data(plan: Prospect, following: Sequence[Next] = ()) -> dict[str, Any]:
     """The contract's fields, then a few more; lengths in mm."""
-    floor, best, design = plan.floor, plan.best, plan.design
+    best, design = plan.best, plan.design
     return {
         "schema_version": SCHEMA_VERSION,
         "machine": plan.model.machine.name,
@@ -64,14 +65,7 @@ def plan_data(plan: Prospect, following: Sequence[Next] = ()) -> dict[str, Any]:
         "gauges": plan.stands,
         "cycles": plan.cycles,
         "by_cycles": [_expected_data(plan, each) for each in plan.by_cycles],
-        "budget": [
-            {"source": each.source, "type": each.evaluation, "std_mm": by_axis(each.std_mm)}
-            for each in plan.chosen.budget.contributions
-        ],
-        "limits": {
-            "expanded_mm": None if floor is None else by_axis(floor.expanded_mm),
-            "source": None if floor is None else floor.largest.source,
-        },
+        **budget_data(plan.chosen, plan.floor, plan.model),
         "target": None
         if plan.target_mm is None
         else {
@@ -80,10 +74,7 @@ def plan_data(plan: Prospect, following: Sequence[Next] = ()) -> dict[str, Any]:
             "cycles": plan.cycles if plan.reached else None,
         },
         "compare": [_comparison_data(plan, each) for each in plan.compared],
-        "separation": [
-            {"causes": [a.id, b.id], "sigma": sigma} for a, b, sigma in plan.separations.pairs
-        ],
-        "invisible": [cause.id for cause in plan.separations.invisible],
+        **separation_data(plan.separations),
         "design": {
             **_expected_data(plan, best),
             "gauge_at": design.gauge_at,
@@ -95,13 +86,39 @@ def plan_data(plan: Prospect, following: Sequence[Next] = ()) -> dict[str, Any]:
     }
 
 
+def budget_data(found: Foreseen, floor: Budget | None, model: Model) -> dict[str, Any]:
+    """What adds to the uncertainty of the joint offsets, and what more readings leave of it."""
+    return {
+        "budget": [
+            {
+                "source": each.source,
+                "type": each.evaluation,
+                "std_mm": by_joint(model, each.std_mm),
+            }
+            for each in found.budget.contributions
+        ],
+        "limits": {
+            "expanded_mm": None if floor is None else by_joint(model, floor.expanded_mm),
+            "source": None if floor is None else floor.largest.source,
+        },
+    }
+
+
+def separation_data(found: Separations) -> dict[str, Any]:
+    """Which causes can be told apart, and which leave no trace."""
+    return {
+        "separation": [{"causes": [a.id, b.id], "sigma": sigma} for a, b, sigma in found.pairs],
+        "invisible": [cause.id for cause in found.invisible],
+    }
+
+
 def _expected_data(plan: Prospect, found: Expected) -> dict[str, Any]:
     session = found.session
     return {
         "cycles": session.cycles,
         "readings": session.readings,
         "gauge_moves": session.moves,
-        "minutes": session.minutes,
+        "minutes": round(session.minutes, 2),
         "noise_std_mm": by_axis(found.noise_std_mm),
         "expanded_mm": by_axis(found.expanded_mm),
         "tool_mm": plan.tool_mm(found),
@@ -123,80 +140,138 @@ def _loss_data(lost: GivenUp) -> dict[str, Any]:
 
 
 def _page(
-    plan: Prospect, machine_file: Path | None, following: Sequence[Next], go_on: str | None
+    plan: Prospect,
+    machine_file: Path | None,
+    begun: Calibration | None,
+    following: Sequence[Next],
 ) -> doc.Page:
-    machine, session = plan.model.machine, plan.chosen.session
-    gauge = machine.gauge
-    facts = (
-        ("Protocol", f"{plan.protocol}, {counted(plan.cycles, 'cycle')}"),
-        ("Gauge", f"one reading scatters by {two_figures(gauge.noise_mm)} mm"),
-        ("Offsets", f"about {OFFSET_MM:g} mm each are assumed"),
-    )
-    measure = f"{_OPTIONS[session.protocol]}--cycles {session.cycles}"
-    if plan.stands == 1 and session.protocol is not MeasuringProtocol.SINGLE:
-        measure += " --gauges 1"
-    to_do = doc.Instruction(
-        "Measure it.", command("measure", machine=machine_file, options=measure)
-    )
-    if _leaves_bar(plan):
-        fitting = f"--design best --cycles {plan.best.session.cycles}"
-        measure = command("measure", machine=machine_file, options=fitting)
-        to_do = doc.Instruction("Measure what the plungers can follow.", measure)
-    if following:
-        to_do = doc.Instruction(following[0].option.what, go_on)
+    machine = plan.model.machine
+    gauge = ("Gauge", f"one reading scatters by {two_figures(machine.gauge.noise_mm)} mm")
+    taken = ("Protocol", f"{plan.protocol}, {counted(plan.cycles, 'cycle')}")
+    assumed = ("Offsets", f"about {OFFSET_MM:g} mm each are assumed")
+    facts: tuple[tuple[str, str], ...] = (taken, gauge, assumed)
+    notice = _notice(plan)
+    first: tuple[doc.Section, ...] = ()
+    to_do = doc.Instruction("Measure it.", _command(plan.chosen.session, plan, machine_file))
+    if plan.bar_warning is not None and plan.bar_warning.leaves:
+        fitting = _command(plan.best.session, plan, machine_file)
+        to_do = doc.Instruction("Measure what the plungers can follow.", fitting)
+    if begun is not None and following:
+        best = following[0]
+        to_do = doc.Instruction(best.option.what, _go_on(best, begun, machine_file))
+        alone = (doc.Facts((taken, assumed)), notice)
+        first = (
+            next_section(following, _known_mm(begun)),
+            doc.Section("A session of its own would give", alone),
+        )
+        facts = (("Readings", _read(begun)), gauge)
+        notice = _next_notice(plan, begun, following)
     return doc.Page(
         kind="Plan",
         title=machine.name,
         facts=doc.Facts(facts),
-        notice=_next_notice(plan, following[0]) if following else _notice(plan),
+        notice=notice,
         sheet=(doc.Section("What to do next", (doc.Instructions((to_do,)),)),),
         sections=(
-            *((next_section(following),) if following else ()),
+            *first,
             _by_cycles(plan),
             budget_section(plan.chosen.budget, plan.model.kind),
             _compared(plan),
-            separation_section(plan.separations, counted(min(plan.cycles, MOST_COMPARED), "cycle")),
+            separation_section(
+                plan.separations,
+                counted(min(plan.cycles, MOST_COMPARED), "cycle"),
+                plan.model.kind.speech,
+            ),
             _design(plan, machine_file),
         ),
     )
 
 
-def _next_notice(plan: Prospect, best: Next) -> doc.Notice:
-    """What to measure beside the readings that there are, and what it brings."""
-    worth = f"Each offset is then known within ± {two_figures(float(best.expanded_mm.max()))} mm."
+def _command(session: Session, plan: Prospect, machine_file: Path | None) -> str:
+    """What to type to measure a session."""
+    told = sequence_options(session.protocol, session.cycles, Order.PAPER, plan.stands)
+    return command("measure", machine=machine_file, options=told)
+
+
+def _go_on(best: Next, begun: Calibration, machine_file: Path | None) -> str | None:
+    """What to type to measure it beside data that there are; None where these have no file."""
+    if best.option.session is not None:
+        return command("measure", machine=machine_file, options=best.option.session)
+    path = begun.input.measured.source.path
+    return None if path == "-" else command("measure --then", path, machine=machine_file)
+
+
+def _read(begun: Calibration) -> str:
+    """The data that there are."""
+    measured = begun.input.measured
+    return f"{file_words(visible(measured.source.path))}, {len(measured)}"
+
+
+def _known_mm(begun: Calibration) -> float | None:
+    """The largest U of the offsets that there are; None if there are none to be entered."""
+    found = begun.adjustment
+    return None if found is None else float(found.expanded_mm.max())
+
+
+def _next_notice(plan: Prospect, begun: Calibration, following: Sequence[Next]) -> doc.Notice:
+    """What to measure beside the data that there are, and what it brings."""
+    now, best = _known_mm(begun), following[0]
+    then = f"± {two_figures(float(best.expanded_mm.max()))} mm"
+    target = () if plan.target_mm is None else (_target_line(plan.target_mm, now, following),)
+    title = f"about {max(best.option.minutes, 1.0):.0f} min: {best.option.what}"
+    worth = f"Each offset is then known within {then}."
     if best.separates:
         first, second = told_apart(best)
         settled = f"It leaves one name with a chance of {percent(best.chance)}: it tells {first}"
-        worth = f"{settled} from {second}. {worth}"
-    title = f"Next, about {max(best.option.minutes, 1.0):.0f} min: {best.option.what}"
-    return doc.Notice(doc.Tone.INFO, title, (worth,))
+        return doc.Notice(
+            doc.Tone.INFO, f"Next, {title}", (f"{settled} from {second}. {worth}", *target)
+        )
+    today = "" if now is None else f" Now it is ± {two_figures(now)} mm."
+    if begun.release.usable:
+        lines = (
+            "Nothing is open, and the offsets may be entered.",
+            f"To know them better, {title}",
+        )
+        return doc.Notice(
+            doc.Tone.GOOD, "Nothing needs to be measured", (*lines, worth + today, *target)
+        )
+    return doc.Notice(doc.Tone.INFO, f"Next, {title}", (worth + today, *target))
+
+
+def _target_line(target_mm: float, now_mm: float | None, following: Sequence[Next]) -> str:
+    """The quickest way to a U that was asked for, beside the data that there are."""
+    wanted = f"± {_millimetres(target_mm)} mm"
+    if now_mm is not None and now_mm <= target_mm:
+        return f"{wanted} is reached already."
+    able = [each for each in following if float(each.expanded_mm.max()) <= target_mm]
+    if not able:
+        return f"{wanted} is reached by none of these."
+    quickest = min(able, key=lambda each: each.option.minutes).option
+    return f"{wanted} takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
 
 
 def _notice(plan: Prospect) -> doc.Notice:
     """What the session gives, and what limits it."""
     session = plan.chosen.session
-    largest = two_figures(float(plan.chosen.expanded_mm.max()))
-    lines = [
-        f"Each offset will be known within ± {largest} mm (95 % if nothing else is wrong), the"
-        f" tool everywhere within ± {two_figures(plan.tool_mm(plan.chosen))} mm.",
-        _limit(plan),
-    ]
     title = f"{session.readings} readings, about {session.minutes:.0f} min"
-    warning = bar_warning(session.plan, plan.model.machine) or ()
-    if _leaves_bar(plan):
-        return doc.Notice(doc.Tone.BAD, "This cannot be measured so", warning)
-    lines = [*warning, *lines]
-    if warning and plan.target_mm is None:
-        return doc.Notice(doc.Tone.WARN, title, tuple(lines))
+    warning = plan.bar_warning
+    if warning is not None and warning.leaves:
+        return doc.Notice(doc.Tone.BAD, "This cannot be measured so", warning.lines)
+    largest = two_figures(float(plan.chosen.expanded_mm.max()))
+    careful = () if warning is None else warning.lines
+    known = (
+        f"Each offset will be known within ± {largest} mm (95 % if nothing else is wrong), the"
+        f" tool everywhere within ± {two_figures(plan.tool_mm(plan.chosen))} mm."
+    )
     if plan.target_mm is None:
-        return doc.Notice(doc.Tone.INFO, title, tuple(lines))
+        tone = doc.Tone.WARN if careful else doc.Tone.INFO
+        return doc.Notice(tone, title, (*careful, known, _limit(plan)))
     wanted = f"± {_millimetres(plan.target_mm)} mm"
-    if plan.reached:
-        title = f"{wanted} takes {counted(session.cycles, 'cycle')}: {title}"
-        return doc.Notice(doc.Tone.GOOD, title, tuple(lines))
-    # What limits it stands in the reason already.
-    lines.remove(_limit(plan))
-    return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (*_unreached(plan), *lines))
+    if not plan.reached:
+        why = _unreached(plan, plan.target_mm)
+        return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (why, *careful, known))
+    title = f"{wanted} takes {counted(session.cycles, 'cycle')}: {title}"
+    return doc.Notice(doc.Tone.GOOD, title, (*careful, known, _limit(plan)))
 
 
 def _millimetres(value: float) -> str:
@@ -204,37 +279,30 @@ def _millimetres(value: float) -> str:
     return short(value, 6) if value >= 1e-6 else f"{value:g}"
 
 
-def _leaves_bar(plan: Prospect) -> bool:
-    """Whether a plunger leaves its bar."""
-    worst = worst_touch(plan.chosen.session.plan, plan.model.machine)
-    return worst is not None and worst.keeps < 0.0
-
-
-def _unreached(plan: Prospect) -> tuple[str, ...]:
+def _unreached(plan: Prospect, target_mm: float) -> str:
     """Why the target is out of reach: what cannot be seen, or noise."""
-    assert plan.target_mm is not None
     floor = plan.floor
-    if floor is not None and float(floor.expanded_mm.max()) > plan.target_mm:
-        return (f"No number of cycles helps. {_floor_words(floor, plan.model.kind)}",)
+    if floor is not None and float(floor.expanded_mm.max()) > target_mm:
+        return _floor_words(floor, plan.model.kind)
     return (
         f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings: take a"
-        " finer gauge or a better stand.",
+        " finer gauge or a better stand."
     )
 
 
 def _floor_words(floor: Budget, kind: Any) -> str:
     what, remedy = source_words(floor.largest, kind)
     left = two_figures(float(floor.expanded_mm.max()))
-    return f"± {left} mm stay: {what}. {remedy}"
+    return f"After {MOST_CYCLES} cycles ± {left} mm stay: {what}. {remedy}"
 
 
 def _limit(plan: Prospect) -> str:
     """Noise, or what more cycles do not lessen."""
     chosen, floor = plan.chosen.budget, plan.floor
-    noise = float(np.max(plan.chosen.noise_std_mm / chosen.std_mm))
-    if floor is None or noise > 0.8:
+    stays = 0.0 if floor is None else float(np.max(floor.std_mm / chosen.std_mm))
+    if floor is None or stays < 0.6:
         return "The scatter of the readings limits it: more cycles help."
-    help_ = "hardly help" if noise < 0.5 else "help little"
+    help_ = "hardly help" if stays > 0.87 else "help little"
     return f"More cycles {help_}. {_floor_words(floor, plan.model.kind)}"
 
 
@@ -262,27 +330,32 @@ def _by_cycles(plan: Prospect) -> doc.Section:
 
 def _compared(plan: Prospect) -> doc.Section:
     rows = []
-    for way in plan.compared:
-        found, same = way.as_sure, way.same_cycles
+    wanted = float(plan.chosen.expanded_mm.max())
+    reached = [float(way.same_cycles.expanded_mm.max()) for way in plan.compared]
+    # As many decimals as show of every way that takes longer that it is less sure.
+    next_ = min((each for each in reached if each > wanted * (1.0 + ROUNDING)), default=math.inf)
+    decimals = next(d for d in count(decimals_for(wanted)) if round(next_, d) > round(wanted, d))
+    for way, worst in zip(plan.compared, reached, strict=True):
+        found = way.as_sure
         numbers = (
             (found.session.cycles, found.session.readings, found.session.moves)
             if found
             else ("", "never", "")
         )
         minutes = f"{found.session.minutes:.0f}" if found else ""
-        worst = two_figures(float(same.expanded_mm.max()))
-        rows.append((way.protocol, way.method, worst, *map(str, numbers), minutes))
-    worst = two_figures(float(plan.chosen.expanded_mm.max()))
+        reach = plain(worst, decimals)
+        rows.append((way.protocol, way.method, reach, *map(str, numbers), minutes))
     head = ("protocol", "method", "U", "cycles", "readings", "moves", "min")
     caption = (
         f"U: of the worst offset with {counted(plan.cycles, 'cycle')}, mm. Then what it takes for"
-        f" ± {worst} mm. Moves: a stand is put to another place."
+        f" ± {plain(wanted, decimals)} mm. Moves: a stand is put to another place; a gauge alone"
+        " stays at one end of the leg as long as it can (--order fewest-moves)."
     )
     grid = doc.Grid(head, tuple(rows), words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", (grid,))
 
 
-def separation_section(found: Separations, by: str) -> doc.Section:
+def separation_section(found: Separations, by: str, speech: Speech) -> doc.Section:
     """Which causes some readings can tell apart; `by` says how many readings in words."""
     seen, hidden = found.visible, found.invisible
     names = [cause.id for cause in seen.causes]
@@ -302,7 +375,7 @@ def separation_section(found: Separations, by: str) -> doc.Section:
     )
     blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
     if hidden:
-        rows = tuple((cause.id, cause.instrument) for cause in hidden)
+        rows = tuple((cause.id, speech.said(cause.instrument)) for cause in hidden)
         caption = "At their usual size they leave hardly a trace in such readings."
         head = ("not seen", "what would show it")
         blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))
@@ -318,19 +391,16 @@ def _design(plan: Prospect, machine_file: Path | None) -> doc.Section:
         " the same noise."
     )
     session, reach = best.session, two_figures(float(best.expanded_mm.max()))
-    options = f"--design best --cycles {session.cycles}"
-    again = command("measure", machine=machine_file, options=options)
     given_up = (
         f"The plunger keeps {percent(MARGIN)} of the leg from both joints at every posture. What"
-        " is given up: drift, knocks and faults of the rails show at the isotropic posture, which"
-        " it leaves out."
+        f" is given up: {GIVES_UP}."
     )
     blocks: list[doc.Block] = [
         doc.Paragraph(sentence),
         doc.Paragraph(
             (
                 f"{session.readings} readings in {session.minutes:.0f} min give ± {reach} mm: ",
-                doc.Command(again),
+                doc.Command(_command(session, plan, machine_file)),
             )
         ),
         doc.Paragraph(given_up),

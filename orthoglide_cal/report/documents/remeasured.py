@@ -34,7 +34,7 @@ def _data(found: Remeasured, identity: Identity) -> dict[str, Any]:
         "before": before,
         "after": after,
         "machine": found.after.machine,
-        **fields_of(found, "found_mm", "promised_mm", "left_mm", "reachable_mm"),
+        **fields_of(found, "found_mm", "promised_mm", "left_mm", "reachable_mm", "kept"),
         "parameters": {each.name: fields_of(each, *names) for each in found.parameters},
     }
 
@@ -65,10 +65,13 @@ def _page(found: Remeasured, identity: Identity) -> doc.Page:
         caption="Found before, entered in the firmware between the two, left afterwards.",
     )
     notes = [doc.Paragraph(line) for line in _notes(found)]
-    tone = doc.Tone.GOOD if better else doc.Tone.WARN
-    title = f"The touches agree {'better' if better else 'no better'} than before"
+    tone = doc.Tone.GOOD if found.kept else doc.Tone.WARN
+    came = "as promised" if found.kept else f"{'but' if better else 'and'} not as promised"
+    title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
     files = [file_words(each.source.path) for each in (found.before, found.after)]
-    counts = [data_words(each.count, each.kind) for each in (found.before, found.after)]
+    counts = [
+        data_words(each.source, each.kind, each.count) for each in (found.before, found.after)
+    ]
     return doc.Page(
         kind="Verification",
         title=found.after.machine,
@@ -79,7 +82,7 @@ def _page(found: Remeasured, identity: Identity) -> doc.Page:
                 for when, file, count in zip(("Before", "After"), files, counts, strict=True)
             )
         ),
-        notice=doc.Notice(tone, title, (f"r.m.s. {was} before, {left} now.",)),
+        notice=doc.Notice(tone, title, (f"r.m.s. {was} before, {promised} promised, {left} now.",)),
         sections=(
             doc.Section("Heights", (size,)),
             doc.Section("Parameters", (grid, *notes)),

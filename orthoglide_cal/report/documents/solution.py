@@ -24,12 +24,14 @@ from orthoglide_cal.report.documents.parameters import (
     offsets_title,
     open_blocks,
     parameters_of,
+    release_of,
     result_of,
 )
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.report.words import (
     METHOD_WORDS,
     comparison_words,
+    counted,
     data_words,
     difference_decimals,
     plain,
@@ -58,7 +60,7 @@ def _solution_page(calibration: Calibration, machine_file: Path | None) -> doc.P
         title=file_words(solution.source.path),
         facts=doc.Facts(
             (
-                ("Data", data_words(solution.count, solution.kind)),
+                ("Data", data_words(solution.source, solution.kind, solution.count)),
                 ("Method", f"{solution.method} ({METHOD_WORDS[solution.method]})"),
                 ("Machine", doc.Given(solution.machine)),
             )
@@ -95,7 +97,7 @@ def solution_data(calibration: Calibration) -> dict[str, Any]:
             }
             for each in found.budget.contributions
         ],
-        **fields_of(calibration.release, "usable", "reasons"),
+        **release_of(calibration),
         **fields_of(solution, "correlation", "sigma_mm", "sigma_rho_mm", "dof"),
         **fields_of(solution, "rms_before_mm", "rms_after_mm", "converged"),
         "table": [
@@ -124,7 +126,9 @@ def _offsets(calibration: Calibration) -> doc.Section:
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED and not usable
     beside = calibration.adjustment if named else None
     blocks = (*open_blocks(calibration, found), doc.Paragraph(together))
-    return doc.Section(offsets_title(found, usable), (offsets_grid(found, usable, beside), *blocks))
+    return doc.Section(
+        offsets_title(found, usable), (offsets_grid(found, calibration.enters, beside), *blocks)
+    )
 
 
 def left_after(
@@ -142,10 +146,10 @@ def left_after(
         usable: False where the offsets are not to be entered: what would be left is no promise.
     """
     raw = solution.kind is DataKind.READINGS
+    what = f"{'readings' if raw else 'differences'}{solution.measured.weighing}"
     quality = doc.Paragraph(
-        f"Residual r.m.s. of the {'readings' if raw else 'differences'}:"
-        f" {plain(solution.rms_before_mm, 4)} before, {plain(solution.rms_after_mm, 4)} with the"
-        f" {solution.model.kind.speech.many}."
+        f"Residual r.m.s. of the {what}: {plain(solution.rms_before_mm, 4)} before,"
+        f" {plain(solution.rms_after_mm, 4)} with the {solution.model.kind.speech.many}."
     )
     if not table:
         return doc.Section(None, (quality,))
@@ -185,7 +189,7 @@ def noise_grid(solution: Solution) -> doc.Grid:
 
 def _noise(calibration: Calibration) -> doc.Section:
     solution = calibration.found[0]
-    spare = f"; {solution.dof} degrees of freedom" if solution.dof else ""
+    spare = f"; {counted(solution.dof, 'degree')} of freedom" if solution.dof else ""
     title = f"Standard deviation of one reading, mm{spare}"
     notes = [doc.Paragraph(f"Note: {warning}") for warning in solution.warnings]
     if not calibration.release.usable:

@@ -238,12 +238,25 @@ def test_a_calliper_reads_the_distance_of_true_places(machine: Delta) -> None:
     assert simulate(more, VALUES, later) == pytest.approx(found, abs=0.0)
 
 
+def test_from_which_side_a_place_is_come_to_does_not_hang_on_what_is_read_there() -> None:
+    """Along a circle about a tower its carriage moves by less than the bed is rough."""
+    machine, layout = printer(V400), Layout(places=400)
+    at = places_of(layout, V400.bed)
+    rough = np.random.default_rng(1).normal(scale=0.05, size=len(at))
+    still = np.zeros(len(at))
+    level, read = (
+        KIND.command(machine, touched(np.column_stack((at, z)), still, still)).approach[:400]
+        for z in (still, rough)
+    )
+    np.testing.assert_array_equal(read, level)
+
+
 def test_a_misread_touch_is_one_touch() -> None:
     layout, rng = Layout(places=41), np.random.default_rng(5)
     truth = truth_with(UNEVEN, VALUES)
     session = probe_bed(replace(UNEVEN, noise=0.0), truth, ("misread",), layout, rng)
-    assert session.misread is not None
-    row, size = session.misread
+    (row,) = np.flatnonzero(session.contact)
+    size = session.contact[row]
     cause, plan = CAUSES["misread"], plan_of_session(session)
     effect = cause.at(np.array([size]), cause.places(plan, PRINTER)[row])
     found = simulate(Model(PRINTER, (effect,)), VALUES, plan)
@@ -356,6 +369,36 @@ def test_touches_have_no_unknown_zero_and_distances_share_nothing() -> None:
     assert np.array_equal(plan.same[75:], np.eye(6, 81, k=75, dtype=bool))
     assert plan.precision.tolist() == [1.0] * 75 + [0.4] * 6
     assert len(plan.distinct[0]) == len(plan)
+
+
+def test_touches_of_one_spot_repeat_each_other() -> None:
+    """Wherever the controller stopped; not on a block, nor in another sitting."""
+
+    def groups(kind: np.ndarray) -> list[list[int]]:
+        return sorted(np.flatnonzero(kind == each).tolist() for each in np.unique(kind))
+
+    place = np.array([[10.0, 5.0, z] for z in (0.1, 0.13, 30.1, 30.2, 0.09)])
+    place = np.vstack((place, [[10.5, 5.0, 0.1]]))
+    plan = replace(
+        touched(place, np.array([0, 0, 30, 30, 0, 0])), part=np.array([0, 0, 0, 0, 1, 0])
+    )
+    assert groups(plan.repeats) == [[0, 1], [2, 3], [4], [5]]
+    assert len(plan.distinct[0]) == 6
+    ends = (
+        np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 0]]),
+        np.array([[9.0, 0, 0], [9, 0, 0], [0, 9, 0]]),
+    )
+    assert groups(printed(*ends).repeats) == [[0, 1], [2]]
+
+
+def test_a_steady_drift_is_no_wandering() -> None:
+    at = places_of(Layout(places=25, cycles=3), UNEVEN.bed)
+    hours = np.linspace(0.0, 0.5, len(at))
+    plan = touched(np.column_stack((at, np.zeros(len(at)))), hours=hours)
+    (wander,) = (shape for what, shape in plan.patterns(True) if "wander" in what)
+    steady = np.stack((np.ones(len(at)), hours), axis=1)
+    assert np.abs(steady.T @ wander).max() < 1e-9
+    assert np.linalg.matrix_rank(wander) > 10
 
 
 def test_cells_are_patches_of_the_bed() -> None:

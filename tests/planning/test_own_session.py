@@ -1,0 +1,84 @@
+"""Beside data that no readings can be joined to: what a session of its own then says.
+
+The independent truth measures the first data, and the session that is recommended.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.diagnosis import Verdict, diagnose
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.model import DataKind, Differences, Model, Readings
+from orthoglide_cal.model.differences import reduction
+from orthoglide_cal.model.measured import DIFFERENCES
+from orthoglide_cal.planning import Option, best_next, ranked
+from tests import truth
+from tests.bench.ambiguous import continued
+from tests.diagnosis.sessions import known, readings_of
+from tests.readings import some
+
+
+def six(readings: Readings, model: Model) -> Differences:
+    """The differences that the paper prints of such readings."""
+    which = DIFFERENCES[DataKind.SIX]
+    matrix = reduction(DataKind.SIX, which, model.machine, readings.plan)
+    return Differences(DataKind.SIX, which, matrix @ readings.value, readings.source)
+
+
+def measured(session: truth.Session, option: Option, seed: int) -> Readings:
+    """The recommended session on the same machine, a day later, without the first one."""
+    first, plan = readings_of(session).plan, option.plan
+    later = replace(
+        plan,
+        setup=plan.setup + first.setups,
+        part=plan.part + 1,
+        order=plan.order + len(first),
+        hours=plan.hours + float(first.hours.max()) + 24.0,
+    )
+    both = readings_of(continued(session, replace(option, plan=later), seed))
+    return some(both, np.arange(len(first), len(both)))
+
+
+@pytest.mark.parametrize("cause", ["axis_gap", "bar_skew"])
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int) -> None:
+    """A chance of 0.96 or more for each of 24 sessions: all of them are named rightly."""
+    (rival,) = {"axis_gap", "bar_skew"} - {cause}
+    session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (cause,))
+    readings, model = known(session)
+    found = diagnose(six(readings, model), model)
+    assert found.verdict is Verdict.AMBIGUOUS
+    following = best_next(found)
+    assert following is not None
+    assert following.option.session is not None
+    assert following.separates is not None
+    assert following.chance > 0.96
+    assert following.option.minutes < 25.0
+    for again in range(3):
+        after = diagnose(measured(session, following.option, again), model)
+        assert [each.id for each in after.causes] == [cause]
+        assert rival not in after.ambiguous_with
+
+
+@pytest.mark.parametrize("gauge", [truth.MICRON, truth.DIAL], ids=lambda gauge: gauge.name)
+def test_u_is_that_of_the_session_alone(gauge: truth.Gauge) -> None:
+    """On average over sessions of it, whatever the differences knew before."""
+    session = truth.make_session(5, truth.PROTOTYPE, gauge)
+    readings, model = known(session)
+    for following in ranked(diagnose(six(readings, model), model)):
+        sessions = [measured(session, following.option, seed) for seed in range(6)]
+        reach = [solve(readings, model).expanded_mm.max() for readings in sessions]
+        assert following.expanded_mm.max() == pytest.approx(np.mean(reach), rel=0.1)
+
+
+def test_readings_along_the_leg_are_not_gone_on_with_either() -> None:
+    """Only what `measure` takes as a session is ranked, and each names its options."""
+    session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL)
+    readings, model = known(session)
+    assert {each.option.session for each in ranked(diagnose(readings, model))} == {None}
+    found = ranked(diagnose(six(readings, model), model))
+    told = {each.option.session for each in found}
+    assert told == {"--cycles 1", "--cycles 2", "", "--cycles 5"}
+    assert not any(each.option.continues for each in found)
