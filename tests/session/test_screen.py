@@ -1,6 +1,7 @@
 """What the screen shows when it is narrow, resized or pushed away, and after Ctrl-Z."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -12,6 +13,9 @@ from orthoglide_cal.session.wording import table_lines, value_text
 
 from .terminal import AT_ONCE, PATIENCE_S, PROMPT, Terminal, environment
 from .virtual import SINGLE, answered, opened, readings_of, steps_of, typed
+
+# As a shell must be given it: a clone may stand at a path with a blank.
+PYTHON = shlex.quote(sys.executable)
 
 # The prototype's first posture and that of leg X at its upper limit (sec. 2.5): √(310.25² − 60²).
 ISO = (
@@ -100,7 +104,7 @@ def test_after_ctrl_z_and_fg_everything_is_as_before(tmp_path: Path, end: str) -
     )  # fmt: skip
     try:
         shell.expect("shell> ")
-        shell.sendline(f'{sys.executable} -c "{AT_ONCE}" measure s.yaml --yes')
+        shell.sendline(f'{PYTHON} -c "{AT_ONCE}" measure s.yaml --yes')
         shell.expect(PROMPT)
         shell.sendcontrol("z")
         shell.expect("shell> ")
@@ -121,7 +125,7 @@ def test_after_ctrl_z_and_fg_everything_is_as_before(tmp_path: Path, end: str) -
 
 def test_what_is_typed_after_the_end_does_not_reach_the_shell(tmp_path: Path) -> None:
     shell = pexpect.spawn(
-        "sh", ["-c", f'{sys.executable} -c "{AT_ONCE}" measure s.yaml --yes; read x; echo "[$x]"'],
+        "sh", ["-c", f'{PYTHON} -c "{AT_ONCE}" measure s.yaml --yes; read x; echo "[$x]"'],
         cwd=str(tmp_path), env=environment(), encoding="utf-8", timeout=PATIENCE_S,
     )  # fmt: skip
     shell.expect(PROMPT)
