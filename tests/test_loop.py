@@ -1,6 +1,6 @@
 """The whole round in a real terminal, typing only what the screens suggest.
 
-machine new → measure → solve → apply → measure again → verify → report as left → history.
+machine new → measure → solve → apply → measure again → verify → report as left.
 """
 
 import re
@@ -81,9 +81,3 @@ def test_the_round_closes(tmp_path: Path) -> None:
         assert (before, change, now) == (0.0, value, value)
         # What the machine still hides is gone, to within the noise of readings.
         assert abs(remains) < 0.04
-    history = typed(tmp_path, "orthocal report --history .")
-    rows = re.findall(r"^  2\d{3}-\d\d-\d\d +(\S+) +(\S+) +(\S+) ", history, re.MULTILINE)
-    assert len(rows) == 2
-    for row in rows:
-        # An adjustment is no jump.
-        np.testing.assert_allclose([float(value) for value in row], HIDDEN, atol=0.04)

@@ -118,8 +118,7 @@ Limit = Annotated[
     float | None,
     option(
         metavar="MM",
-        help="Largest deviation allowed in any difference: pass, fail or undecided; over time:"
-        " when the machine is due.",
+        help="Largest deviation allowed in any difference: pass, fail or undecided.",
     ),
 ]
 HtmlFile = Annotated[

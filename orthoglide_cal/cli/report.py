@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError, UsageError
-
-if TYPE_CHECKING:
-    from orthoglide_cal.report.document import Document
 
 
 def report(
@@ -48,44 +45,16 @@ def report(
         ),
     ] = None,
     limit: common.Limit = None,
-    interactive: Annotated[
-        bool,
-        typer.Option(
-            "--interactive",
-            help="With --html: the page also shows the machine in motion, its errors enlarged.",
-        ),
-    ] = False,
-    history: Annotated[
-        Path | None,
-        common.option(
-            metavar="FOLDER",
-            help="Instead: results of one machine over time, from the sessions in a folder.",
-        ),
-    ] = None,
-    name: Annotated[
-        str | None, common.option(metavar="NAME", help="Machine, if the folder holds several.")
-    ] = None,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Write the calibration report, or the history of a machine."""
+    """Write the calibration report."""
     if after is None and applied is not None:
         raise UsageError("--applied goes with --after.", "Name the later readings.")
-    if after is None and history is None and limit is not None:
-        raise UsageError(
-            "--limit goes with --after, or with --history.", "Name the later readings."
-        )
-    if history is not None and (file is not None or after is not None):
-        raise UsageError("--history takes a folder instead of a file.", "Give one of the two.")
-    if interactive and (html is None or history is not None):
-        raise UsageError(
-            "--interactive is for the page of a session.", "Say where it goes: --html FILE"
-        )
+    if after is None and limit is not None:
+        raise UsageError("--limit goes with --after.", "Name the later readings.")
     show = functools.partial(
         common.deliver, as_json=json, html=html, markdown=markdown, overwrite=overwrite
     )
-    if history is not None:
-        show(_history(history, name, limit))
-        return
 
     from orthoglide_cal import diagnosis, results
     from orthoglide_cal.files import latest_session
@@ -109,16 +78,7 @@ def report(
         found = results.calibrate(
             given, method, sensitivity=diagnosis.DOUBTFUL, verification=verification
         )
-        show(calibration_document(found, machine, interactive))
+        show(calibration_document(found, machine))
         return 0 if found.solution else UnusableResultError.exit_code
 
     common.for_each([file or str(latest_session(Path()))], judge, as_json=json)
-
-
-def _history(folder: Path, name: str | None, limit: float | None) -> Document:
-    from orthoglide_cal import results
-    from orthoglide_cal.report.documents.history import history_document
-
-    found = results.history(folder, name, limit)
-    inputs = [(entry.solution.source, entry.solution.model) for entry in found.entries]
-    return history_document(found, results.identify(inputs, limit))

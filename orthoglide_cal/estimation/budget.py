@@ -19,7 +19,6 @@ from orthoglide_cal.model import AXES, Floats, Gauge, ReadOnly
 from orthoglide_cal.model.influence import Influence, Origin
 
 # What another session draws anew: its readings, and where the stands are put.
-RENEWED = frozenset({Origin.NOISE, Origin.RESOLUTION, Origin.GAUGE_PLACEMENT})
 
 
 class Evaluation(StrEnum):
@@ -71,11 +70,6 @@ class Budget:
     """All contributions, at least one."""
 
     contributions: tuple[Contribution, ...]
-
-    @property
-    def renewed(self) -> Budget:
-        """Only what is new in every session; the rest is the same in all of one machine."""
-        return Budget(tuple(each for each in self.contributions if each.source in RENEWED))
 
     def without(self, sources: Container[str]) -> Budget:
         """Without what these sources add."""

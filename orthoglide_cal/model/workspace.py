@@ -16,9 +16,9 @@ import numpy as np
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.cause import Command
-from orthoglide_cal.model.machine import Geometry, rail_position, tool_derivative, trilaterate
+from orthoglide_cal.model.machine import rail_position, tool_derivative, trilaterate
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
+from orthoglide_cal.model.plan import Floats, ReadOnly
 
 SAMPLES = 17  # along each edge of the cube
 MOST_POINTS = 51  # of a compensation table, along each edge
@@ -109,54 +109,6 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         after_mean_mm=float(after.mean()),
         left_max_mm=float(beside.max()),
         nominal_edge_mm=model.machine.workspace_mm,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Travel(ReadOnly):
-    """Where carriages and tool stand while one leg after the other moves through its travel.
-
-    Attributes:
-        leg: which one moves, shape (m,).
-        displacement_mm: how far from the isotropic posture, shape (m,).
-        nominal_mm: carriages x, y, z, then the tool, as the controller believes, shape (m, 4, 3).
-        before_mm, after_mm: as they are without and with the offsets entered, shape (m, 4, 3).
-    """
-
-    leg: Ints
-    displacement_mm: Floats
-    nominal_mm: Floats
-    before_mm: Floats
-    after_mm: Floats
-
-
-def travel(model: Model, offsets: Floats, steps: int = 4) -> Travel:
-    """Carriages and tool, believed and real, through the travel of each leg.
-
-    Args:
-        model: the real machine; entering offsets does not compensate its causes.
-        offsets: Δρ that the controller does not know yet, shape (3,) [mm].
-        steps: postures on each side of the isotropic one.
-
-    Raises:
-        PostureError: a posture that the machine cannot take.
-    """
-    low, high = model.machine.joint_limits_mm
-    way = np.concatenate((np.linspace(low, 0.0, steps + 1), np.linspace(0.0, high, steps + 1)[1:]))
-    leg, displacement = np.repeat(np.arange(3), way.size), np.tile(way, 3)
-    indicated = model.kind.joints_at(model.machine, leg, displacement)
-
-    def places(geometry: Geometry, joints: Floats) -> Floats:
-        carriages = geometry.carriages(joints)
-        tool = trilaterate(carriages, geometry.lengths)
-        return np.concatenate((carriages, tool[:, None, :]), axis=1)
-
-    return Travel(
-        leg=leg,
-        displacement_mm=displacement,
-        nominal_mm=places(model.kind.rails(model.machine), indicated),
-        before_mm=places(model.geometry, _standing(model, indicated, offsets)),
-        after_mm=places(model.geometry, _standing(model, indicated, np.zeros(3))),
     )
 
 

@@ -195,16 +195,13 @@ def interval_lines(
     values: Sequence[float],
     halves: Sequence[float],
     width: int = CHARACTERS,
-    zero: bool = True,
 ) -> tuple[str, ...]:
-    """One line per value: its interval on a common scale, with zero marked if it is wanted.
+    """One line per value: its interval on a common scale, with zero marked.
 
     >>> print(interval_lines(["x"], [1.0], [0.5], 13)[0])
     x  │   ├───●───┤
     """
-    ends = [v + s * h for v, h in zip(values, halves, strict=True) for s in (-1.0, 1.0)]
-    if zero:
-        ends.append(0.0)
+    ends = [0.0, *(v + s * h for v, h in zip(values, halves, strict=True) for s in (-1.0, 1.0))]
     low, high = min(ends), max(ends)
     span = (high - low) or 1.0
 
@@ -214,8 +211,7 @@ def interval_lines(
     lines = []
     for name, value, half in zip(names, values, halves, strict=True):
         cells = [" "] * width
-        if zero:
-            cells[place(0.0)] = "│"
+        cells[place(0.0)] = "│"
         left, middle, right = place(value - half), place(value), place(value + half)
         for k in range(left, right + 1):
             cells[k] = "─"

@@ -122,8 +122,6 @@ class Figure:
         key: explanation of the marks.
         pairs: the panels are a first half and a second half, which are set side by side.
         legend: a further panel below all others.
-        motion: what a page that may run its own script needs to move the only panel; the picture
-            says the same of one moment without it.
     """
 
     title: str | None
@@ -134,7 +132,6 @@ class Figure:
     key: str | None = None
     pairs: bool = False
     legend: Html | None = None
-    motion: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -207,12 +204,6 @@ class Page:
         return tuple(
             filter(None, (self.scope, f"End of report {self.number}." if self.number else None))
         )
-
-    @property
-    def moves(self) -> bool:
-        """Whether a picture on it can be moved."""
-        blocks = (block for each in (*self.sheet, *self.sections) for block in each.blocks)
-        return any(isinstance(block, Figure) and block.motion for block in blocks)
 
     @property
     def name(self) -> str:

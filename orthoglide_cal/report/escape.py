@@ -1,12 +1,11 @@
 """Text from outside made harmless in Markdown, CSV, HTML and SVG; each builds on `visible`.
 
-HTML and SVG are made with `tag`, `in_html`, `in_script` and `join` only, which escape all but
+HTML and SVG are made with `tag`, `in_html` and `join` only, which escape all but
 their own.
 """
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
 from html import escape
@@ -39,7 +38,7 @@ def in_csv(text: str) -> str:
 
 
 class Html(str):
-    """Markup; made by `tag`, `in_html`, `in_script` and `join` only."""
+    """Markup; made by `tag`, `in_html` and `join` only."""
 
     __slots__ = ()
 
@@ -53,14 +52,6 @@ def in_html(content: str) -> Html:
     if isinstance(content, Html):
         return content
     return Html(escape(content if content.isprintable() else visible(content), quote=True))
-
-
-def in_script(value: object) -> Html:
-    """Plain values as JSON for a script element, which no text in it can end."""
-    written = json.dumps(value, allow_nan=False, separators=(",", ":"))
-    for sign in "<>&":
-        written = written.replace(sign, f"\\u{ord(sign):04x}")
-    return Html(written)
 
 
 def join(parts: Iterable[Child], between: str = "") -> Html:

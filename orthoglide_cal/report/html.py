@@ -1,19 +1,17 @@
 """A page as one HTML file that needs nothing else: style and pictures are inside.
 
-The Content-Security-Policy allows this page's own style, where a picture moves its own script, and
-nothing more, so that even markup that slipped through could neither run nor fetch anything.
+The Content-Security-Policy allows this page's own style and nothing more, so that even markup that
+slipped through could neither run nor fetch anything.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Mapping
 from importlib.resources import files
-from typing import Any
 
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.escape import Html, in_html, in_script, join, tag
+from orthoglide_cal.report.escape import Html, in_html, join, tag
 
 _COLUMNS = {1: "one", 2: "two", 3: "three"}
 MOST_PANELS = 3  # of a picture in half the width of a wide screen
@@ -21,11 +19,11 @@ MOST_PANELS = 3  # of a picture in half the width of a wide screen
 
 def html(page: doc.Page) -> str:
     """The file's text."""
-    style, script = _style(page), _own("motion.js") if page.moves else None
+    style = _style(page)
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     policy = (
-        f"default-src 'none'; style-src {_allowed(style)}; img-src data:;"
-        + (f" script-src {_allowed(script)};" if script else "")
-        + " base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:;"
+        " base-uri 'none'; form-action 'none'"
     )
     head = tag(
         "head",
@@ -39,19 +37,8 @@ def html(page: doc.Page) -> str:
         Html(f"<style>{style}</style>"),
     )
     end = (tag("p", line) for line in page.closing or (page.name,))
-    last = Html(f"<script>{script}</script>") if script else None
-    body = tag("body", _header(page), _main(page), tag("footer", *end), last)
+    body = tag("body", _header(page), _main(page), tag("footer", *end))
     return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
-
-
-def _own(name: str) -> str:
-    """A file that lies beside this one."""
-    return files("orthoglide_cal.report").joinpath(name).read_text(encoding="utf-8")
-
-
-def _allowed(content: str) -> str:
-    """As the policy names what it allows."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
 
 
 def _style(page: doc.Page) -> str:
@@ -59,7 +46,7 @@ def _style(page: doc.Page) -> str:
     # Letters, digits, blanks and "-" only, whatever the name is made of.
     name = "".join(c for c in page.name if c.isalnum() or c in "- ")
     corner = "font: 8pt sans-serif; color: #444444; vertical-align: top; padding-top: 3mm;"
-    return _own("style.css") + (
+    return files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8") + (
         f'@page {{ @bottom-left {{ content: "{name}"; {corner} }}'
         ' @bottom-right { content: "Page " counter(page) " of " counter(pages);'
         f" {corner} }} }}\n"
@@ -181,32 +168,8 @@ def _figure(figure: doc.Figure) -> Html:
         tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding),
         tag("div", *figure.panels, class_=f"panels {layout}"),
         tag("div", figure.legend, class_="legend") if figure.legend else None,
-        _controls(figure.motion) if figure.motion else None,
         tag("p", figure.key, class_="small") if figure.key else None,
     )
-
-
-def _controls(motion: Mapping[str, Any]) -> Html:
-    """What moves a picture; hidden until the script is there that listens to it."""
-
-    def slider(label: str, name: str, low: int, high: int) -> Html:
-        return tag("label", label, tag("input", type="range", name=name, min=low, max=high))
-
-    def choice(when: str) -> Html:
-        return tag("label", tag("input", type="radio", name="when", value=when), f" {when}")
-
-    form = tag(
-        "form",
-        tag("fieldset", *map(choice, motion["when"])),
-        slider("Posture", "posture", 0, len(motion["frames"]) - 1),
-        slider("Errors enlarged", "enlarged", 0, len(motion["enlarged"]) - 1),
-        slider("Turn", "turn", -180, 180),
-        tag("output"),
-        class_="controls",
-        hidden=True,
-        autocomplete="off",
-    )
-    return join((form, tag("script", in_script(motion), type="application/json", class_="motion")))
 
 
 def _cell(content: doc.Blank) -> Html:

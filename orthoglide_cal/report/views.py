@@ -80,10 +80,9 @@ def _at(leg: int, fraction: float) -> Floats:
     return np.asarray(CENTRE + fraction * LEG * ON_PAPER[leg])
 
 
-def _line(start: Floats, stop: Floats, class_: str, part: str | None = None) -> Html:
-    """A straight line; one that moves has the name of its part."""
+def _line(start: Floats, stop: Floats, class_: str) -> Html:
     (x1, y1), (x2, y2) = start.tolist(), stop.tolist()
-    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_, data_part=part)
+    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_)
 
 
 def _gauge(leg: int, direction: int, place: float, faulty: bool) -> Html:
@@ -100,46 +99,3 @@ def _gauge(leg: int, direction: int, place: float, faulty: bool) -> Html:
         words(x, y + 4, f"+{AXES[direction]}", "middle", "small"),
         class_=f"c-{AXES[leg]}",
     )
-
-
-def axes_on_paper(leg_length_mm: float) -> Floats:
-    """Where one millimetre along x, y, z leads in the picture, shape (3, 2)."""
-    return np.asarray(LEG / leg_length_mm * ON_PAPER)
-
-
-def rail_ends(leg_length_mm: float, joint_limits_mm: tuple[float, float]) -> Floats:
-    """Both ends of each rail and the place of its name, shape (3, 3, 3) [mm]."""
-    low, high = joint_limits_mm
-    along = leg_length_mm + np.array([low, high, high + 0.1 * leg_length_mm])
-    return np.asarray(along[:, None] * np.eye(3)[:, None, :])
-
-
-def moved(believed_mm: Floats, drawn_mm: Floats, rails_mm: Floats, axes: Floats, what: str) -> Html:
-    """The machine where it is believed to be, and where it is; each part has a name to be moved by.
-
-    Args:
-        believed_mm: carriages x, y, z and the tool, shape (4, 3).
-        drawn_mm: the same with their errors enlarged, shape (4, 3).
-        rails_mm: as `rail_ends` gives them.
-        axes: as `axes_on_paper` gives them.
-        what: in words, what is shown.
-    """
-    rails, believed, drawn = (CENTRE + p @ axes for p in (rails_mm, believed_mm, drawn_mm))
-    parts = []
-    for leg, axis in enumerate(AXES):
-        low, high, name = rails[leg]
-        x, y = drawn[leg].tolist()
-        lines = (
-            _line(low, high, "rail", f"rail-{axis}"),
-            _line(believed[leg], believed[3], "ghost", f"ghost-{axis}"),
-            _line(drawn[leg], drawn[3], "bar", f"leg-{axis}"),
-        )
-        carriage = tag("rect", x=x - 7, y=y - 7, width=14, height=14, rx=2, class_="carriage",
-                       data_part=f"carriage-{axis}")  # fmt: skip
-        label = tag("text", axis, x=float(name[0]), y=float(name[1]) + 4.0, text_anchor="middle",
-                    class_="axis", data_part=f"name-{axis}")  # fmt: skip
-        parts.append(tag("g", *lines, carriage, label, class_=f"c-{axis}"))
-    for name, points, class_ in (("ghost-tool", believed, "ghost"), ("tool", drawn, "tool")):
-        cx, cy = points[3].tolist()
-        parts.append(tag("circle", cx=cx, cy=cy, r=7, class_=class_, data_part=name))
-    return svg("motion", WIDTH, HEIGHT, "The machine, its errors enlarged", what, *parts)

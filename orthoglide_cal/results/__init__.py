@@ -1,4 +1,4 @@
-"""What a technician is told: may the offsets be entered, which, how sure, what is left, history."""
+"""What a technician is told: may the offsets be entered, which, how sure, what is left."""
 
 from orthoglide_cal.results.adjustment import Adjustment, CheckPosture, JointOffset
 from orthoglide_cal.results.application import Application, Recording, apply, recording, take_back
@@ -10,32 +10,25 @@ from orthoglide_cal.results.calibration import (
     export,
     identify,
 )
-from orthoglide_cal.results.history import Drift, Entry, History, history
 from orthoglide_cal.results.release import Release, Remedy, release
 from orthoglide_cal.results.residuals import Explained, Residuals
-from orthoglide_cal.results.trend import Trend
 
 __all__ = [
     "Adjustment",
     "Application",
     "Calibration",
     "CheckPosture",
-    "Drift",
-    "Entry",
     "Explained",
     "Export",
-    "History",
     "Identity",
     "JointOffset",
     "Recording",
     "Release",
     "Remedy",
     "Residuals",
-    "Trend",
     "apply",
     "calibrate",
     "export",
-    "history",
     "identify",
     "recording",
     "release",

@@ -19,7 +19,7 @@ from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, h
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files import Input, machine_values
 from orthoglide_cal.model import Model, Source, View
-from orthoglide_cal.model.workspace import Travel, WorkspaceError, travel, workspace_error
+from orthoglide_cal.model.workspace import WorkspaceError, workspace_error
 from orthoglide_cal.planning import Next, best_next
 from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
 from orthoglide_cal.results.release import Release, Remedy, release
@@ -235,16 +235,6 @@ class Calibration:
         try:
             budget = found.budget
             return workspace_error(self.model, found.offsets_mm, budget.covariance_mm2, budget.k)
-        except PostureError:
-            return None
-
-    @cached_property
-    def travel(self) -> Travel | None:
-        """Where the machine stands in its postures; None if that cannot be computed."""
-        if self.adjustment is None or not self.adjustment.kind.has_cube:
-            return None
-        try:
-            return travel(self.model, self.adjustment.offsets_mm)
         except PostureError:
             return None
 

@@ -219,10 +219,6 @@ def test_sessions_say_themselves_what_was_active() -> None:
     Path("other.yaml").write_text("kind: broken\n", encoding="utf-8")
     assert run("verify", "one.yaml", "two.yaml").exit_code == 0
     Path("other.yaml").unlink()
-    (history,) = lines(run("report", "--history", ".", "--json"))
-    totals = [entry["total_mm"]["x"] for entry in history["sessions"]]
-    np.testing.assert_allclose(totals, 0.4, atol=0.01)
-    assert [entry["adjusted"] for entry in history["sessions"]] == [False, True]
 
 
 def simulated_session() -> None:

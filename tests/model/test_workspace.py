@@ -10,14 +10,11 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model import Floats, Machine
 from orthoglide_cal.model.machine import Geometry
-from orthoglide_cal.model.workspace import SAMPLES, compensation, travel, workspace_error
+from orthoglide_cal.model.workspace import SAMPLES, compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
 from tests.model.geometries import bent_rails, on_rails
 from tests.model.paper_kinematics import direct, inverse, tool_near
 from tests.model.table2 import nominal_rails
-from tests.truth import machines as truth
-from tests.truth.forward import PARTS, SIZE, Disturbance, carriages_and_tool
-from tests.truth.plan import standard_plan
 
 LENGTH = PROTOTYPE.leg_length_mm
 RAILS = nominal_rails(LENGTH)
@@ -165,26 +162,3 @@ def test_nothing_to_compensate_is_said() -> None:
         with pytest.raises(UsageError, match=f"2 to 51 points along each edge, not {points}"):
             compensation(gap, points)
     assert len(compensation(gap, 2).points_mm) == 8
-
-
-def test_travel_stands_where_the_independent_truth_stands() -> None:
-    """Carriages and tool in every posture of the standard session; a machine with a gap."""
-    gaps = (0.3, -0.2, 0.25)
-    model = extended(axis_gap=gaps)
-    found = travel(model, OFFSETS)
-    plan = standard_plan(truth.PROTOTYPE, np.random.default_rng(0), cycles=1)
-    states = np.zeros((2, SIZE))
-    states[:, PARTS["axis_gap"]] = gaps
-    states[0, PARTS["offsets"]] = OFFSETS
-    still = Disturbance.none(plan).motion
-    carriages, tool = carriages_and_tool(plan, truth.PROTOTYPE, states, still)
-    seen = 0
-    for k, (leg, place) in enumerate(zip(found.leg, found.displacement_mm, strict=True)):
-        for n in np.flatnonzero((plan.leg == leg) & (plan.displacement == place)):
-            seen += 1
-            for state, real in enumerate((found.before_mm, found.after_mm)):
-                assert real[k, :3] == pytest.approx(carriages[:, :, state, n], abs=1e-6)
-                assert real[k, 3] == pytest.approx(tool[:, state, n], abs=1e-6)
-    assert seen == plan.count
-    commanded = found.displacement_mm[:, None] * np.eye(3)[found.leg]
-    assert found.nominal_mm[:, 3] == pytest.approx(commanded, abs=1e-9)

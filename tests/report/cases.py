@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -19,15 +18,14 @@ from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.checks import check_document, paper_document
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document
-from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import Identity, calibrate, history, identify
+from orthoglide_cal.results import Identity, calibrate
 from orthoglide_cal.verification import verify
 from tests.machines import NOMINAL, SAMPLES
 from tests.results.cases import CALIBRATIONS, GAP, HOSTILE, ISSUED, hostile
-from tests.results.sessions import FINE, TRUE, given, session, write_history
+from tests.results.sessions import FINE, TRUE, given, session
 
 
 def changed(
@@ -55,13 +53,6 @@ def verified() -> Document:
     found = verify(before, after, TRUE.tolist(), limit_mm=0.05)
     identity = Identity("OC-012345-ABCDEF", ISSUED, "orthocal 0")
     return verification_document(found, identity)
-
-
-def history_of_machine() -> Document:
-    """Four sessions, an adjustment, drift of x, and files that are no sessions."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_history(Path(folder))
-        return history_document(history(Path(folder)), identify([], issued=ISSUED))
 
 
 def solved() -> Document:
@@ -117,7 +108,6 @@ def documents() -> dict[str, Callable[[], Document]]:
         name: (lambda make=make: calibration_document(make()))
         for name, make in CALIBRATIONS.items()
     }
-    made["history"] = history_of_machine
     for make in (verified, solved, suspicious, diagnosed, undecided, faulty, planned, reproduced):
         made[make.__name__] = make
     return {name: cache(make) for name, make in made.items()}

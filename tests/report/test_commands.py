@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import resource
 import subprocess
 import sys
@@ -16,7 +15,7 @@ from typer.testing import CliRunner
 from orthoglide_cal.cli.app import app
 from tests.machines import NOMINAL, SAMPLES
 from tests.results import cases
-from tests.results.sessions import FINE, TRUE, session, write, write_history
+from tests.results.sessions import FINE, TRUE, session, write
 
 RUN = CliRunner()
 EXPERIMENTS = [str(SAMPLES / f"experiment{k}.csv") for k in (1, 2, 3)]
@@ -41,10 +40,12 @@ def test_report_on_the_terminal(healthy: Path):
 
 
 def test_report_takes_the_latest_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    write_history(tmp_path)
+    for day in (30, 10, 20):
+        path = tmp_path / f"session-{day}.yaml"
+        write(session(TRUE, day), NOMINAL, path, finished=f"2026-01-{day}T09:30:00+00:00")
     monkeypatch.chdir(tmp_path)
     found = run("report", "--json")
-    assert json.loads(found.stdout)["input"]["path"] == "session-3.yaml"
+    assert json.loads(found.stdout)["input"]["path"] == "session-30.yaml"
     monkeypatch.chdir(tmp_path.parent)
     (tmp_path.parent / "empty").mkdir(exist_ok=True)
     monkeypatch.chdir(tmp_path.parent / "empty")
@@ -110,38 +111,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     assert "The correction did what was promised" in page.stdout
     assert "Nothing more: keep this report with the machine." in page.stdout
     assert run("report", healthy, *applied).exit_code == 2
-
-
-def test_report_history(tmp_path: Path):
-    write_history(tmp_path)
-    found = run("report", "--history", tmp_path)
-    assert found.exit_code == 0
-    assert "The offsets drift: axis x" in found.stdout
-    assert "2026-02-10" in found.stdout
-    assert "broken.yaml" in found.stdout
-    numbers = json.loads(run("report", "--history", tmp_path, "--json").stdout)
-    assert len(numbers["sessions"]) == 4
-    assert run("report", "x.csv", "--history", tmp_path).exit_code == 2
-    assert re.search(r"in a month +\+0\.00[0-9]+ ± 0\.00", found.stdout)
-    rate, reach = (numbers["trend"][key]["x"] for key in
-                   ("mm_per_month", "expanded_mm_per_month"))  # fmt: skip
-    assert 0.0 < reach < rate < 0.02
-    assert numbers["due"] is None
-    assert "Due" not in found.stdout
-
-
-def test_history_says_when_the_machine_is_due(tmp_path: Path):
-    write_history(tmp_path)
-    limited = ("report", "--history", tmp_path, "--limit")
-    soon, never = (json.loads(run(*limited, mm, "--json").stdout) for mm in (0.1, 5.0))
-    assert soon["sessions"][-1]["finished"] < soon["due"] < "2031"
-    assert never["due"] is None
-    assert never["limit_mm"] == 5.0
-    page = run(*limited, 0.1).stdout
-    assert f"by {soon['due'][:10]}: from then on the limit of 0.1 mm" in " ".join(page.split())
-    assert "not within 5 years" in run(*limited, 5.0).stdout
-    assert 'class="due"' in run(*limited, 0.1, "--html", "-").stdout
-    assert run("report", "x.csv", "--limit", 0.1).exit_code == 2
+    assert run("report", healthy, "--limit", 0.1).exit_code == 2
 
 
 def test_the_same_inputs_and_options_give_the_same_number(healthy: Path, tmp_path: Path):

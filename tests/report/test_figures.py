@@ -18,7 +18,6 @@ from orthoglide_cal.report.canvas import (
     tick_text,
     ticks,
 )
-from orthoglide_cal.report.drift import DriftLine, drift_panels
 from orthoglide_cal.report.slices import CLASSES, class_limits, legend, slices
 from orthoglide_cal.results import Residuals
 
@@ -222,35 +221,6 @@ def test_strips_count_what_lies_outside_the_noise():
     assert "leg x" not in mixed[0]
     assert "3 of 3 outside" in strips[0]
     assert "0 of 3 outside" in strips[1]
-
-
-def test_drift_says_first_last_and_adjustments():
-    total = np.array([[0.1, 0.2, 0.3], [0.15, 0.2, 0.1]])
-    drawn = drift_panels(
-        (0.0, 30.0), ("2026-01-01", "2026-01-31"), total, total * 0 + 0.01, (False, True)
-    )
-    assert "+0.100 mm on 2026-01-01, +0.150 mm on 2026-01-31" in drawn[0]
-    assert "adjusted before 2026-01-31" in drawn[2]
-    assert drawn[0].count('class="event"') == 1
-
-
-def test_drift_shows_the_trend_in_its_band_and_the_day_that_is_due():
-    total = np.array([[0.1, 0.2, 0.3], [0.15, 0.2, 0.1]])
-    days, value = np.array([0.0, 30.0, 60.0]), np.array([[0.1] * 3, [0.2] * 3, [0.3] * 3])
-    trend = DriftLine(days, value, np.array([[0.02] * 3, [0.01] * 3, [0.04] * 3]), 45.0)
-    given = ((0.0, 30.0), ("2026-01-01", "2026-01-31"), total, total * 0 + 0.01, (False, False))
-    (band,) = re.findall('points="([^"]*)" class="trend"', drift_panels(*given, trend)[1])
-    corners = [tuple(map(float, corner.split(","))) for corner in band.split()]
-    assert len(corners) == 6
-    # Three corners below, then three above from the last to the first; half as wide as said.
-    widths = [low[1] - high[1] for low, high in zip(corners[:3], corners[:2:-1], strict=True)]
-    assert widths[0] == pytest.approx(2.0 * widths[1], abs=0.2)
-    assert widths[2] == pytest.approx(4.0 * widths[1], abs=0.4)
-    drawn = drift_panels(*given, trend)[0]
-    due = float(re.search('<line x1="([0-9.]+)"[^>]*class="due"', drawn)[1])
-    assert due == pytest.approx((corners[1][0] + corners[2][0]) / 2.0, abs=0.1)
-    assert 'class="due"' not in drift_panels(*given)[0]
-    assert 'class="trend"' not in drift_panels(*given)[0]
 
 
 def test_sketches():

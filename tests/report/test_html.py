@@ -179,7 +179,7 @@ def test_a_gauge_that_was_due_before_the_measurement_is_marked(
     assert ("past on the day of the measurement" in said) == past
 
 
-@pytest.mark.parametrize("name", ["healthy", "failed", "verified", "history"])
+@pytest.mark.parametrize("name", ["healthy", "failed", "verified"])
 def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
     page = documents()[name]().page()
     outline = Outline()

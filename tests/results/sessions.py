@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -62,25 +61,3 @@ def given(
 def write(measured: Readings, model: Model, path: Path, **more: str) -> None:
     """A session file of readings; `more` are further keys of it."""
     write_session({**session_of_readings(measured, model, {}), **more}, path)
-
-
-# When each session of the shared history was finished, and the offsets active in it.
-HISTORY = (
-    ("2026-01-12T09:30:00+00:00", (0.0, 0.0, 0.0)),
-    ("2026-02-10T09:30:00+00:00", (-0.527, 0.595, -1.748)),
-    ("2026-04-20T09:30:00+00:00", (-0.527, 0.595, -1.748)),
-    ("2026-10-30T09:30:00+00:00", (-0.527, 0.595, -1.748)),
-)
-# True offsets at the first session, and their drift from one session to the next [mm].
-FIRST, DRIFT = (-0.53, 0.59, -1.76), (0.03, 0.0, 0.0)
-
-
-def write_history(folder: Path) -> None:
-    """Four sessions of one machine that was adjusted after the first, and other files."""
-    for k, (finished, active) in enumerate(HISTORY):
-        model = replace(NOMINAL, machine=replace(NOMINAL.machine, offsets_mm=active))
-        left = np.array(FIRST) + k * np.array(DRIFT) - np.array(active)
-        write(session(left, 100 + k), model, folder / f"session-{k}.yaml", finished=finished)
-    (folder / "notes.yaml").write_text("title: no session\n")
-    (folder / "broken.yaml").write_text("machine: {}\nreadings:\n- {leg: q}\n")
-    os.utime(folder / "broken.yaml", (0, 0))

@@ -22,7 +22,6 @@ from orthoglide_cal.report.documents import evidence
 from orthoglide_cal.report.documents.budget import budget_section
 from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.documents.diagnosis import diagnosis_data
-from orthoglide_cal.report.documents.motion import motion
 from orthoglide_cal.report.documents.parameters import (
     offsets_grid,
     offsets_title,
@@ -56,22 +55,21 @@ KIND = "Calibration report"
 
 
 def calibration_document(
-    calibration: Calibration, machine_file: Path | None = None, interactive: bool = False
+    calibration: Calibration, machine_file: Path | None = None
 ) -> doc.Document:
     """The document, for any of the renderers.
 
     Args:
         calibration: what to show.
         machine_file: as the user gave it, for the commands to run next.
-        interactive: also with the machine in motion.
     """
     return doc.Document(
         partial(calibration_data, calibration, machine_file),
-        partial(_page, calibration, machine_file, interactive),
+        partial(_page, calibration, machine_file),
     )
 
 
-def _page(calibration: Calibration, machine_file: Path | None, interactive: bool) -> doc.Page:
+def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
     identity, given = calibration.identity, calibration.input.conditions
     verification = calibration.verification
     if verification is not None:
@@ -86,8 +84,6 @@ def _page(calibration: Calibration, machine_file: Path | None, interactive: bool
             pages.append(_intervals(calibration, calibration.adjustment))
         pages.append(budget_section(calibration.adjustment.budget, calibration.adjustment.kind))
     pages += evidence.evidence(calibration, machine_file)
-    if interactive and calibration.travel is not None:
-        pages.append(motion(calibration.travel, calibration.input.model.machine))
     background = [evidence.conditions(calibration), evidence.origin(calibration)]
     # Without a result there is nothing to pin to the machine, and one sheet of paper says it all.
     (pages if calibration.solution else sheet).extend(background)
