@@ -155,12 +155,19 @@ def test_a_result_that_must_not_be_used_is_not_applied() -> None:
     assert Path("machine.yaml").read_bytes() == before
 
 
-def test_a_session_from_before_the_last_entry_is_refused() -> None:
+@pytest.mark.parametrize(("started", "code"), [(None, 2), ("2000", 2), ("2999", 0)])
+def test_a_session_from_before_the_last_entry_is_refused(started: str | None, code: int) -> None:
+    """Measured with other offsets in the controller; nothing newer is overwritten."""
     run("simulate", "--seed", "3", "--output", "old.yaml")
     applied()
-    refused = run("apply", "old.yaml", "--yes")
-    assert refused.exit_code == 2
-    assert "Measure again" in refused.stderr
+    entered = machine_file()
+    content = yaml.safe_load(Path("old.yaml").read_text(encoding="utf-8"))
+    content["started"] = started and f"{started}-03-04T10:00:00+00:00"
+    Path("old.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    tried = run("apply", "old.yaml", "--yes")
+    assert tried.exit_code == code, tried.stderr
+    assert ("Measure again" in tried.stderr) is (code == 2)
+    assert (machine_file() == entered) is (code == 2)
 
 
 def test_a_session_of_another_machine_is_refused() -> None:

@@ -1,5 +1,6 @@
 """What the gauges are promised to read once offsets are entered, against the independent truth."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -37,7 +38,7 @@ from tests.estimation.sessions import (
     problem_of,
     readings,
 )
-from tests.machines import NOMINAL, PROTOTYPE
+from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.readings import readings_of, some
 from tests.truth.forward import PARTS, SIZE, carriages_and_tool
 
@@ -165,6 +166,36 @@ def test_a_solution_promises_what_comes_true(form: str) -> None:
     for row in solution.promised():
         after = true_difference(SIX, row.difference, OFFSETS - solution.offsets_mm)
         assert row.expected_mm == pytest.approx(after, abs=1e-9)
+
+
+def test_stands_put_up_anew_are_misplaced_anew() -> None:
+    """Where they stood before and where they stand then are two independent errors."""
+    stated = sure(NOMINAL).machine
+    model = Model(replace(stated, gauge=replace(stated.gauge, placement_mm=2.0)))
+    plan = truth.standard_plan(truth.PROTOTYPE, np.random.default_rng(1), cycles=1)
+    column, posture = {}, np.array(plan.posture)
+    for when, offsets in (("before", OFFSETS), ("after", OFFSETS - ENTERED)):
+        state = np.zeros((1, SIZE))
+        state[0, PARTS["offsets"]] = offsets
+        apart = [
+            truth.signals(plan, truth.PROTOTYPE, state, misplaced=np.full(6, shift))[0]
+            for shift in (2.0, 0.0)
+        ]
+        column[when] = apart[0] - apart[1]
+    rows = promise(
+        differences(SIX, model),
+        Known(model, OFFSETS, 1e-16 * np.eye(3)),
+        ENTERED,
+        Scatter(1e-8, np.inf),
+    )
+    for row in rows:
+        mine = (plan.leg == row.difference.series.leg) & (
+            plan.direction == row.difference.series.direction
+        )
+        high, low = (np.flatnonzero(mine & (posture == end))[0] for end in ("max", "min"))
+        before, after = (column[when][high] - column[when][low] for when in ("before", "after"))
+        assert abs(before * after) > 1e-8
+        assert row.expanded_mm == pytest.approx(1.96 * np.hypot(before, after), rel=0.01)
 
 
 def test_nothing_entered_changes_nothing() -> None:

@@ -1,11 +1,14 @@
 """The plunger stays on the bar: what is planned says so, and what cannot be is not measured."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model import Contact, Machine, double_posture, single_posture
@@ -47,8 +50,18 @@ def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
     assert warning is not None
     assert "25.1 mm from it with carriage x at -130 mm" in warning[0]
     assert "[-124, 60]" in warning[1]
-    # What it advises is safe.
-    safe = replace(NEAR, joint_limits_mm=(-124.0, 60.0))
+
+
+@given(length=st.floats(150.0, 900.0), low=st.floats(0.42, 0.8), high=st.floats(0.0, 0.8))
+def test_advised_limits_are_safe(length: float, low: float, high: float) -> None:
+    """Whole millimetres towards the isotropic posture, never farther out."""
+    machine = replace(
+        PROTOTYPE, leg_length_mm=length, joint_limits_mm=(-low * length, high * length)
+    )
+    warning = bar_warning(double_posture(machine), machine)
+    assert warning is not None
+    limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning[1])[0]))
+    safe = replace(machine, joint_limits_mm=limits)
     assert bar_warning(double_posture(safe), safe) is None
 
 

@@ -77,9 +77,8 @@ class Surface:
         """z at places, of their shape."""
         u, v = x / self.radius, y / self.radius
         z = sum((c * u**j * v**k for (j, k), c in self.terms.items()), np.zeros(np.shape(x)))
-        for amplitude, along, across, phase in self.waves:
-            z = z + amplitude * np.cos(along * x + across * y + phase)
-        return z
+        amplitude, along, across, phase = self.waves.T
+        return z + np.cos(x[..., None] * along + y[..., None] * across + phase) @ amplitude
 
 
 def texture(rng: np.random.Generator, sd: float, length: float, count: int = 400) -> Floats:
@@ -229,7 +228,10 @@ def touches(
 
     z = np.array(block, dtype=float)
     for _ in range(12):
-        z = z - gap(z)
+        over = gap(z)
+        z = z - over
+        if np.abs(over).max() < 1e-12:
+            break
     return z
 
 
