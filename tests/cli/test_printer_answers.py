@@ -107,15 +107,8 @@ def test_touches_too_near_to_each_other_are_no_failed_search(verb: str) -> None:
     assert "search" not in done.stderr
 
 
-def test_what_comes_next_is_as_unsure_of_the_arms_as_what_was_solved() -> None:
-    """They are taken as the firmware has them, and most of U is what that leaves open."""
-    file = tilted(tilt=0.06)
-    (solved,) = lines(run("solve", file, *MACHINE, "--json"))
-    (plan,) = lines(run("plan", file, *MACHINE, "--json"))
-    for each in plan["next"]:
-        for name, reach in solved["expanded_mm"].items():
-            assert 0.9 * reach < each["expanded_mm"][name] < 1.05 * reach
-    page = run("plan", file, *MACHINE).stdout
+def test_the_next_touches_stand_before_the_next_steps() -> None:
+    page = run("plan", tilted(tilt=0.06), *MACHINE).stdout
     assert page.index("i Next, about") < page.index("What to do next")
     assert "telling: " not in page.partition("What to do next")[0]
 

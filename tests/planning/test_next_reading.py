@@ -12,7 +12,15 @@ from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.files.input import input_from_document
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.model import Effect, Floats, GaugePlan, Posture, Readings, double_posture
+from orthoglide_cal.model import (
+    Effect,
+    Floats,
+    GaugePlan,
+    Model,
+    Posture,
+    Readings,
+    double_posture,
+)
 from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.planning import Next, best_next, joined, ranked
 from orthoglide_cal.planning.next_reading import _pair
@@ -22,7 +30,10 @@ from orthoglide_cal.results import calibrate
 from tests import truth
 from tests.bench.ambiguous import continued
 from tests.diagnosis.sessions import known, model_of, readings_of
+from tests.printers import plan_of_session, printer, readings_of_touches
 from tests.readings import some
+from tests.results.sessions import given
+from tests.truth.delta import TOLERANCES, V400, Layout, make_delta_session
 from tests.truth.effects import state_with
 from tests.truth.forward import signals
 
@@ -260,6 +271,20 @@ def test_what_u_will_be_is_what_solve_prints(
         became = [printed_u(continued(session, following.option, n)) for n in range(4)]
         largest = np.mean(became, axis=0).max()
         assert following.expanded_mm.max() == pytest.approx(largest, rel=0.05)
+
+
+def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
+    """Arms of a printer: most of U of its endstops and radius, whatever is touched next."""
+    session = make_delta_session(5, layout=Layout(81))
+    model = Model(replace(printer(V400, TOLERANCES), texture_mm=V400.texture))
+    measured = readings_of_touches(
+        plan_of_session(session, session.readings), session.readings - session.block
+    )
+    adjustment = calibrate(given(measured, model)).adjustment
+    assert adjustment is not None
+    for following in ranked(diagnose(measured, model)):
+        ratio = following.expanded_mm / adjustment.expanded_mm
+        assert np.all((ratio > 0.9) & (ratio < 1.05))
 
 
 def printed_u(session: truth.Session) -> Floats:
