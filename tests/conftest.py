@@ -1,4 +1,4 @@
-"""Programs that the tests start are those of this checkout, and can be interrupted."""
+"""Programs that the tests start are those of this checkout; random examples are always the same."""
 
 import os
 import shutil
@@ -6,6 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
 
@@ -18,6 +19,10 @@ for library in ("OMP", "OPENBLAS", "MKL"):
 
 # A shell starts background jobs with this signal ignored, and children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# The same examples in every run, and no time limit on machines that are busy.
+settings.register_profile("steady", derandomize=True, database=None, deadline=None, max_examples=60)
+settings.load_profile("steady")
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,6 +145,26 @@ def test_the_same_parameters_are_not_fitted_again(tmp_path: Path) -> None:
     found = diagnose(before.measured, before.model, after.measured, entered, after.model)
     assert found.causes[0].heldout_after_mm is not None
     assert found.causes[0].heldout_after_mm < 0.03
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"arms": (344.6, 344.6, 344.6)},
+        {"radius": 161.9},
+        {"angles": (210.1, 330.0, 90.0)},
+        {"endstops": (420.1, 420.0, 420.0)},
+        {},
+    ],
+    ids=lambda change: "".join(change) or "nothing",
+)
+def test_any_other_parameter_in_the_controller_leaves_them_free(
+    change: dict[str, Any], tmp_path: Path
+) -> None:
+    before = given(tmp_path, make_delta_session(1, V400, layout=Layout(25)))
+    after = given(tmp_path, make_delta_session(1, replace(V400, **change), layout=Layout(25)))
+    found = diagnose(before.measured, before.model, after.measured, np.zeros(6), after.model)
+    assert any("left free" in note for note in found.notes) is bool(change)
 
 
 def test_the_verdict_does_not_hang_on_sizes(leaning: tuple[Input, Input]) -> None:

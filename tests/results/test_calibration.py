@@ -23,8 +23,11 @@ from orthoglide_cal.results import calibrate, calibration, export, identify, rel
 from orthoglide_cal.results.adjustment import as_found
 from orthoglide_cal.results.residuals import residuals
 from tests.machines import NOMINAL, PROTOTYPE, sure
+from tests.printers import plan_of_session, printer, readings_of_touches
 from tests.results import cases
 from tests.results.sessions import FINE, TRUE, given, session
+from tests.truth.delta import V400, Layout, Truth, probe_bed
+from tests.truth.plan import frozen
 
 NOT_USABLE = (
     cases.named_in_machine,
@@ -460,3 +463,24 @@ def test_accepted_causes_act_in_everything_that_follows():
     assert straight.workspace.after_max_mm < 0.05
     expected = {row.difference: row.expected_mm for row in found.adjustment.promised}
     assert found.adjustment.check.expected_mm == expected[found.adjustment.check.difference]
+
+
+@pytest.mark.parametrize(
+    ("off", "usable"),
+    [
+        (Truth(radius=3.5), True),
+        (Truth(radius=6.0), False),
+        (Truth(angles=frozen([0.0, 1.5, 0.0])), True),
+        (Truth(angles=frozen([0.0, 3.0, 0.0])), False),
+        (Truth(endstops=frozen([0.0, 6.0, 0.0])), False),
+    ],
+    ids=["radius", "radius, too far", "angle", "angle, too far", "endstop, too far"],
+)
+def test_a_printer_is_told_what_printers_can_be_off_by(off: Truth, usable: bool) -> None:
+    """A radius by 5 mm, an angle by 2 degrees, an endstop by 5 mm: beyond, it is another one."""
+    session = probe_bed(V400, off, (), Layout(41), np.random.default_rng(1))
+    plan = plan_of_session(session, session.readings)
+    model = Model(replace(printer(V400), tolerances={"leg_length": 0.0}))
+    release = calibrate(given(readings_of_touches(plan, session.readings), model)).release
+    assert release.usable is usable
+    assert any("no printer is that far off" in reason for reason in release.reasons) is not usable
