@@ -24,6 +24,7 @@ from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
+from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Cause,
@@ -125,12 +126,11 @@ class Whitened(ReadOnly):
             # The readings behind max − min, with the isotropic ones that the carriages pass.
             plan = ideal_plan(DataKind.TWELVE, model.machine)
             matrix = reduction(DataKind.SIX, posed.which, model.machine, plan)
-        root = np.linalg.cholesky(matrix @ matrix.T)
         # Rows of R, and the data, in units of independent noise.
-        white = np.asarray(np.linalg.solve(root, np.column_stack((matrix, posed.data))))
-        problem = Problem(model, plan, white[:, :-1])
+        white, data = whiten(matrix @ matrix.T, matrix, posed.data)
+        root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))
         in_file = np.array([posed.which.index(difference) for difference in measured.which])
-        return cls(problem, white[:, -1], np.asarray(root), False, in_file)
+        return cls(Problem(model, plan, white), data, root, False, in_file)
 
     def __len__(self) -> int:
         return len(self.data)
@@ -414,7 +414,7 @@ class Linearised:
         """
         few = [each.columns for each in self.uncertain if not each.local]
         carried = np.hstack([np.zeros((len(self.white), 0)), *few])
-        shown = carried - self.slope @ (np.linalg.pinv(self.slope) @ carried)
+        shown = unexplained(self.slope, carried)
         left, size, _ = np.linalg.svd(shown, full_matrices=False)
         kept = size > UNSEEN * self.noise.stated
         return np.asarray(left[:, kept] * size[kept])

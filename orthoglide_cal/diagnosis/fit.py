@@ -30,7 +30,8 @@ from orthoglide_cal.diagnosis.scores import (
 )
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
-from orthoglide_cal.estimation.least_squares import fit_linear, fit_offsets, fit_size
+from orthoglide_cal.estimation.gaussian import condition, fit_size, unexplained, whiten
+from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.model import Cause, Effect, Floats, Gauge, Ints, ReadOnly, differentiate
 from orthoglide_cal.model.influence import Influence, Origin
 
@@ -120,7 +121,7 @@ class Fitted(ReadOnly):
         columns = np.hstack([white.matrix @ slopes, self.columns[:, theta.size :] / unit])
         linear = white.data + white.matrix @ (slopes @ theta - readings)
         # Weighed as the fit was: by the stated noise, however large it turned out to be.
-        found, _ = fit_linear(columns, linear, self.sizes, white.machine.gauge.noise_mm / unit)
+        found, _ = condition(columns, linear, self.sizes, white.machine.gauge.noise_mm / unit)
         step = found[: theta.size] - theta
         return float(np.max(np.abs(step) / np.sqrt(np.diag(self.covariance)[: theta.size])))
 
@@ -137,7 +138,7 @@ class Fitted(ReadOnly):
         Args:
             noise: stated σ of one reading, by which the fit was weighed [mm].
         """
-        found, _ = fit_linear(self.columns, self.linear, self.sizes, noise)
+        found, _ = condition(self.columns, self.linear, self.sizes, noise)
         stretched = noise * (found / self.sizes)[len(self.offsets) :]
         return float(self.residual @ self.residual + stretched @ stretched)
 
@@ -206,7 +207,7 @@ def fit_explanation(score: Score, rough: float | None = None) -> Fitted:
     # With the offsets alone the first linear model is that of the fit already.
     for last in (False, True) if base or version else (True,):
         columns = np.hstack([own, free, at.carried])
-        found, _ = fit_linear(columns, linear, sizes, at.noise.stated)
+        found, _ = condition(columns, linear, sizes, at.noise.stated)
         offsets = offsets + found[:width]
         if not last:
             theta = found[width : own.shape[1]]
@@ -214,7 +215,7 @@ def fit_explanation(score: Score, rough: float | None = None) -> Fitted:
             predicted, own = at.white.linearised(offsets, effects)
             linear = at.versions[version] - added - predicted + own[:, width:] @ theta
     log, sigma = _judged(score, own, linear + added)
-    _, covariance = fit_linear(columns, linear, sizes, sigma)
+    _, covariance = condition(columns, linear, sizes, sigma)
     return Fitted(
         log_evidence=log + _positivity(base, slots, found, covariance),
         effects=_effects(score, slots, found, covariance),
@@ -311,17 +312,17 @@ def leave_out_cells(white: Whitened, fit: Fitted, judged: Fitted) -> HeldOut:
         judged: the accepted explanation.
     """
     # What each reading, or each printed difference, adds to the whitened data.
-    entries = white.matrix if white.raw else np.linalg.inv(white.root)
+    entries = white.matrix if white.raw else np.asarray(np.linalg.inv(white.root), np.float64)
     scaled = fit.columns * fit.sizes
     covariance = fit.sigma**2 * np.eye(len(white)) + scaled @ scaled.T
-    solved = np.linalg.solve(covariance, np.column_stack((entries, fit.linear)))
-    precision, weighted = entries.T @ solved[:, :-1], entries.T @ solved[:, -1]
+    entries, linear = whiten(covariance, entries, fit.linear)
+    precision, weighted = entries.T @ entries, entries.T @ linear
     errors, scaled_errors = [], []
     for blocks in _left_out(white, judged.wrong_reading):
-        root = np.linalg.cholesky(precision[blocks[:, :, None], blocks[:, None, :]])
-        scaled_error = np.linalg.solve(root, weighted[blocks][..., None])
-        scaled_errors.append(scaled_error.reshape(-1))
-        error = np.linalg.solve(root.swapaxes(1, 2), scaled_error)[..., 0]
+        own: Floats = precision[blocks[:, :, None], blocks[:, None, :]]
+        values: Floats = weighted[blocks][..., None]
+        scaled_errors.append(whiten(own, values)[0].reshape(-1))
+        error = np.linalg.solve(own, values)[..., 0]
         errors.append((white.weight[blocks] * error).reshape(-1))
     return HeldOut(rms(np.concatenate(errors)), rms(np.concatenate(scaled_errors)))
 
@@ -363,12 +364,11 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = Fa
         offsets = fit_offsets(extended, later.data).offsets_mm
     predicted, spread = foretell(later, fit, offsets, lasting, fitted=free)
     error = later.data - predicted
-    root = np.linalg.cholesky(fit.sigma**2 * np.eye(len(later)) + spread)
-    scaled_error = np.linalg.solve(root, error)
+    slope = later.linearised(offsets, lasting)[1][:, : offsets.size]
+    slope, scaled_error = whiten(fit.sigma**2 * np.eye(len(later)) + spread, slope, error)
     if free:
         # What a fit to these errors leaves, of as many as it leaves free.
-        slope = np.linalg.solve(root, later.linearised(offsets, lasting)[1][:, : offsets.size])
-        scaled_error -= slope @ (np.linalg.pinv(slope) @ scaled_error)
+        scaled_error = unexplained(slope, scaled_error)
         scaled_error *= np.sqrt(error.size / max(error.size - offsets.size, 1))
     return HeldOut(rms(error if later.raw else later.root @ error), rms(scaled_error))
 

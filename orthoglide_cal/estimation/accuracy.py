@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import chdtrc, stdtrit
 
 from orthoglide_cal.errors import RankDeficientError
+from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model import (
     DIFFERENCES,
@@ -82,10 +83,7 @@ def sum_of_squares(problem: Problem, slope: Floats, residual: Floats, ratio: Flo
         residual: r, shape (k,) [mm].
         ratio: C/σ: what the influences add, in standard deviations of one reading, shape (k, p).
     """
-    root = np.linalg.cholesky(problem.covariance() + ratio @ ratio.T)
-    white = np.linalg.solve(root, np.column_stack((slope, residual)))
-    slope, residual = white[:, :-1], white[:, -1]
-    left = residual - slope @ (np.linalg.pinv(slope) @ residual)
+    left = unexplained(*whiten(problem.covariance() + ratio @ ratio.T, slope, residual))
     return float(left @ left)
 
 

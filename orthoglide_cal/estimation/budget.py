@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
+from orthoglide_cal.estimation.gaussian import root_of
 from orthoglide_cal.model import AXES, Floats, Gauge, ReadOnly
 from orthoglide_cal.model.influence import Influence, Origin
 
@@ -55,9 +56,8 @@ class Contribution(ReadOnly):
     @classmethod
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Contribution:
         """What is left of a covariance (3, 3) [mm²] beside other sources; never negative."""
-        size2, directions = np.linalg.eigh(covariance)
-        positive = (directions * np.maximum(size2, 0.0)) @ directions.T
-        return cls(source, Evaluation.B, None, "", False, positive, possible=possible)
+        root = root_of(covariance)
+        return cls(source, Evaluation.B, None, "", False, root @ root.T, possible=possible)
 
     @property
     def std_mm(self) -> Floats:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation.gaussian import log_density, predict
 from orthoglide_cal.model import (
     Floats,
     GaugePlan,
@@ -97,17 +98,15 @@ class Forecast:
             past: which ones they are, shape (k,).
             new: the reading to predict.
         """
-        shared = self._covariance(past, np.array([new]))
-        white, fits = self._whitened(values, past, shared)
-        variance = self._covariance(np.array([new]), np.array([new]))[:, 0, 0]
-        # With K = R Rᵀ the conditional mean is cᵀ K⁻¹ y = (R⁻¹c)·(R⁻¹y).
-        known, off = white[..., 0], white[..., 1:]
-        stds = np.sqrt(np.maximum(variance - (known**2).sum(axis=-1), self.sigma_mm**2))
-        means = self.base[new] + (known[..., None] * off).sum(axis=-2)
+        one, covariance = np.array([new]), self._covariance(past, past)
+        off = (values - self.base[past]).reshape(-1, len(past)).T
+        prior = self._covariance(one, one)
+        means, variance = predict(covariance, off, self._covariance(past, one), prior)
+        fits = self.log_likelihoods(values, past)
         chances = np.exp(fits - fits.max(axis=-1, keepdims=True))
         return Prediction(
-            np.moveaxis(means, 0, -1).reshape(fits.shape),
-            stds,
+            self.base[new] + means[:, 0].T.reshape(fits.shape),
+            np.sqrt(np.maximum(variance[:, 0, 0], self.sigma_mm**2)),
             chances / chances.sum(axis=-1, keepdims=True),
         )
 
@@ -119,27 +118,9 @@ class Forecast:
 
     def log_likelihoods(self, values: Floats, rows: Ints) -> Floats:
         """Log-density of readings (..., k) at these rows for each size of the misfit, (..., T)."""
-        return self._whitened(values, rows, np.empty((len(self.misfits), len(rows), 0)))[1]
-
-    def _whitened(self, values: Floats, rows: Ints, more: Floats) -> tuple[Floats, Floats]:
-        """Columns made independent, and the readings' log-densities.
-
-        Args:
-            values: readings, shape (..., k) [mm].
-            rows: which ones they are, shape (k,).
-            more: columns beside them, shape (T, k, c).
-
-        Returns:
-            R⁻¹ of those columns and of the readings, where R Rᵀ is the readings' covariance,
-            shape (T, k, c + batch); log-densities, shape (..., T).
-        """
-        root = np.linalg.cholesky(self._covariance(rows, rows))
-        off = np.moveaxis(values - self.base[rows], -1, 0).reshape(len(rows), -1)
-        off = np.broadcast_to(off, (len(root), *off.shape))
-        white = np.linalg.solve(root, np.concatenate((more, off), axis=-1))
-        scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
-        fits = -0.5 * (white[..., more.shape[-1] :] ** 2).sum(axis=-2) - scale[:, None]
-        return white, np.moveaxis(fits, 0, -1).reshape(*np.shape(values)[:-1], len(root))
+        off = (values - self.base[rows]).reshape(-1, len(rows)).T
+        fits = log_density(self._covariance(rows, rows), off).T
+        return fits.reshape(*np.shape(values)[:-1], len(self.misfits))
 
     def _covariance(self, rows: Ints, columns: Ints) -> Floats:
         """Covariance of two sets of readings for each size of the misfit, (T, k, l) [mm²]."""

@@ -41,8 +41,6 @@ SHORT_STEP_MM = 1e-10
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
-# A common size is found to within this share of it, or in so many rounds.
-SIZE_WITHIN, SIZE_ROUNDS = 0.02, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,43 +222,6 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         remaining.reshape(batch),
         iterations.reshape(batch),
     )
-
-
-def fit_linear(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tuple[Floats, Floats]:
-    """Unknowns u of d = C u + e with priors u ~ N(0, sizes²) and noise e ~ N(0, σ²).
-
-    Args:
-        columns: C, shape (k, q).
-        data: d, shape (k,) [mm].
-        sizes: plausible size of each unknown, one standard deviation, shape (q,).
-        sigma: σ [mm].
-
-    Returns:
-        Their mean, shape (q,), and covariance (CᵀC/σ² + diag(1/sizes²))⁻¹, shape (q, q).
-    """
-    precision = columns.T @ columns / sigma**2 + np.diag(1.0 / sizes**2)
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-    return covariance @ (columns.T @ data) / sigma**2, covariance
-
-
-def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen: Ints) -> float:
-    """The likeliest size that some unknowns have in common (expectation and maximisation).
-
-    Args:
-        columns, data, sizes, sigma: as of `fit_linear`; of the chosen ones the first size is 1.
-        chosen: indices of these unknowns.
-    """
-    tried, size = sizes.copy(), 1.0
-    for _ in range(SIZE_ROUNDS):
-        found, covariance = fit_linear(columns, data, tried, sigma)
-        before, size = (
-            size,
-            float(np.sqrt(np.mean(found[chosen] ** 2 + np.diag(covariance)[chosen]))),
-        )
-        tried[chosen] = size
-        if abs(size / before - 1.0) < SIZE_WITHIN:
-            break
-    return size
 
 
 def _in_parallel(fit: Callable[[int], Any], count: int) -> list[Any]:

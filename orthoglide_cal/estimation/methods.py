@@ -17,6 +17,7 @@ from enum import StrEnum
 import numpy as np
 
 from orthoglide_cal.errors import RankDeficientError, UsageError
+from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model import (
     DIFFERENCES,
@@ -123,9 +124,9 @@ class Posed(ReadOnly):
             ratio: C/σ, what else is uncertain of the data, shape (k, p).
         """
         problem = self.problem
-        root = np.linalg.cholesky(problem.covariance() + ratio @ ratio.T)
-        white = np.linalg.solve(root, np.column_stack((problem.matrix, self.data)))
-        return replace(self, problem=replace(problem, matrix=white[:, :-1]), data=white[:, -1])
+        covariance = problem.covariance() + ratio @ ratio.T
+        matrix, data = whiten(covariance, problem.matrix, self.data)
+        return replace(self, problem=replace(problem, matrix=matrix), data=data)
 
 
 def pose(measured: Measured, model: Model, method: Method, *, folded: bool = False) -> Posed:

@@ -17,6 +17,7 @@ from orthoglide_cal.estimation.accuracy import (
     sigma_rho,
 )
 from orthoglide_cal.estimation.budget import Budget, Budgeted
+from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.least_squares import OPTIMAL_MM
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose_differences
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise
@@ -197,7 +198,7 @@ class Solution(Budgeted, ReadOnly):
         if isinstance(self.measured, Differences):
             # tr(P G Pᵀ)/k: what the offsets cannot explain of the differences' covariance σ² G.
             slope = self.posed.problem.at_zero[1]
-            left = np.eye(len(slope)) - slope @ np.linalg.pinv(slope)
+            left = unexplained(slope, np.eye(len(slope)))
             share = np.trace(left @ self.posed.problem.covariance() @ left.T) / len(slope)
         return self.sigma_stated_mm * math.sqrt(share)
 

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Problem, fit_offsets, solve
-from orthoglide_cal.estimation.least_squares import OPTIMAL_MM, fit_size, normal_step
+from orthoglide_cal.estimation.least_squares import OPTIMAL_MM, normal_step
 from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
@@ -267,17 +267,3 @@ def test_repeated_readings_are_predicted_as_each_of_them(model: Model) -> None:
     assert predicted == pytest.approx(readings @ problem.matrix.T, abs=1e-12)
     assert slope == pytest.approx(problem.matrix @ slopes, abs=1e-12)
     assert problem.predict(offsets) == pytest.approx(predicted, abs=1e-12)
-
-
-def test_a_common_size_is_found_from_the_data() -> None:
-    """200 unknowns 2.5 times as large as stated, seen once each beside noise: within a fifth.
-
-    The relative spread of such an estimate is 1/√400 = 0.05.
-    """
-    rng = np.random.default_rng(3)
-    columns = np.hstack([rng.normal(size=(200, 3)), 0.02 * np.eye(200)])
-    unknowns = np.concatenate([rng.normal(size=3), 2.5 * rng.normal(size=200)])
-    data = columns @ unknowns + 0.01 * rng.normal(size=200)
-    sizes = np.concatenate([np.full(3, 10.0), np.ones(200)])
-    found = fit_size(columns, data, sizes, 0.01, np.arange(3, 203))
-    assert found == pytest.approx(2.5, rel=0.2)

@@ -1,0 +1,138 @@
+"""Linear-Gaussian models: whiten, condition, predict, log density.
+
+    d = C u + e,   unknowns u ~ N(0, P),   noise e ~ N(0, S)
+
+Leading axes (...) are many models at once. Values are vectors (k,) or columns (..., k, q).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orthoglide_cal.model import Floats, Ints
+
+# A common size is found to within this share of it, or in so many rounds.
+SIZE_WITHIN, SIZE_ROUNDS = 0.02, 20
+
+
+def whiten(covariance: Floats, *values: Floats) -> tuple[Floats, ...]:
+    """R⁻¹ v with S = R Rᵀ: values in units of independent noise.
+
+    Args:
+        covariance: S, positive definite, shape (..., k, k).
+        values: each of shape (k,) or (..., k, q).
+
+    Returns:
+        The same values whitened, one by one.
+
+    Raises:
+        numpy.linalg.LinAlgError: S is not positive definite.
+
+    >>> whiten(np.diag([4.0, 9.0]), np.array([2.0, 6.0]))
+    (array([1., 2.]),)
+    """
+    root = np.linalg.cholesky(covariance)
+    columns = [each[:, None] if each.ndim == 1 else each for each in values]
+    shape = np.broadcast_shapes(*(each.shape[:-2] for each in (root, *columns)))
+    whole = [np.broadcast_to(each, (*shape, *each.shape[-2:])) for each in columns]
+    white = np.linalg.solve(root, np.concatenate(whole, axis=-1))
+    parts = np.split(white, np.cumsum([each.shape[-1] for each in columns])[:-1], axis=-1)
+    return tuple(
+        part[..., 0] if each.ndim == 1 else part for each, part in zip(values, parts, strict=True)
+    )
+
+
+def log_density(covariance: Floats, residuals: Floats) -> Floats:
+    """ln N(r; 0, S) without its constant, −½ (rᵀ S⁻¹ r + ln det S).
+
+    Args:
+        covariance: S, shape (..., k, k).
+        residuals: columns r, shape (..., k, q).
+
+    Returns:
+        Shape (..., q).
+    """
+    root = np.linalg.cholesky(covariance)
+    log_scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
+    white = np.linalg.solve(root, residuals)
+    return np.asarray(-0.5 * (white**2).sum(axis=-2) - log_scale[..., None])
+
+
+def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tuple[Floats, Floats]:
+    """Unknowns u of d = C u + e with priors u ~ N(0, sizes²) and noise e ~ N(0, σ²).
+
+    Args:
+        columns: C, shape (k, q).
+        data: d, shape (k,) [mm].
+        sizes: plausible size of each unknown, one standard deviation, shape (q,).
+        sigma: σ [mm].
+
+    Returns:
+        Their mean, shape (q,), and covariance (CᵀC/σ² + diag(1/sizes²))⁻¹, shape (q, q).
+    """
+    precision = columns.T @ columns / sigma**2 + np.diag(1.0 / sizes**2)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return covariance @ (columns.T @ data) / sigma**2, covariance
+
+
+def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen: Ints) -> float:
+    """The likeliest size that some unknowns have in common (expectation and maximisation).
+
+    Args:
+        columns, data, sizes, sigma: as of `condition`; of the chosen ones the first size is 1.
+        chosen: indices of these unknowns.
+    """
+    tried, size = sizes.copy(), 1.0
+    for _ in range(SIZE_ROUNDS):
+        found, covariance = condition(columns, data, tried, sigma)
+        before, size = (
+            size,
+            float(np.sqrt(np.mean(found[chosen] ** 2 + np.diag(covariance)[chosen]))),
+        )
+        tried[chosen] = size
+        if abs(size / before - 1.0) < SIZE_WITHIN:
+            break
+    return size
+
+
+def predict(
+    covariance: Floats, values: Floats, shared: Floats, prior: Floats
+) -> tuple[Floats, Floats]:
+    """What some values say of others with which they are jointly normal.
+
+    Args:
+        covariance: S of the given values, noise included, shape (..., k, k).
+        values: these, less their expectation, shape (..., k, q).
+        shared: their covariance with the others, shape (..., k, m).
+        prior: covariance of the others before, shape (..., m, m).
+
+    Returns:
+        Mean of the others less their expectation, shape (..., m, q), and their covariance,
+        shape (..., m, m).
+    """
+    white, seen = whiten(covariance, values, shared)
+    known = seen.swapaxes(-1, -2)
+    return known @ white, prior - known @ seen
+
+
+def unexplained(columns: Floats, values: Floats) -> Floats:
+    """v − C C⁺ v: what free unknowns, of any size, leave of white values, shape of v.
+
+    Args:
+        columns: C, shape (k, q).
+        values: shape (k,) or (k, m).
+    """
+    return np.asarray(values - columns @ (np.linalg.pinv(columns) @ values))
+
+
+def root_of(covariance: Floats) -> Floats:
+    """R with R Rᵀ = P for any P without negative variances; what rounding makes negative is zero.
+
+    Args:
+        covariance: P, symmetric, shape (q, q).
+
+    Returns:
+        Shape (q, q), columns by growing size.
+    """
+    size2, directions = np.linalg.eigh(covariance)
+    return np.asarray(directions * np.sqrt(np.maximum(size2, 0.0)))

@@ -1,0 +1,81 @@
+"""Linear-Gaussian algebra against scipy's densities and against the joint normal of everything."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from orthoglide_cal.estimation.gaussian import (
+    condition,
+    fit_size,
+    log_density,
+    predict,
+    root_of,
+    unexplained,
+    whiten,
+)
+from orthoglide_cal.model import Floats
+
+RNG = np.random.default_rng(5)
+COLUMNS, SIZES, SIGMA = RNG.standard_normal((7, 3)), np.array([0.4, 2.0, 30.0]), 0.3
+
+
+def covariances(*shape: int, k: int = 7) -> Floats:
+    root = RNG.standard_normal((*shape, k, k))
+    return np.asarray(root @ root.swapaxes(-1, -2) + 0.1 * np.eye(k))
+
+
+def test_white_values_have_independent_noise_of_unit_size() -> None:
+    covariance, values = covariances(4), RNG.standard_normal((7, 2))
+    white, vector = whiten(covariance[0], values, values[:, 1])
+    np.testing.assert_array_equal(vector, white[:, 1])
+    (root,) = whiten(covariance, np.eye(7))
+    np.testing.assert_allclose(root @ covariance @ root.swapaxes(1, 2), [np.eye(7)] * 4, atol=1e-9)
+    np.testing.assert_allclose(root[0] @ values, white, atol=1e-9)
+
+
+def test_densities_are_those_of_scipy_but_for_the_constant() -> None:
+    covariance, residuals = covariances(2, 3), RNG.standard_normal((7, 5))
+    found = log_density(covariance, residuals) - 3.5 * np.log(2.0 * np.pi)
+    for at in np.ndindex(2, 3):
+        expected = multivariate_normal(np.zeros(7), covariance[at]).logpdf(residuals.T)
+        np.testing.assert_allclose(found[at], expected, rtol=1e-10)
+
+
+def test_conditioning_and_predicting_agree_on_the_unknowns() -> None:
+    """Their mean and covariance given the data: of the one by precisions, of the other by S."""
+    data, prior = RNG.standard_normal(7), np.diag(SIZES**2)
+    mean, covariance = condition(COLUMNS, data, SIZES, SIGMA)
+    shared = COLUMNS @ prior
+    given = shared @ COLUMNS.T + SIGMA**2 * np.eye(7)
+    several = np.stack([3.0 * given, given])
+    means, covariances = predict(several, data[:, None], shared, prior)
+    np.testing.assert_allclose(means[1, :, 0], mean)
+    np.testing.assert_allclose(covariances[1], covariance, atol=1e-12)
+
+
+def test_a_common_size_is_found_from_the_data() -> None:
+    """200 unknowns 2.5 times as large as stated, seen once each beside noise: within a fifth.
+
+    The relative spread of such an estimate is 1/√400 = 0.05.
+    """
+    rng = np.random.default_rng(3)
+    columns = np.hstack([rng.normal(size=(200, 3)), 0.02 * np.eye(200)])
+    unknowns = np.concatenate([rng.normal(size=3), 2.5 * rng.normal(size=200)])
+    data = columns @ unknowns + 0.01 * rng.normal(size=200)
+    sizes = np.concatenate([np.full(3, 10.0), np.ones(200)])
+    found = fit_size(columns, data, sizes, 0.01, np.arange(3, 203))
+    assert found == pytest.approx(2.5, rel=0.2)
+
+
+def test_what_free_unknowns_leave_has_nothing_of_them() -> None:
+    values = RNG.standard_normal((7, 2))
+    left = unexplained(COLUMNS, values)
+    np.testing.assert_allclose(COLUMNS.T @ left, 0.0, atol=1e-12)
+    expected = np.linalg.lstsq(COLUMNS, values, rcond=None)[0]
+    np.testing.assert_allclose(values - left, COLUMNS @ expected)
+
+
+def test_a_root_gives_the_covariance_back_and_nothing_negative() -> None:
+    covariance = covariances()
+    np.testing.assert_allclose(root_of(covariance) @ root_of(covariance).T, covariance, rtol=1e-9)
+    np.testing.assert_allclose(root_of(np.diag([4.0, -1.0])), [[0.0, 0.0], [0.0, 2.0]][::-1])
