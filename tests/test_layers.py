@@ -12,7 +12,7 @@ PACKAGE = "orthoglide_cal"
 # From the top down: a room may import those below it.
 ROOMS = (
     "__main__", "cli", "report", "session", "results", "verification", "planning", "diagnosis",
-    "paper", "estimation", "files", "causes", "model", "errors", "system",
+    "paper", "estimation", "files", "causes", "model", "errors", "words", "system",
 )  # fmt: skip
 # What is imported by these rooms only, whatever its place in the order.
 ONLY_FOR = {"paper": {"cli", "report"}}

@@ -192,7 +192,7 @@ def _tolerances_asked(answers: dict[str, Any], target: Path) -> str | None:
     """Ask how large each error plausibly is, unless the usual will do: the file's text, or None."""
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.model import Machine
-    from orthoglide_cal.report.words import unit_words
+    from orthoglide_cal.words import unit_words
 
     common.tell("How large an error plausibly is tells `diagnose` what to expect and what not.")
     if typer.confirm("The usual tolerances", default=True, err=True):

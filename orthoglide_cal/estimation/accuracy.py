@@ -7,7 +7,7 @@ and, where the rank is missing, which offsets stay free and which reading to add
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,13 +32,6 @@ from orthoglide_cal.model import (
 CONFIDENCE = 0.95
 # Singular values below this fraction of the sensitivity of a good plan count as zero.
 NEGLIGIBLE = 1e-6
-# Of a written uncertainty; its value ends at the same digit.
-SIGNIFICANT_FIGURES = 2
-# No gauge here tells more than tenths of a micrometre, and no controller takes more.
-MOST_DECIMALS = 4
-# A controller takes micrometres: rounding what is entered to the digits of a large uncertainty
-# would throw information away.
-ENTERED_DECIMALS = 3
 
 
 def unit_covariance(problem: Problem, slope: Floats, estimator: Floats | None = None) -> Floats:
@@ -125,33 +118,6 @@ def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
     """
     limits = np.array(model.kind.told_within(model.machine))
     return tuple((expanded < limits).tolist())
-
-
-def decimals_for(uncertainty: float) -> int:
-    """Decimals at which a value with this uncertainty ends, 0 … `MOST_DECIMALS`.
-
-    >>> decimals_for(0.0214), decimals_for(0.21), decimals_for(0.0996), decimals_for(3.2)
-    (3, 2, 2, 1)
-    """
-    if not 0.0 < uncertainty < math.inf:
-        return MOST_DECIMALS
-    # Rounding first: 0.0996 becomes 0.10, which needs one decimal less than 0.099.
-    exponent = int(f"{uncertainty:.{SIGNIFICANT_FIGURES - 1}e}".partition("e")[2])
-    return min(max(SIGNIFICANT_FIGURES - 1 - exponent, 0), MOST_DECIMALS)
-
-
-def entered_decimals(expanded: Iterable[float], active: Iterable[float]) -> int:
-    """Decimals of joint offsets that are to be entered.
-
-    Args:
-        expanded: their expanded uncertainties; the smallest decides.
-        active: offsets in the controller so far, whose digits (at most six) are kept.
-
-    >>> entered_decimals((0.21, 0.44), (0.0, 0.0)), entered_decimals((0.21,), (0.12345,))
-    (3, 5)
-    """
-    written = (len(f"{value:.6f}".rstrip("0").partition(".")[2]) for value in active)
-    return max(decimals_for(min(expanded)), ENTERED_DECIMALS, *written)
 
 
 def _free_directions(matrix: Floats, scale: float) -> Floats:

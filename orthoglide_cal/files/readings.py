@@ -16,7 +16,7 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.table import Cells, Row, Table
-from orthoglide_cal.files.text import Faults, listed, number_text, parse_count, parse_number, unused
+from orthoglide_cal.files.text import Faults, number_text, parse_count, parse_number, unused
 from orthoglide_cal.model import (
     AXES,
     Bools,
@@ -31,6 +31,7 @@ from orthoglide_cal.model import (
     number_setups,
     places_of,
 )
+from orthoglide_cal.words import listed
 
 NEEDED_COLUMNS = ("leg", "posture", "direction")
 VALUE_COLUMNS = ("reading_mm", "reading_in")

@@ -19,20 +19,13 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import Document, Faults, parse_number, shortened
-from orthoglide_cal.model import MM_PER_INCH, Floats
+from orthoglide_cal.model import Floats
+from orthoglide_cal.words import MM, MM_PER_INCH, short
 
 T = TypeVar("T")
 
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
-# Units that a column may be named after, and what makes millimetres of their numbers.
-_OTHER_UNITS = {
-    **dict.fromkeys(("um", "µm", "μm", "micron", "microns", "micrometre", "micrometer"), "0.001"),
-    **dict.fromkeys(("mil", "mils", "thou"), "0.0254"),
-    "cm": "10",
-    "m": "1000",
-    "nm": "0.000001",
-}
 _BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
 _BLANK_CELL = _BLANKS + "\n\r\v\f"
 
@@ -187,11 +180,11 @@ class Table:
         """What to do about a column such as `reading_um` where `reading_mm` is wanted."""
         stem = column.removesuffix("mm")
         for name in self.columns:
-            factor = _OTHER_UNITS.get(name.removeprefix(stem))
-            if factor and name.startswith(stem):
+            one = MM.get(name.removeprefix(stem))
+            if one and name.startswith(stem) and name not in (column, f"{stem}in"):
                 return (
-                    f"{column} is wanted: multiply the numbers in {name!r} by {factor} and rename"
-                    f" the column (inches: {stem}in)."
+                    f"{column} is wanted: multiply the numbers in {name!r} by {short(one, 6)} and"
+                    f" rename the column (inches: {stem}in)."
                 )
         return None
 

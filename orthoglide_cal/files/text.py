@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import uuid
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -20,6 +20,7 @@ from pathlib import Path
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 from orthoglide_cal.model import Source
 from orthoglide_cal.system import SYSTEM
+from orthoglide_cal.words import listed
 
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
 YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
@@ -244,11 +245,6 @@ class Faults:
         """Raise `error()` if there are any faults."""
         if self.problems:
             raise self.error()
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names for a message, with commas; the first ten where there are more."""
-    return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

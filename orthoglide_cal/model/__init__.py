@@ -42,7 +42,6 @@ from orthoglide_cal.model.plan import (
 )
 from orthoglide_cal.model.readings import (
     AXES,
-    MM_PER_INCH,
     Contact,
     GaugePlan,
     Posture,
@@ -55,7 +54,6 @@ from orthoglide_cal.model.readings import (
 __all__ = [
     "AXES",
     "DIFFERENCES",
-    "MM_PER_INCH",
     "Bools",
     "Cause",
     "Contact",

@@ -20,7 +20,7 @@ import numpy as np
 from orthoglide_cal.model.machine import Gauge
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Floats, Ints
-from orthoglide_cal.model.readings import MM_PER_INCH
+from orthoglide_cal.words import MM, MM_PER_INCH
 
 # Chance at which healthy readings are doubted.
 CHANCE = 1e-6
@@ -79,7 +79,7 @@ class Steady(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Unit:
+class MistakenUnit:
     """A unit that may have been taken for millimetres.
 
     Attributes:
@@ -94,10 +94,10 @@ class Unit:
 
 
 UNITS = (
-    Unit(MM_PER_INCH, "inches written as mm", "Name the column reading_in."),
-    Unit(1.0 / MM_PER_INCH, "mm written as inches", "Name the column reading_mm."),
-    Unit(1e-3, "micrometres written as mm", "Divide them by 1000."),
-    Unit(1e3, "metres written as mm", "Multiply them by 1000."),
+    MistakenUnit(MM_PER_INCH, "inches written as mm", "Name the column reading_in."),
+    MistakenUnit(1.0 / MM_PER_INCH, "mm written as inches", "Name the column reading_mm."),
+    MistakenUnit(MM["um"], "micrometres written as mm", "Divide them by 1000."),
+    MistakenUnit(MM["m"], "metres written as mm", "Multiply them by 1000."),
 )
 
 
@@ -314,7 +314,7 @@ def _further(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
 # --- units ------------------------------------------------------------------------------------
 
 
-def other_unit(measured: Measured, gauge: Gauge) -> Unit | None:
+def other_unit(measured: Measured, gauge: Gauge) -> MistakenUnit | None:
     """The unit in which readings that are none in mm are what this gauge shows.
 
     None if they are in mm, or in no unit; of differences nobody can say.

@@ -14,7 +14,6 @@ import numpy as np
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, View, alike, read_only
 
 AXES = ("x", "y", "z")
-MM_PER_INCH = 25.4
 
 
 class Series(NamedTuple):

@@ -40,6 +40,7 @@ from orthoglide_cal.planning.steps import (
     sequence_options,
     steps_of,
 )
+from orthoglide_cal.words import counted
 
 # Long enough for what creeps to show.
 WAIT_MIN = 15.0
@@ -194,7 +195,7 @@ def _alone(machine: Machine) -> Iterator[Option]:
         *times, minutes = (MINUTES_PER_SETUP + at for at in clock(steps))
         timed = zip(steps, times, strict=True)
         plan = plan_of([step.planned._replace(minutes=at) for step, at in timed])
-        how_often = f"{cycles} cycle{'s' if cycles > 1 else ''}"
+        how_often = counted(cycles, "cycle")
         what = (
             f"Measure a session of its own, {protocol}, {how_often} per leg, reading by reading."
             " It is solved alone: leave the old data as they are."

@@ -23,8 +23,8 @@ from orthoglide_cal.report.canvas import (
     words,
 )
 from orthoglide_cal.report.escape import Html, join, tag
-from orthoglide_cal.report.words import plain, signed, two_figures
 from orthoglide_cal.results import Residuals
+from orthoglide_cal.words import plain, signed, two_figures
 
 WIDTH = 240.0
 _NAME = WIDTH - 10, 16.0  # place of a panel's name, at its end

@@ -18,14 +18,6 @@ from orthoglide_cal.model import AXES, Model, Source
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.escape import in_csv
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
-from orthoglide_cal.report.words import (
-    coverage_words,
-    plain,
-    short,
-    signed,
-    two_figures,
-    with_uncertainty,
-)
 from orthoglide_cal.results import (
     Adjustment,
     Calibration,
@@ -35,6 +27,7 @@ from orthoglide_cal.results import (
     Remedy,
     recording,
 )
+from orthoglide_cal.words import coverage_words, plain, short, signed, two_figures, with_uncertainty
 
 # Instead of "may be entered", where there is nothing to change.
 SETTLED = "Nothing to enter: the firmware has these values, as well as these readings know them"

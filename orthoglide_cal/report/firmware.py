@@ -25,8 +25,8 @@ import numpy as np
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.report.controller import after_entering, head
-from orthoglide_cal.report.words import plain
 from orthoglide_cal.results import Export
+from orthoglide_cal.words import plain
 
 # Where the towers of all firmwares stand before any correction, in the order of their names [deg].
 TOWERS = (210.0, 330.0, 90.0)

@@ -13,7 +13,7 @@ from orthoglide_cal.planning.program import Block, Point, PostureProgram
 from orthoglide_cal.planning.steps import posture_name
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.escape import in_csv
-from orthoglide_cal.report.words import counted, plain, short
+from orthoglide_cal.words import counted, plain, short
 
 # Tenths of a micrometre. All are written: "X310" without a point is 0.31 mm to some controllers.
 _DECIMALS = 4

@@ -14,7 +14,7 @@ import numpy as np
 from orthoglide_cal.model import Floats
 from orthoglide_cal.report.canvas import line, polyline, rectangle, svg, tick_text, words
 from orthoglide_cal.report.escape import Html, tag
-from orthoglide_cal.report.words import two_figures
+from orthoglide_cal.words import two_figures
 
 CLASSES = 7  # colours of a scale
 SIZE, LEFT, TOP = 186.0, 46.0, 38.0  # of a slice, and its place in the picture

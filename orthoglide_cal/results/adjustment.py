@@ -11,9 +11,10 @@ import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise
-from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, determined, entered_decimals
+from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, determined
 from orthoglide_cal.estimation.budget import Budget, Budgeted, warmth
 from orthoglide_cal.model import Difference, Floats, Measured, Posture, ReadOnly
+from orthoglide_cal.words import entered_decimals
 
 
 @dataclass(frozen=True)

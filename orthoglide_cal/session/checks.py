@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.estimation.forecast import Prediction
-from orthoglide_cal.model import AXES, MM_PER_INCH, Floats, Gauge, Ints, off_scale, too_steady
+from orthoglide_cal.model import AXES, Floats, Gauge, Ints, off_scale, too_steady
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned, Taken
-from orthoglide_cal.session.gauges.formats import Token, Unit
+from orthoglide_cal.session.gauges.formats import Token
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
-from orthoglide_cal.session.wording import in_unit, value_text, with_uncertainty
+from orthoglide_cal.session.wording import in_unit, value_text
+from orthoglide_cal.words import MM_PER_INCH, Unit, with_uncertainty
 
 # Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.
 LIMIT = 4.5
@@ -293,7 +294,9 @@ def _explanations(
 def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:
     """How far the reading is from what, in words."""
     if not coming.repeats:
-        here = in_unit(coming.unit, lambda per: with_uncertainty(expected * per, 2 * std * per))
+        here = in_unit(
+            coming.unit, lambda per: with_uncertainty(expected * per, 2 * std * per, " +/-")
+        )
         return f"expected {here} here, not {value_text(value, coming.unit)}"
     difference = abs(value - float(np.mean(coming.so_far.value[coming.repeats])))
     count = _NUMBERS[min(len(coming.repeats), 5)]

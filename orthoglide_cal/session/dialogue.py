@@ -15,12 +15,13 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Heard, Prompt, Style, Typed, Unasked
 from orthoglide_cal.session.checks import Question, judge
 from orthoglide_cal.session.events import Doubt, Event, Questioned
-from orthoglide_cal.session.gauges.formats import NotAReading, Token, Unit, is_reading, parse_typed
+from orthoglide_cal.session.gauges.formats import NotAReading, Token, is_reading, parse_typed
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values, written_before
 from orthoglide_cal.session.state import State, advance, replay
+from orthoglide_cal.words import Unit, counted
 
 _KEY = re.compile(r"(?P<key>[urnstpqURNSTPQ?])(?:\s+(?P<words>.+))?")
 
@@ -71,7 +72,7 @@ class Dialogue:
             )
             said.append((lost, Style.BAD))
         if self.state.count > (2 if self.state.planned else 1):
-            resumed = f"Resumed: {wording.counted(len(self.state.accepted), 'reading')} so far."
+            resumed = f"Resumed: {counted(len(self.state.accepted), 'reading')} so far."
             said += [(resumed, Style.GOOD), *self._offsets()]
         self._say(*said)
 
@@ -434,7 +435,7 @@ class Dialogue:
 
 def _counted(readings: int) -> str:
     """ "14 readings are", "1 reading is"."""
-    return "1 reading is" if readings == 1 else f"{readings} readings are"
+    return f"{counted(readings, 'reading')} {'is' if readings == 1 else 'are'}"
 
 
 def _headed(lines: Sequence[str]) -> list[tuple[str, Style]]:

@@ -42,13 +42,13 @@ from orthoglide_cal.session.events import (
     Reopened,
 )
 from orthoglide_cal.session.following import Recommendation, first_of, recommended
-from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.gauges.serial_line import GaugePair, SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.record import journal_path, new_session, resumed_session, session_path
 from orthoglide_cal.session.state import State, replay
+from orthoglide_cal.words import Unit
 
 _HOLDS = "Return, n, or the three offsets > "
 TYPED, SIMULATED = "typed", "simulated"

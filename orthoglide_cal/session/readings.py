@@ -32,8 +32,8 @@ from orthoglide_cal.model.kinds import PlannedReading, plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned
 from orthoglide_cal.session.following import First
-from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.state import Accepted, State
+from orthoglide_cal.words import Unit
 
 # Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
 _ENOUGH = 9

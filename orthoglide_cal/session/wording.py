@@ -6,8 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.estimation.accuracy import decimals_for
-from orthoglide_cal.model import AXES, MM_PER_INCH, Contact, Floats, Model, Posture, other_axes
+from orthoglide_cal.model import AXES, Contact, Floats, Model, Posture, other_axes
 from orthoglide_cal.model.kinds import PlannedReading
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.program import Point
@@ -21,10 +20,10 @@ from orthoglide_cal.planning.steps import (
 )
 from orthoglide_cal.session.events import Questioned
 from orthoglide_cal.session.following import First
-from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.pictures import picture
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.state import State
+from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for
 
 # A narrower screen gets pictures and prompts of its own.
 NARROW = 76
@@ -109,11 +108,6 @@ def opening_lines(state: State, setting: Setting, name: str) -> list[str]:
         " ? is help.",
         *program,
     ]
-
-
-def counted(number: int, what: str) -> str:
-    """ "1 set-up", "3 set-ups"."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def setup_lines(setting: Setting, setup: int, begun: bool, columns: int) -> list[str]:
@@ -266,12 +260,6 @@ def in_unit(unit: Unit, text: Callable[[float], str]) -> str:
     """
     metric = f"{text(1.0)} mm"
     return metric if unit is Unit.MM else f"{text(1.0 / MM_PER_INCH)} in ({metric})"
-
-
-def with_uncertainty(value: float, uncertainty: float) -> str:
-    """ "-0.530 +/-0.021": the value ends at the digit of its uncertainty."""
-    decimals = decimals_for(uncertainty)
-    return f"{value:+.{decimals}f} +/-{uncertainty:.{decimals}f}"
 
 
 def offsets_lines(offsets_mm: Floats, expanded_mm: Floats) -> list[str]:

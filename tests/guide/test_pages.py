@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.report.words import unit_words
+from orthoglide_cal.words import unit_words
 from tests.cli.program import DOUBLE, lines, run
 from tests.machines import ROOT
 from tests.markdown import blocks, mentioned, run_block

@@ -4,12 +4,11 @@ import doctest
 
 import pytest
 
-from orthoglide_cal import errors
-from orthoglide_cal.estimation import accuracy
-from orthoglide_cal.report import canvas, words
+from orthoglide_cal import errors, words
+from orthoglide_cal.report import canvas, facts
 
 
-@pytest.mark.parametrize("module", [accuracy, canvas, errors, words])
+@pytest.mark.parametrize("module", [canvas, errors, facts, words])
 def test_examples(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.accuracy import entered_decimals
 from orthoglide_cal.files import check_file, machine_text, read_input, read_machine_file
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import as_json
@@ -23,9 +22,9 @@ from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.report.json import json_line
-from orthoglide_cal.report.words import difference_decimals, signed, two_figures
 from orthoglide_cal.results import Calibration, calibrate, export, identify
 from orthoglide_cal.verification import verify
+from orthoglide_cal.words import difference_decimals, entered_decimals, signed, two_figures
 from tests.machines import ROOT, SAMPLES
 from tests.report.cases import documents
 from tests.results import cases

@@ -8,9 +8,9 @@ import pytest
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Doubt, Questioned, Taken
-from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.readings import NextReading
 from orthoglide_cal.session.state import advance
+from orthoglide_cal.words import Unit
 from tests.machines import PROTOTYPE
 
 from .virtual import AT, SINGLE, compared, play, readings_of, state_of, steps_of, taken

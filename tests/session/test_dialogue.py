@@ -17,10 +17,9 @@ from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
 from orthoglide_cal.results import calibrate
 from orthoglide_cal.session import Dialogue, Quit, Style
 from orthoglide_cal.session.events import Doubt, Questioned
-from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.record import session_values
-from orthoglide_cal.session.wording import with_uncertainty
+from orthoglide_cal.words import Unit, with_uncertainty
 
 from .virtual import (
     DOUBLE,

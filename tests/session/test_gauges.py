@@ -16,12 +16,12 @@ from orthoglide_cal.session.gauges.formats import (
     SERIAL_FORMATS,
     NotAReading,
     Token,
-    Unit,
     parse_typed,
     serial_format,
 )
 from orthoglide_cal.session.gauges.serial_line import PATIENCE_S, GaugePair, SerialGauge, Splitter
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.words import Unit
 
 from .virtual import setting_of, steps_of
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pexpect
 import pytest
 
-from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.wording import table_lines, value_text
+from orthoglide_cal.words import Unit
 
 from .terminal import AT_ONCE, PATIENCE_S, PROMPT, Terminal, environment
 from .virtual import SINGLE, answered, opened, readings_of, steps_of, typed

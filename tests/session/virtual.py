@@ -16,12 +16,12 @@ from orthoglide_cal.session import Dialogue, Quit, Show, Style
 from orthoglide_cal.session.asking import Asker, Line, LiveGauge
 from orthoglide_cal.session.checks import Question, check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Event, Opened, Questioned, Taken
-from orthoglide_cal.session.gauges.formats import Unit
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values
 from orthoglide_cal.session.state import State, advance, replay
+from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
 
 AT = "2025-03-01T09:00:00.000+01:00"

@@ -10,8 +10,8 @@ from orthoglide_cal.model import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import measure_again
 from orthoglide_cal.report.json import SCHEMA_VERSION, by_axis
-from orthoglide_cal.report.words import signed
 from orthoglide_cal.results import Application
+from orthoglide_cal.words import signed
 
 
 def application_document(found: Application, session: str) -> doc.Document:

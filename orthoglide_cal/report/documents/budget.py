@@ -8,12 +8,18 @@ from typing import Any
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.accuracy import decimals_for
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.parameters import common_unit
-from orthoglide_cal.report.words import counted, coverage_words, short, two_figures, unit_words
+from orthoglide_cal.words import (
+    counted,
+    coverage_words,
+    decimals_for,
+    short,
+    two_figures,
+    unit_words,
+)
 
 # Source → in words, and what would lessen it.
 _SOURCES: Mapping[str, tuple[str, str]] = {

@@ -37,19 +37,18 @@ from orthoglide_cal.report.documents.verification import (
     verification_outcome,
     verification_to_do,
 )
+from orthoglide_cal.report.facts import SCOPE, owner_facts
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
-from orthoglide_cal.report.words import (
-    SCOPE,
+from orthoglide_cal.results import Adjustment, Calibration
+from orthoglide_cal.verification import Size
+from orthoglide_cal.words import (
     coverage_words,
     difference_decimals,
-    owner_facts,
     plain,
     signed,
     two_figures,
     with_uncertainty,
 )
-from orthoglide_cal.results import Adjustment, Calibration
-from orthoglide_cal.verification import Size
 
 KIND = "Calibration report"
 

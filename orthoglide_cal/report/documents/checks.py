@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from orthoglide_cal.errors import UnusableResultError, file_words
 from orthoglide_cal.files import Check
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
-from orthoglide_cal.report.words import counted, data_words, plain
+from orthoglide_cal.words import counted, plain
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction

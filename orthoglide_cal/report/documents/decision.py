@@ -17,8 +17,8 @@ from orthoglide_cal.report.controller import (
     table_command,
     verify_command,
 )
-from orthoglide_cal.report.words import signed
 from orthoglide_cal.results import Adjustment, Calibration, Recording, recording
+from orthoglide_cal.words import signed
 
 
 def decision_notice(calibration: Calibration) -> doc.Notice:

@@ -35,17 +35,17 @@ from orthoglide_cal.report.documents.parameters import (
     result_of,
 )
 from orthoglide_cal.report.documents.pictures import residual_pictures
+from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
-from orthoglide_cal.report.words import (
+from orthoglide_cal.results import Calibration
+from orthoglide_cal.words import (
     counted,
     coverage_words,
-    data_words,
     percent,
     plain,
     unit_words,
     with_uncertainty,
 )
-from orthoglide_cal.results import Calibration
 
 # Verdict → its tone, what it says, and how other offsets than the solution's take it into account.
 _VERDICTS = {

@@ -29,20 +29,10 @@ from orthoglide_cal.report.documents.diagnosis import (
 from orthoglide_cal.report.documents.next_reading import next_blocks
 from orthoglide_cal.report.documents.pictures import BED_LEGEND, bed_maps
 from orthoglide_cal.report.documents.solution import left_after, noise_grid
+from orthoglide_cal.report.facts import METHOD_WORDS, data_words, end_words, method_facts
 from orthoglide_cal.report.slices import legend, slices
-from orthoglide_cal.report.words import (
-    METHOD_WORDS,
-    counted,
-    data_words,
-    end_words,
-    method_facts,
-    percent,
-    plain,
-    short,
-    signed,
-    two_figures,
-)
 from orthoglide_cal.results import Calibration, Explained, Residuals
+from orthoglide_cal.words import counted, percent, plain, short, signed, two_figures
 
 _MOST_NOTES = 40
 # A parameter that many standard deviations from zero is marked on the picture.

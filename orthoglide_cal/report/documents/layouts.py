@@ -23,7 +23,7 @@ from orthoglide_cal.report.documents.plan import (
     separation_section,
 )
 from orthoglide_cal.report.json import SCHEMA_VERSION
-from orthoglide_cal.report.words import percent, two_figures, unit_words
+from orthoglide_cal.words import percent, two_figures, unit_words
 
 # Where the places to probe are written, unless somebody chose another name.
 _PLACES = "places.csv"

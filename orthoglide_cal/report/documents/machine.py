@@ -8,7 +8,8 @@ from functools import partial
 from orthoglide_cal.files import machine_values
 from orthoglide_cal.model import Machine, Model
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.words import method_facts, owner_facts, short
+from orthoglide_cal.report.facts import method_facts, owner_facts
+from orthoglide_cal.words import short
 
 _TRAVEL = 48  # characters of the rail's travel
 

@@ -13,7 +13,7 @@ from orthoglide_cal.planning import Next
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.parameters import JOINTS, by_joint
 from orthoglide_cal.report.json import fields_of
-from orthoglide_cal.report.words import percent, two_figures
+from orthoglide_cal.words import percent, two_figures
 
 _SHOWN = 6  # of the ranking
 

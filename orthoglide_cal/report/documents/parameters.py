@@ -14,7 +14,8 @@ from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.json import fields_of
-from orthoglide_cal.report.words import (
+from orthoglide_cal.results import Adjustment, Calibration
+from orthoglide_cal.words import (
     coverage_words,
     plain,
     signed,
@@ -22,7 +23,6 @@ from orthoglide_cal.report.words import (
     unit_words,
     with_uncertainty,
 )
-from orthoglide_cal.results import Adjustment, Calibration
 
 # Every kind of machine has as many, and as many offsets of them.
 JOINTS = 3

@@ -11,7 +11,8 @@ from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.model import Contact, Differences, Floats, Ints, Readings, Series, View
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.bed import colours, limits_of, sign, signs
-from orthoglide_cal.report.words import comparison_words, counted, end_words, plain, signed
+from orthoglide_cal.report.facts import comparison_words, end_words
+from orthoglide_cal.words import counted, plain, signed
 
 BED_LEGEND = (
     "The bed from above, y upwards: + the probe triggered too high, − too low. In characters:"

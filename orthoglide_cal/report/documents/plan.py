@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from orthoglide_cal.errors import command, file_words, visible
-from orthoglide_cal.estimation.accuracy import decimals_for
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Cause, Model
 from orthoglide_cal.model.kinds import OFFSET_MM
@@ -30,8 +29,8 @@ from orthoglide_cal.report.documents.next_reading import next_data, next_section
 from orthoglide_cal.report.documents.parameters import by_joint
 from orthoglide_cal.report.json import SCHEMA_VERSION, by_axis
 from orthoglide_cal.report.shades import KEY, separation_lines, separation_panel
-from orthoglide_cal.report.words import counted, percent, plain, short, two_figures
 from orthoglide_cal.results import Calibration
+from orthoglide_cal.words import counted, decimals_for, percent, plain, short, two_figures
 
 _SHOWN_LOSSES = 12
 _SHOWN_PAIRS = 4

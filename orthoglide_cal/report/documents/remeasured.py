@@ -7,10 +7,11 @@ from typing import Any
 
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
-from orthoglide_cal.report.words import data_words, plain, signed, with_uncertainty
 from orthoglide_cal.results import Identity
 from orthoglide_cal.verification import Remeasured
+from orthoglide_cal.words import plain, signed, with_uncertainty
 
 _DECIMALS = 4
 

@@ -27,18 +27,10 @@ from orthoglide_cal.report.documents.parameters import (
     release_of,
     result_of,
 )
+from orthoglide_cal.report.facts import METHOD_WORDS, comparison_words, data_words
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
-from orthoglide_cal.report.words import (
-    METHOD_WORDS,
-    comparison_words,
-    counted,
-    data_words,
-    difference_decimals,
-    plain,
-    signed,
-    two_figures,
-)
 from orthoglide_cal.results import Calibration
+from orthoglide_cal.words import counted, difference_decimals, plain, signed, two_figures
 
 
 def solution_document(calibration: Calibration, machine_file: Path | None = None) -> doc.Document:

@@ -14,25 +14,14 @@ import numpy as np
 
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.estimation import Solution
-from orthoglide_cal.estimation.accuracy import entered_decimals
 from orthoglide_cal.files import Conditions
-from orthoglide_cal.model import AXES, MM_PER_INCH, DataKind
+from orthoglide_cal.model import AXES, DataKind
 from orthoglide_cal.report import charts
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import remainder
 from orthoglide_cal.report.documents.evidence import moment
+from orthoglide_cal.report.facts import SCOPE, owner_facts
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
-from orthoglide_cal.report.words import (
-    SCOPE,
-    chance,
-    coverage_words,
-    difference_decimals,
-    owner_facts,
-    plain,
-    signed,
-    two_figures,
-    with_uncertainty,
-)
 from orthoglide_cal.results import Adjustment, Identity
 from orthoglide_cal.verification import (
     RULE,
@@ -41,6 +30,17 @@ from orthoglide_cal.verification import (
     Coefficient,
     Outcome,
     Verification,
+)
+from orthoglide_cal.words import (
+    MM_PER_INCH,
+    chance,
+    coverage_words,
+    difference_decimals,
+    entered_decimals,
+    plain,
+    signed,
+    two_figures,
+    with_uncertainty,
 )
 
 

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
 from orthoglide_cal.errors import UsageError, visible
-from orthoglide_cal.model import MM_PER_INCH
+from orthoglide_cal.words import MM_PER_INCH, Unit
 
 # Error messages that look like numbers: they must never become one.
 _ERROR_CODES = re.compile(r"[+-]?9{5,}(?:\.9+)?|9[0-9]{2}")
-
-
-class Unit(StrEnum):
-    """Unit of a reading."""
-
-    MM = "mm"
-    INCH = "in"
 
 
 _UNITS = {"m": Unit.MM, "mm": Unit.MM} | dict.fromkeys(("i", "in", "inch", '"'), Unit.INCH)

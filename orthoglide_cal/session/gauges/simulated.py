@@ -9,8 +9,9 @@ import numpy as np
 from orthoglide_cal.model import Floats, simulate
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.asking import Heard, LiveGauge
-from orthoglide_cal.session.gauges.formats import Token, Unit
+from orthoglide_cal.session.gauges.formats import Token
 from orthoglide_cal.session.readings import Setting
+from orthoglide_cal.words import Unit
 
 # Half the width of the ranges that the hidden truth is drawn from.
 OFFSETS_MM = 1.5

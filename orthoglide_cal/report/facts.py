@@ -1,19 +1,14 @@
-"""Words and numbers as people read them: each stands here once, for every document.
-
-An uncertainty has two significant figures, and its value ends at the same digit. A "-" stays ASCII,
-so that a value can be copied and typed.
-"""
+"""What all pages say alike: of which data, by which method, of whose machine, for what it holds."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.accuracy import decimals_for
 from orthoglide_cal.model import DataKind, Difference, Machine, Source
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.words import counted
 
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
@@ -45,8 +40,6 @@ _OWNED = {
     "serial_number": "Serial number",
 }
 _MEASURED = {"method": "Method", "gauge_due": "Gauge due"}
-# A technician reads "1e-3" better as millimetres per metre.
-_UNITS = {"1e-3": "mm/m"}
 
 
 def data_words(source: Source | None, kind: str, count: int) -> str:
@@ -102,83 +95,3 @@ def _written(machine: Machine, names: Mapping[str, str]) -> tuple[tuple[str, doc
 def end_words(end: str | None) -> str:
     """End of the leg that was touched; nothing where the gauge stands still."""
     return f", {end} end" if end else ""
-
-
-def unit_words(unit: str) -> str:
-    """The unit as a technician knows it."""
-    return _UNITS.get(unit, unit)
-
-
-def coverage_words(k: float) -> str:
-    """The factor from the standard uncertainty to the expanded one: "k = 1.96"."""
-    return f"k = {k:.2f}"
-
-
-def difference_decimals(averaged: bool, resolution_mm: float = 0.01) -> int:
-    """Decimals of a difference of readings: the gauge's, and one more if it averages several."""
-    return max(2, math.ceil(-math.log10(resolution_mm) - 1e-9)) + averaged
-
-
-def plain(value: float, decimals: int) -> str:
-    """Fixed decimals, never "-0.00".
-
-    >>> plain(-0.001, 2), plain(0.256, 2)
-    ('0.00', '0.26')
-    """
-    written = f"{value:.{decimals}f}"
-    return written.lstrip("-") if not float(written) else written
-
-
-def short(value: float, decimals: int) -> str:
-    """At most these decimals, without zeros at the end.
-
-    >>> short(60.0, 3), short(-12.5, 3)
-    ('60', '-12.5')
-    """
-    written = plain(value, decimals)
-    return written.rstrip("0").rstrip(".") if "." in written else written
-
-
-def signed(value: float, decimals: int) -> str:
-    """Fixed decimals with "+" or "-"; zero has no sign."""
-    written = plain(value, decimals)
-    return written if written.startswith("-") or not float(written) else f"+{written}"
-
-
-def two_figures(value: float) -> str:
-    """Two significant figures, at most four decimals.
-
-    >>> two_figures(0.02144), two_figures(1.96), two_figures(0.0)
-    ('0.021', '2.0', '0')
-    """
-    return plain(value, decimals_for(value)) if value else "0"
-
-
-def with_uncertainty(value: float, uncertainty: float) -> str:
-    """ "-0.530 ± 0.021": the value ends at the digit of its uncertainty."""
-    decimals = decimals_for(uncertainty)
-    return f"{signed(value, decimals)} ± {plain(uncertainty, decimals)}"
-
-
-def chance(probability: float) -> str:
-    """A p-value: "p = 0.43" or "p < 0.001"."""
-    return f"p = {probability:.2g}" if probability >= 0.001 else "p < 0.001"
-
-
-def percent(share: float, decimals: int = 0) -> str:
-    """A share of one as "97 %"; "> 99 %" instead of a false 100.
-
-    >>> percent(0.217, 1), percent(0.9999, 1), percent(0.004)
-    ('21.7 %', '> 99.9 %', '< 1 %')
-    """
-    step = 10.0 ** -(2 + decimals)
-    if 1.0 - step < share < 1.0 - 1e-9:
-        return f"> {100.0 * (1.0 - step):.{decimals}f} %"
-    if 0.0 < share < step:
-        return f"< {100.0 * step:.{decimals}f} %"
-    return f"{100.0 * share:.{decimals}f} %"
-
-
-def counted(number: int, noun: str) -> str:
-    """ "1 reading", "60 readings"."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")

@@ -1,0 +1,164 @@
+"""Words, numbers and units as people read them: each stands here once, for everyone.
+
+An uncertainty has two significant figures, and its value ends at the same digit. A "-" stays ASCII,
+so that a value can be copied and typed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
+
+# Of a written uncertainty; its value ends at the same digit.
+SIGNIFICANT_FIGURES = 2
+# No gauge here tells more than tenths of a micrometre, and no controller takes more.
+MOST_DECIMALS = 4
+# A controller takes micrometres: rounding what is entered to the digits of a large uncertainty
+# would throw information away.
+ENTERED_DECIMALS = 3
+
+
+# --- units ------------------------------------------------------------------------------------
+
+
+class Unit(StrEnum):
+    """Unit of a length that somebody reads from a gauge."""
+
+    MM = "mm"
+    INCH = "in"
+
+
+# One of each unit of length, under every name that it is written with, in mm.
+MM: Mapping[str, float] = {
+    **dict.fromkeys(("mm",), 1.0),
+    **dict.fromkeys(("in", "inch"), 25.4),
+    **dict.fromkeys(("um", "µm", "μm", "micron", "microns", "micrometre", "micrometer"), 1e-3),
+    **dict.fromkeys(("mil", "mils", "thou"), 0.0254),
+    "cm": 10.0,
+    "m": 1e3,
+    "nm": 1e-6,
+}
+MM_PER_INCH = MM["in"]
+
+
+def unit_words(unit: str) -> str:
+    """The unit as a technician knows it.
+
+    >>> unit_words("1e-3"), unit_words("mrad")
+    ('mm/m', 'mrad')
+    """
+    return "mm/m" if unit == "1e-3" else unit
+
+
+# --- numbers ----------------------------------------------------------------------------------
+
+
+def decimals_for(uncertainty: float) -> int:
+    """Decimals at which a value with this uncertainty ends, 0 … `MOST_DECIMALS`.
+
+    >>> decimals_for(0.0214), decimals_for(0.21), decimals_for(0.0996), decimals_for(3.2)
+    (3, 2, 2, 1)
+    """
+    if not 0.0 < uncertainty < math.inf:
+        return MOST_DECIMALS
+    # Rounding first: 0.0996 becomes 0.10, which needs one decimal less than 0.099.
+    exponent = int(f"{uncertainty:.{SIGNIFICANT_FIGURES - 1}e}".partition("e")[2])
+    return min(max(SIGNIFICANT_FIGURES - 1 - exponent, 0), MOST_DECIMALS)
+
+
+def entered_decimals(expanded: Iterable[float], active: Iterable[float]) -> int:
+    """Decimals of joint offsets that are to be entered.
+
+    Args:
+        expanded: their expanded uncertainties; the smallest decides.
+        active: offsets in the controller so far, whose digits (at most six) are kept.
+
+    >>> entered_decimals((0.21, 0.44), (0.0, 0.0)), entered_decimals((0.21,), (0.12345,))
+    (3, 5)
+    """
+    written = (len(f"{value:.6f}".rstrip("0").partition(".")[2]) for value in active)
+    return max(decimals_for(min(expanded)), ENTERED_DECIMALS, *written)
+
+
+def difference_decimals(averaged: bool, resolution_mm: float = 0.01) -> int:
+    """Decimals of a difference of readings: the gauge's, and one more if it averages several."""
+    return max(2, math.ceil(-math.log10(resolution_mm) - 1e-9)) + averaged
+
+
+def plain(value: float, decimals: int) -> str:
+    """Fixed decimals, never "-0.00".
+
+    >>> plain(-0.001, 2), plain(0.256, 2)
+    ('0.00', '0.26')
+    """
+    written = f"{value:.{decimals}f}"
+    return written.lstrip("-") if not float(written) else written
+
+
+def short(value: float, decimals: int) -> str:
+    """At most these decimals, without zeros at the end.
+
+    >>> short(60.0, 3), short(-12.5, 3)
+    ('60', '-12.5')
+    """
+    written = plain(value, decimals)
+    return written.rstrip("0").rstrip(".") if "." in written else written
+
+
+def signed(value: float, decimals: int) -> str:
+    """Fixed decimals with "+" or "-"; zero has no sign."""
+    written = plain(value, decimals)
+    return written if written.startswith("-") or not float(written) else f"+{written}"
+
+
+def two_figures(value: float) -> str:
+    """Two significant figures, at most four decimals.
+
+    >>> two_figures(0.02144), two_figures(1.96), two_figures(0.0)
+    ('0.021', '2.0', '0')
+    """
+    return plain(value, decimals_for(value)) if value else "0"
+
+
+def with_uncertainty(value: float, uncertainty: float, between: str = " ± ") -> str:
+    """ "-0.530 ± 0.021": the value ends at the digit of its uncertainty."""
+    decimals = decimals_for(uncertainty)
+    return f"{signed(value, decimals)}{between}{plain(uncertainty, decimals)}"
+
+
+def chance(probability: float) -> str:
+    """A p-value: "p = 0.43" or "p < 0.001"."""
+    return f"p = {probability:.2g}" if probability >= 0.001 else "p < 0.001"
+
+
+def percent(share: float, decimals: int = 0) -> str:
+    """A share of one as "97 %"; "> 99 %" instead of a false 100.
+
+    >>> percent(0.217, 1), percent(0.9999, 1), percent(0.004)
+    ('21.7 %', '> 99.9 %', '< 1 %')
+    """
+    step = 10.0 ** -(2 + decimals)
+    if 1.0 - step < share < 1.0 - 1e-9:
+        return f"> {100.0 * (1.0 - step):.{decimals}f} %"
+    if 0.0 < share < step:
+        return f"< {100.0 * step:.{decimals}f} %"
+    return f"{100.0 * share:.{decimals}f} %"
+
+
+def coverage_words(k: float) -> str:
+    """The factor from the standard uncertainty to the expanded one: "k = 1.96"."""
+    return f"k = {k:.2f}"
+
+
+# --- words ------------------------------------------------------------------------------------
+
+
+def counted(number: int, noun: str) -> str:
+    """ "1 reading", "60 readings"."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names for a message, with commas; the first ten where there are more."""
+    return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
