@@ -63,9 +63,12 @@ def diagnose(
             then=later.model if later else None,
             sensitivity=frozenset(diagnosis.Verdict),
         )
-        found = results.calibrate(given, diagnosed=diagnosed)
-        document = diagnosis_document(found, machine, later is not None)
-        common.deliver(document, as_json=json)
+        if json:
+            answer = results.answer_to(given, diagnosed=diagnosed, details=True)
+            common.print_json(answer.model_dump(mode="json"))
+        else:
+            found = results.calibrate(given, diagnosed=diagnosed)
+            common.deliver(diagnosis_document(found, machine, later is not None))
         if accept is None:
             return 0
         stem = machine.stem if machine else "machine"

@@ -19,8 +19,14 @@ def solve(
     from orthoglide_cal.report.documents.solution import solution_document
 
     def judge(path: str) -> int:
-        found = results.calibrate(common.read_input(path, machine, data), method)
-        common.deliver(solution_document(found, machine), as_json=json)
-        return 0 if found.release.sound else UnusableResultError.exit_code
+        given = common.read_input(path, machine, data)
+        if json:
+            answer = results.answer_to(given, method, details=True)
+            answer.require_result()
+            common.print_json(answer.model_dump(mode="json"))
+            return 0 if answer.release.usable else UnusableResultError.exit_code
+        found = results.calibrate(given, method)
+        common.deliver(solution_document(found, machine))
+        return 0 if found.release.usable else UnusableResultError.exit_code
 
     common.for_each(files, judge, as_json=json)

@@ -22,7 +22,8 @@ from orthoglide_cal.model import Model, Source, View
 from orthoglide_cal.model.workspace import WorkspaceError, workspace_error
 from orthoglide_cal.planning import Next, best_next
 from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
-from orthoglide_cal.results.release import Release, Remedy, release
+from orthoglide_cal.results.answer import Release, Remedy
+from orthoglide_cal.results.release import release
 from orthoglide_cal.results.residuals import Explained, Residuals, explained, residuals
 from orthoglide_cal.verification import Size, Verification
 
@@ -283,8 +284,8 @@ def calibrate(
     try:
         solution = solve(measured, model, method)
     except UnusableResultError as error:
-        remedies = (Remedy(error.remedy),) if error.remedy else ()
-        refused = Release((error.what,), remedies, sound=False)
+        remedies = (Remedy(sentence=error.remedy),) if error.remedy else ()
+        refused = Release(reasons=(error.what,), remedies=remedies, sound=False)
         identity = _identify(given, method, verification, issued)
         return Calibration(identity, given, refused, verification=verification)
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,44 +11,7 @@ from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.model import DataKind, gauge_doubts
 from orthoglide_cal.planning import Next
-
-
-@dataclass(frozen=True)
-class Remedy:
-    """What to do instead.
-
-    Attributes:
-        sentence: in words; ends with a colon where a command follows.
-        verb: of the command about the same file that does it; None without one.
-        options: of that command, as they are typed.
-    """
-
-    sentence: str
-    verb: str | None = None
-    options: str = ""
-
-
-@dataclass(frozen=True)
-class Release:
-    """The decision.
-
-    Attributes:
-        reasons: why the offsets must not be entered, in sentences; empty if they may be.
-        remedies: what to do instead.
-        cautions: what to know although they may be entered.
-        sound: False if there are no offsets, or they fail their own check: whatever the diagnosis
-            says, they are of no use.
-    """
-
-    reasons: tuple[str, ...] = ()
-    remedies: tuple[Remedy, ...] = ()
-    cautions: tuple[str, ...] = ()
-    sound: bool = True
-
-    @property
-    def usable(self) -> bool:
-        """True if the offsets may be entered."""
-        return not self.reasons
+from orthoglide_cal.results.answer import Release, Remedy
 
 
 def release(
@@ -69,7 +31,7 @@ def release(
     judged = Release() if diagnosis is None else _judged(solution, diagnosis, following)
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
-        return replace(judged, cautions=(*judged.cautions, *more))
+        return judged.model_copy(update={"cautions": (*judged.cautions, *more)})
     if diagnosis is not None and diagnosis.verdict is Verdict.UNEXPLAINED:
         # What the check found is the explanation.
         judged = Release()
@@ -97,7 +59,10 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
     """What the solution's own check has against it, each with what to do."""
     if not solution.converged:
         many = solution.model.kind.speech.many
-        yield f"The search for the {many} did not converge.", Remedy("Check the file:", "validate")
+        yield (
+            f"The search for the {many} did not converge.",
+            Remedy(sentence="Check the file:", verb="validate"),
+        )
         return
     kind, speech = solution.model.kind, solution.model.kind.speech
     limits = kind.plausible(solution.model.machine)
@@ -108,7 +73,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         listed = ", ".join(f"{name} {value:+.1f} {unit}" for name, unit, value, _ in beyond)
         limit = ", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in beyond))
         why = speech.beyond.format(limit=limit)
-        yield f"{speech.one.capitalize()} {listed}: {why}", Remedy(speech.recheck)
+        yield f"{speech.one.capitalize()} {listed}: {why}", Remedy(sentence=speech.recheck)
     open_ = [
         name for name, known in zip(kind.calibrated, solution.determined, strict=True) if not known
     ]
@@ -116,12 +81,12 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         yield (
             f"These readings do not determine {' and '.join(open_)}: no better than what is known"
             " without them.",
-            Remedy(speech.more),
+            Remedy(sentence=speech.more),
         )
     for doubt in gauge_doubts(solution.measured, solution.model.machine.gauge):
-        yield doubt.what, Remedy(doubt.remedy)
+        yield doubt.what, Remedy(sentence=doubt.remedy)
     if diagnosis is None and solution.suspicious:
-        yield solution.judgement, Remedy(speech.more)
+        yield solution.judgement, Remedy(sentence=speech.more)
 
 
 def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
@@ -134,12 +99,12 @@ def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) ->
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         return _ambiguous(solution, diagnosis, following)
     return Release(
-        (
+        reasons=(
             "The model leaves out something that no known cause explains:"
             f" {diagnosis.left_mm:.3f} mm r.m.s., where the {speech.noise}'s noise{speech.beside}"
             f" would leave {diagnosis.expected_mm:.3f} mm.",
         ),
-        (Remedy(speech.again),),
+        remedies=(Remedy(sentence=speech.again),),
     )
 
 
@@ -158,7 +123,8 @@ def _ambiguous(solution: Solution, diagnosis: Diagnosis, following: Next | None)
     if diagnosis.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append("They are so few that nearly anything fits.")
         advice = [speech.more]
-    return Release(tuple(reasons), tuple(map(Remedy, dict.fromkeys(advice))))
+    remedies = tuple(Remedy(sentence=each) for each in dict.fromkeys(advice))
+    return Release(reasons=tuple(reasons), remedies=remedies)
 
 
 def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
@@ -176,15 +142,16 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
         )
     remedies = [
         Remedy(
-            f"Mend it, or make {cause.id} part of the machine and use the new machine file:",
-            "diagnose",
-            f"--accept {cause.id}",
+            sentence=f"Correct it, or make {cause.id} part of the machine and use the new machine"
+            " file:",
+            verb="diagnose",
+            options=f"--accept {cause.id}",
         )
         if cause.recommended
-        else Remedy(kind.speech.said(cause.advice))
+        else Remedy(sentence=kind.speech.said(cause.advice))
         for cause in diagnosis.causes
     ]
     return Release(
-        (f"{names} was found: the {many} without it would be wrong by up to {largest}.",),
-        tuple(dict.fromkeys(remedies)),
+        reasons=(f"{names} was found: the {many} without it would be wrong by up to {largest}.",),
+        remedies=tuple(dict.fromkeys(remedies)),
     )

@@ -1,0 +1,600 @@
+"""From one input to its answer: solved, diagnosed, judged once, whoever asks.
+
+The parameters are those under the verdict:
+
+    consistent     the calibrated parameters alone, widened by what may hide
+    named          with the causes that were found
+    ambiguous      their mean over the open explanations, widened by that choice
+    unexplained    alone, widened by the unexplained part
+
+and with a method that was asked for always the parameters alone, as the paper has them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import Diagnosis, NamedCause, Verdict, diagnose
+from orthoglide_cal.errors import PostureError, UnusableResultError
+from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise, solve
+from orthoglide_cal.estimation.accuracy import (
+    CONFIDENCE,
+    Scatter,
+    chance_of_residual,
+    determined,
+    entered_decimals,
+    half_width,
+    rms,
+)
+from orthoglide_cal.estimation.budget import Budget, warmth
+from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.files import Input
+from orthoglide_cal.model import (
+    AXES,
+    Contact,
+    Differences,
+    Floats,
+    GaugePlan,
+    Measured,
+    Model,
+    Posture,
+    View,
+)
+from orthoglide_cal.model.workspace import workspace_error
+from orthoglide_cal.planning import Next, best_next
+from orthoglide_cal.results import answer as schema
+from orthoglide_cal.results.release import release
+
+# What adds less than this share of every standard deviation is summed up in one line.
+MINOR = 0.1
+# Beyond this Student's t is the normal distribution to two decimals.
+NORMAL_DOF = 500.0
+# A cause that many times its plausible size is beyond it.
+BEYOND = 3.0
+# An explanation this unlikely beside the best one is not told, but that nothing is wrong.
+DISMISSED, WORTH_SAYING = 0.01, 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Parameters under one model, and what is known of the machine that they are entered in.
+
+    Attributes:
+        values: what is found beyond what is active, shape (p,).
+        budget: where their uncertainty comes from.
+        noise: of one reading.
+        real: the machine, as well as it is known.
+    """
+
+    values: Floats
+    budget: Budget
+    noise: Scatter
+    real: Known
+
+
+def answer_to(
+    given: Input,
+    method: str | None = None,
+    *,
+    diagnosed: Diagnosis | None = None,
+    details: bool = False,
+) -> schema.Answer:
+    """Solve, diagnose and judge one input.
+
+    Args:
+        given: the input.
+        method: name of an estimator; then the answer holds the parameters alone.
+        diagnosed: a diagnosis of it that was made already; it is made here if None.
+        details: also what only details, JSON and pages show: how the answer depends on plausible
+            sizes, the tool's error over the workspace, what would be worth measuring next.
+
+    Raises:
+        UsageError, InputError: as `solve`. A result that must not be used raises nothing: the
+            answer says so.
+    """
+    measured, model = given.measured, given.model
+    source = measured.source
+    file = schema.InputFile(
+        path=source.path,
+        sha256=source.sha256,
+        kind=measured.kind,
+        readings=len(measured),
+        data=source.excerpt.data if source.excerpt else None,
+    )
+    machine = schema.MachineName(name=model.machine.name, kind=model.machine.kind)
+    try:
+        solution = solve(measured, model, method)
+    except UnusableResultError as error:
+        remedies = (schema.Remedy(sentence=error.remedy),) if error.remedy else ()
+        refused = schema.Release(reasons=(error.what,), remedies=remedies, sound=False)
+        return schema.Answer(input=file, machine=machine, release=refused)
+    try:
+        diagnosis = diagnosed or diagnose(
+            measured, model, sensitivity=tuple(Verdict) if details else ()
+        )
+    except UnusableResultError:
+        # Numbers out of all proportion: the solution's own check is all there is.
+        diagnosis = None
+    following = None if diagnosis is None else best_next(diagnosis)
+    decision = release(solution, diagnosis, following)
+    alone, found = _alone(given, solution, diagnosis), None
+    if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
+        found = _as_diagnosed(given, solution, diagnosis)
+    named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
+    if found is None:
+        chosen, known = alone, solution.budget
+    else:
+        chosen, known = found, found.budget
+    settled = decision.usable and _settled(model, chosen, known)
+    decision = decision.model_copy(update={"settled": settled})
+    active = model.kind.active(model.machine)
+    decimals = model.kind.decimals or entered_decimals(chosen.budget.expanded_mm.tolist(), active)
+    parameters = tuple(_parameters(model, chosen, decimals, enter=decision.usable))
+    entered = np.array([each.changed(decimals) for each in parameters])
+    promised = promise(
+        measured, chosen.real, entered, chosen.noise, diagnosis.put_right if diagnosis else None
+    )
+    dof = chosen.budget.dof
+    explained = _explained(diagnosis) if diagnosis else None
+    after = solution.rms_after_mm
+    if diagnosis and explained and named and found is not None:
+        after = rms(explained[1])
+    shown = [
+        each
+        for each in chosen.budget.contributions
+        if np.any(each.std_mm > MINOR * chosen.budget.std_mm)
+    ]
+    minor = [each for each in chosen.budget.contributions if each not in shown]
+    found_alone = schema.Answer(
+        input=file,
+        machine=machine,
+        method=solution.method,
+        judgement=solution.judgement,
+        release=decision,
+        parameters=parameters,
+        decimals=decimals,
+        k=chosen.budget.k,
+        confidence=CONFIDENCE,
+        dof=None if dof >= NORMAL_DOF else round(dof),
+        correlation=_rows(_correlation(chosen.budget)),
+        sigma_rho_mm=_sigma_rho(model, chosen.budget),
+        alone=schema.Alone(
+            parameters=tuple(_parameters(model, alone, decimals, enter=False)),
+            rms_after_mm=solution.rms_after_mm,
+        )
+        if named and found is not None
+        else None,
+        rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=after),
+        noise=_noise(solution, after),
+        deviations=tuple(
+            schema.DeviationPromise(
+                name=row.difference.name,
+                measured_mm=row.measured_mm,
+                modelled_mm=row.modelled_mm,
+                expected_mm=row.expected_mm,
+                expanded_mm=row.expanded_mm,
+            )
+            for row in promised
+        ),
+        as_found=_spread({row.difference.name: row.measured_mm for row in promised}),
+        expected=_spread({row.difference.name: row.expected_mm for row in promised}),
+        budget=tuple(
+            schema.BudgetLine(
+                source=each.source,
+                type=each.evaluation.value,
+                size=each.size,
+                unit=each.unit,
+                assumed=each.assumed,
+                possible=each.possible,
+                std=tuple(each.std_mm.tolist()),
+            )
+            for each in chosen.budget.contributions
+        ),
+        minor=schema.Minor(
+            sources=tuple(each.source for each in minor),
+            std=tuple(np.sqrt(sum(each.std_mm**2 for each in minor)).tolist()),
+        )
+        if minor
+        else None,
+        converged=solution.converged,
+        residuals=tuple(_residuals(measured, solution, diagnosis)),
+        undetermined=tuple(_undetermined(model, parameters)),
+        check=_check(given, solution, promised, chosen.budget.k),
+        workspace=_workspace(chosen, model) if details else None,
+        warnings=solution.warnings,
+    )
+    if diagnosis is None:
+        return found_alone
+    return found_alone.model_copy(update=_of_diagnosis(diagnosis, solution, alone, following))
+
+
+def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Found:
+    """The solution's own parameters; what they leave takes named causes into account."""
+    model = given.model
+    budget = solution.budget.extended(diagnosis.adds_to(solution) if diagnosis else ())
+    budget = budget.extended(
+        warmth(given.conditions.mean_temperature_c, model.machine.leg_length_mm)
+    )
+    if diagnosis is not None and diagnosis.verdict is Verdict.NAMED:
+        real = Known(with_causes(model, diagnosis), diagnosis.offsets_mm, diagnosis.covariance_mm2)
+    else:
+        real = Known(model, solution.offsets_mm, solution.covariance_mm2)
+    return _Found(solution.offsets_mm, budget, solution.noise, real)
+
+
+def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Found:
+    """The parameters under what the diagnosis found."""
+    model = with_causes(given.model, diagnosis)
+    held = set(model.kind.held) - {cause.id for cause in diagnosis.causes}
+    taken = [each for each in solution.budget.contributions if each.source in held]
+    budget = diagnosis.budget.extended(taken).extended(
+        warmth(given.conditions.mean_temperature_c, model.machine.leg_length_mm)
+    )
+    noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
+    real = Known(model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
+    return _Found(diagnosis.offsets_mm, budget, noise, real)
+
+
+def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
+    """The machine with the lasting causes that a diagnosis names in it, as if accepted now."""
+    if diagnosis.verdict is not Verdict.NAMED:
+        return model
+    day = datetime.now(UTC).date().isoformat()
+    return model.extended(
+        cause.effect.accepted(day, diagnosis.source.sha256)
+        for cause in diagnosis.causes
+        if cause.in_machine and cause.effect.cause.lasting
+    )
+
+
+def _settled(model: Model, found: _Found, known: Budget) -> bool:
+    """Whether the controller has the parameters already, as well as the readings know them.
+
+    No change exceeds what noise and a local shape make of it, nor do all together (χ²): what
+    else may be wrong, and what is taken as the controller has it, would be the same again.
+    Never of joint offsets, which are told as an excess.
+    """
+    if not model.kind.absolute:
+        return False
+    if any(effect.cause.compensable for effect in model.accepted):
+        return False  # it is to be entered, too
+    budget, change = known.without(model.kind.held), found.values
+    if np.any(np.abs(change) > budget.expanded_mm):
+        return False
+    apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
+    widened = budget.k / half_width(np.inf)
+    return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
+
+
+def _parameters(
+    model: Model, found: _Found, decimals: int, enter: bool
+) -> Iterator[schema.Parameter]:
+    kind, budget = model.kind, found.budget
+    columns = (
+        *(kind.calibrated, kind.units, kind.active(model.machine), found.values.tolist()),
+        *(budget.std_mm.tolist(), budget.expanded_mm.tolist()),
+        determined(model, budget.expanded_mm),
+    )
+    for name, unit, active, value, std, expanded, known in zip(*columns, strict=True):
+        one = schema.Parameter(
+            name=name,
+            unit=unit,
+            active=active,
+            found=value if known else None,
+            std=std,
+            expanded=expanded,
+            determined=known,
+        )
+        yield one.model_copy(update={"enter": one.new(decimals)}) if enter else one
+
+
+def _correlation(budget: Budget) -> Floats:
+    matrix = budget.covariance_mm2 / (budget.std_mm[:, None] * budget.std_mm)
+    np.fill_diagonal(matrix, 1.0)
+    return matrix
+
+
+def _sigma_rho(model: Model, budget: Budget) -> float | None:
+    """σ_ρ = √(trace V / 3) (eq. 33) of joint offsets."""
+    return None if model.kind.absolute else rms(budget.std_mm)
+
+
+def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, matrix.tolist()))
+
+
+def _noise(solution: Solution, after: float) -> schema.Noise:
+    """All of what is left is noise where noise alone leaves as much in one case of a thousand."""
+    left = solution.rms_of_noise_mm
+    if left is not None:
+        chance = chance_of_residual(solution.dof * after**2, solution.dof, left)
+        left = left if chance < SUSPICIOUS else after
+    return schema.Noise(
+        used_mm=solution.sigma_mm,
+        repeats_mm=solution.sigma_repeats_mm,
+        residuals_mm=solution.sigma_residuals_mm,
+        stated_mm=solution.sigma_stated_mm,
+        floor_mm=solution.sigma_floor_mm,
+        dof=solution.dof,
+        p_value=solution.lack_of_fit_p,
+        left_mm=left,
+    )
+
+
+def _spread(values: dict[str, float]) -> schema.Spread | None:
+    if not values:
+        return None
+    largest = max(values, key=lambda name: abs(values[name]))
+    return schema.Spread(
+        rms_mm=rms(np.array(list(values.values()))), largest_mm=values[largest], largest=largest
+    )
+
+
+def _residuals(
+    measured: Measured, solution: Solution, diagnosis: Diagnosis | None
+) -> Iterator[schema.Residual]:
+    """Every reading, in the order of the file."""
+    with_causes: list[float | None] = [None] * len(measured)
+    if diagnosis is not None and diagnosis.causes:
+        with_causes = [*diagnosis.explained_mm.tolist()]
+    predicted = solution.predicted_mm if diagnosis is None else diagnosis.nominal_mm
+    values = zip(measured.value.tolist(), predicted.tolist(), with_causes, strict=True)
+    if isinstance(measured, Differences):
+        for number, (value, modelled, explained) in enumerate(values):
+            which = measured.which[number]
+            yield schema.Residual(
+                leg=AXES[which.series.leg],
+                direction=AXES[which.series.direction],
+                posture=which.name,
+                order=number + 1,
+                weight=1.0,
+                measured_mm=value,
+                zero_mm=0.0,
+                modelled_mm=modelled,
+                with_causes_mm=explained,
+            )
+        return
+    plan, legs = measured.plan, measured.view is View.LEGS
+    order = np.empty(len(measured), dtype=np.intp)
+    order[plan.in_time] = np.arange(1, len(measured) + 1)
+    zero = _zeros(plan, predicted) if legs else np.zeros(len(measured))
+    for k, (value, modelled, explained) in enumerate(values):
+        x, y, z = (None, None, None) if legs else plan.place[k].tolist()
+        yield schema.Residual(
+            leg=AXES[plan.leg[k]] if legs else None,
+            direction=AXES[plan.direction[k]] if legs else None,
+            posture=measured.posture[k] if legs else None,
+            end=Contact(plan.contact[k]).end if legs else None,
+            displacement_mm=float(plan.displacement[k]) if legs else None,
+            gauge_at=float(plan.gauge_at[k]) if legs else None,
+            part=int(plan.part[k]) + 1 if legs else None,
+            x_mm=x,
+            y_mm=y,
+            z_mm=z,
+            surface_mm=None if legs else float(plan.surface[k]),
+            distance=not legs and bool(plan.distance[k]),
+            cycle=int(measured.cycle[k]),
+            order=int(order[k]),
+            weight=float(plan.precision[k]),
+            measured_mm=value,
+            zero_mm=float(zero[k]),
+            modelled_mm=modelled,
+            with_causes_mm=explained,
+        )
+
+
+def _zeros(plan: GaugePlan, predicted: Floats) -> Floats:
+    """Prediction at the isotropic posture of each reading's set-up (else its mean), (n,)."""
+    zero = np.zeros(len(plan))
+    for setup in range(plan.setups):
+        mine = plan.setup == setup
+        iso = mine & (plan.displacement == 0.0) & (plan.contact != Contact.TOOL)
+        zero[mine] = predicted[iso if np.any(iso) else mine].mean()
+    return zero
+
+
+def _undetermined(
+    model: Model, parameters: Iterable[schema.Parameter]
+) -> Iterator[schema.Undetermined]:
+    """Parameters, and what no reading of this kind determines: taken as the controller has it."""
+    for each in parameters:
+        if not each.determined:
+            yield schema.Undetermined(name=each.name, within=each.expanded, unit=each.unit)
+    known = {effect.cause.id for effect in model.accepted}
+    for cause in (CAUSES[id] for id in model.kind.held if id not in known):
+        yield schema.Undetermined(name=cause.id, within=cause.size(model.machine), unit=cause.unit)
+
+
+def _check(
+    given: Input, solution: Solution, promised: Sequence[PromisedDifference], k: float
+) -> schema.CheckReading | None:
+    """The difference that the offsets change most: it tells an entered one from a forgotten."""
+    if not promised:
+        return None
+    row = max(promised, key=lambda each: abs(each.measured_mm - each.expected_mm))
+    machine, kind = given.model.machine, given.model.kind
+    series, posture = row.difference
+    ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
+    moved = [machine.displacement_mm(end) for end in ends]
+    tools = [tuple(value if axis == series.leg else 0.0 for axis in range(3)) for value in moved]
+    joints = [tuple(kind.joints_at(machine, series.leg, value).tolist()) for value in moved]
+    sigma = max(solution.sigma_mm, machine.gauge.noise_mm)
+    return schema.CheckReading(
+        what=row.difference.name,
+        leg=AXES[series.leg],
+        direction=AXES[series.direction],
+        first_mm=tools[0],
+        second_mm=tools[1],
+        first_joints_mm=joints[0],
+        second_joints_mm=joints[1],
+        ends=posture is not None,
+        before_mm=row.measured_mm,
+        expected_mm=row.expected_mm,
+        # The promise is of as many readings as were taken before; the check is of two.
+        expanded_mm=math.hypot(row.expanded_mm, k * math.sqrt(2.0) * sigma),
+    )
+
+
+def _workspace(found: _Found, model: Model) -> schema.Workspace | None:
+    """Tool-position error before and after the adjustment; None if it cannot be computed."""
+    if not model.kind.has_cube:
+        return None
+    budget = found.budget
+    try:
+        maps = workspace_error(found.real.model, found.values, budget.covariance_mm2, budget.k)
+    except PostureError:
+        return None
+    return schema.Workspace(
+        before_mm=maps.before_max_mm,
+        after_mm=maps.after_max_mm,
+        before_mean_mm=maps.before_mean_mm,
+        after_mean_mm=maps.after_mean_mm,
+        left_mm=maps.left_max_mm,
+        cube_mm=(float(maps.axis_mm[0]), float(maps.axis_mm[-1])),
+        stated_edge_mm=maps.nominal_edge_mm,
+        maps=maps,
+    )
+
+
+def _explained(diagnosis: Diagnosis) -> tuple[Floats, Floats]:
+    """Residuals without and with the causes, each by its weight, shape (n,) [mm]."""
+    weight, measured = diagnosis.measured.weight, diagnosis.measured_mm
+    return (
+        weight * (measured - diagnosis.nominal_mm),
+        weight * (measured - diagnosis.explained_mm),
+    )
+
+
+def _of_diagnosis(
+    diagnosis: Diagnosis, solution: Solution, alone: _Found, following: Next | None
+) -> dict[str, object]:
+    """The parts of the answer that a diagnosis gives."""
+    consistent = diagnosis.verdict is Verdict.CONSISTENT
+    lack = diagnosis.lack_of_fit
+    causes = tuple(_cause(cause, diagnosis) for cause in diagnosis.causes)
+    return {
+        "verdict": diagnosis.verdict,
+        "explanations": tuple(_explanations(diagnosis, solution, alone)),
+        "lack_of_fit": schema.GoodnessOfFit(
+            statistic=lack.statistic,
+            dof=lack.dof,
+            p_value=lack.p_value,
+            repeats_p_value=lack.repeats_p_value,
+            repeats_mm=lack.repeats_mm,
+            left_mm=diagnosis.left_mm,
+            expected_mm=diagnosis.expected_mm,
+            noise_mm=lack.noise_mm,
+        ),
+        "shares": _shares(diagnosis),
+        "causes": causes,
+        "ambiguous_with": () if consistent else diagnosis.ambiguous_with,
+        "not_excluded": diagnosis.ambiguous_with if consistent else (),
+        "rivals": diagnosis.rivals if diagnosis.verdict is Verdict.AMBIGUOUS else (),
+        "beyond_tolerance": tuple(
+            schema.TimesStated(id=cause.id, times=cause.times_stated)
+            for cause in causes
+            if cause.times_stated is not None and cause.times_stated > BEYOND
+        ),
+        "assumed": tuple(diagnosis.assumed_tolerances),
+        "assumed_sizes": tuple(
+            schema.AssumedSize(id=id, size=size, unit=CAUSES[id].unit)
+            for id, size in diagnosis.assumed_tolerances.items()
+        ),
+        "next_measurement": None
+        if following is None
+        else schema.NextMeasurement(
+            what=following.option.what,
+            minutes=following.option.minutes,
+            separates=_apart(*following.separates) if following.separates else (),
+            between=following.separates or (),
+            separation_sigma=following.separation_sigma,
+        ),
+        "sensitivity": {
+            how: schema.Otherwise(verdict=verdict, ids=ids)
+            for how, (verdict, ids) in diagnosis.sensitivity.items()
+        }
+        or None,
+        "notes": diagnosis.notes,
+    }
+
+
+def _apart(one: schema.Ids, other: schema.Ids) -> schema.Ids:
+    """Of each of two explanations the first cause that the other lacks, or has as well."""
+    pairs = ((one, other), (other, one))
+    return tuple(min(ids, key=lambda id: id in rival, default="") for ids, rival in pairs)
+
+
+def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:
+    machine, kind = diagnosis.model.machine, diagnosis.model.kind
+    size = cause.effect.cause.size(machine)
+    largest = max((abs(each.value) for each in cause.parameters.values()), default=0.0)
+    return schema.FoundCause(
+        id=cause.id,
+        probability=cause.probability,
+        where=cause.where,
+        parameters=tuple(
+            schema.CauseParameter(name=name, unit=each.unit, value=each.value, std=each.std)
+            for name, each in cause.parameters.items()
+        ),
+        rms_before_mm=cause.rms_before_mm,
+        rms_after_mm=cause.rms_after_mm,
+        heldout_before_mm=cause.heldout_before_mm,
+        heldout_after_mm=cause.heldout_after_mm,
+        heldout_ratio=cause.heldout_ratio,
+        aliases=cause.aliases,
+        times_stated=largest / size if size > 0.0 and cause.parameters else None,
+        remedy=kind.speech.said(cause.advice),
+        recommended=cause.recommended,
+        in_machine=cause.in_machine,
+    )
+
+
+def _explanations(
+    diagnosis: Diagnosis, solution: Solution, alone: _Found
+) -> Iterator[schema.PossibleExplanation]:
+    """Those not dismissed, with the parameters of those that were fitted."""
+    names = diagnosis.model.kind.calibrated
+    fits = {tuple(effect.cause.id for effect in fit.effects): fit for _, fit in diagnosis.left_open}
+    most = max(diagnosis.ranking.values(), default=0.0)
+    for tried, probability in diagnosis.ranking.items():
+        nothing = not tried.causes and tried.pattern is None
+        fit = fits.get(tried.causes) if tried.pattern is None else None
+        if fit is None and probability < (WORTH_SAYING if nothing else DISMISSED * most):
+            continue
+        values, std, left = None, None, None
+        if nothing:
+            values, std, left = alone.values, alone.budget.std_mm, solution.rms_after_mm
+        elif fit is not None:
+            values, std = fit.offsets, np.sqrt(np.diag(fit.joint_covariance()))
+            if set(tried.causes) == {cause.id for cause in diagnosis.causes}:
+                left = diagnosis.causes[0].rms_after_mm
+        yield schema.PossibleExplanation(
+            ids=tried.causes,
+            pattern=tried.pattern,
+            probability=probability,
+            rms_mm=left,
+            parameters=()
+            if values is None or std is None
+            else tuple(
+                schema.Estimated(name=name, found=value, std=own)
+                for name, value, own in zip(names, values.tolist(), std.tolist(), strict=True)
+            ),
+        )
+
+
+def _shares(diagnosis: Diagnosis) -> schema.Shares:
+    """What the causes, and noise, make of the residuals' sum of squares without causes."""
+    before, after = _explained(diagnosis)
+    total, left = float(before @ before), float(after @ after)
+    expected = diagnosis.lack_of_fit.dof * diagnosis.lack_of_fit.noise_mm**2
+    by_cause = max(1.0 - left / total, 0.0) if total else 0.0
+    noise = min(expected / total, 1.0 - by_cause) if total else 1.0
+    return schema.Shares(
+        by_cause=by_cause, noise=noise, unexplained=max(1.0 - by_cause - noise, 0.0)
+    )
