@@ -18,7 +18,6 @@ ROOMS = (
 ONLY_FOR = {"paper": {"cli", "report"}}
 PRINTING = {"cli"}
 SEEDING = {"cli", "session"}
-LONGEST = 450
 
 
 def name_of(path: Path) -> str:
@@ -136,12 +135,6 @@ def test_public_things_say_what_they_are() -> None:
         and not ast.get_docstring(node)
     ]
     faults += [name for name, tree in TREES.items() if not ast.get_docstring(tree)]
-    assert not faults, listed(faults)
-
-
-def test_no_file_is_too_long_to_be_one_idea() -> None:
-    lines = {name: path.read_text(encoding="utf-8").count("\n") for name, path in FILES.items()}
-    faults = [f"{name}: {count} lines" for name, count in lines.items() if count > LONGEST]
     assert not faults, listed(faults)
 
 

@@ -28,7 +28,6 @@ from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
     determined,
-    entered_decimals,
     half_width,
     rms,
 )
@@ -50,6 +49,7 @@ from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.planning import Next, best_next
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.release import release
+from orthoglide_cal.words import entered_decimals
 
 # What adds less than this share of every standard deviation is summed up in one line.
 MINOR = 0.1
