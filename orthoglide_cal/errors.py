@@ -87,8 +87,10 @@ class UsageError(OrthocalError):
     exit_code = 2
 
 
-class InputError(OrthocalError):
+class InputError(OrthocalError, ValueError):
     """A file, or a value in it, cannot be used.
+
+    It is a ValueError for pydantic, which adds the path of what a validator refuses.
 
     Args:
         what: what is wrong.

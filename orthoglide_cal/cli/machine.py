@@ -236,7 +236,7 @@ def _given(options: dict[str, Any], kind: str | None) -> dict[str, Any]:
 
 def _tolerance(given: str) -> tuple[str, float]:
     """Key and value of CAUSE=SIZE. Raises UsageError."""
-    from orthoglide_cal.files import parse_number
+    from orthoglide_cal.schema import parse_number
 
     cause, _, size = given.partition("=")
     try:
@@ -276,7 +276,7 @@ def _fault(fault: InputError) -> str:
 
 def _numbers(said: str, wanted: int) -> float | list[float]:
     """The number that was typed, or several. Raises InputError if there are not as many."""
-    from orthoglide_cal.files import parse_number
+    from orthoglide_cal.schema import parse_number
 
     values = [parse_number(part, decimal_comma=True) for part in said.split()]
     if len(values) != wanted:

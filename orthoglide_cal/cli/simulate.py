@@ -211,8 +211,8 @@ def _effect_named(text: str, plan: Any, machine: Machine, rng: np.random.Generat
 def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Generator) -> np.ndarray:
     import numpy as np
 
-    from orthoglide_cal.files import parse_number
     from orthoglide_cal.model.model import parameter_names
+    from orthoglide_cal.schema import parse_number
 
     names = list(parameter_names(cause, machine.kind).values())
     try:

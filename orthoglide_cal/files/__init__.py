@@ -34,14 +34,14 @@ from orthoglide_cal.files.session_file import (
     session_text,
     write_session,
 )
-from orthoglide_cal.files.text import Document, number_text, parse_number, read_document, write_text
+from orthoglide_cal.files.text import FileText, number_text, read_document, write_text
 from orthoglide_cal.files.written_readings import file_columns, readings_csv, sitting_cells
 
 __all__ = [
     "LARGEST_OFFSET_MM",
     "Check",
     "Conditions",
-    "Document",
+    "FileText",
     "FoundSession",
     "GaugeIdentity",
     "Input",
@@ -59,7 +59,6 @@ __all__ = [
     "machine_values",
     "new_machine",
     "number_text",
-    "parse_number",
     "places_csv",
     "printers_in",
     "read_document",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from orthoglide_cal.files.yaml_tree import Group, between, not_negative, positive
+from orthoglide_cal.files.groups import Group, between, not_negative, positive
 from orthoglide_cal.model import Gauge
 from orthoglide_cal.model.kinds.linear_delta import TOWERS, DeltaMachine
 

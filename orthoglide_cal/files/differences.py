@@ -6,9 +6,10 @@ import re
 from collections.abc import Callable, Collection, Sequence
 
 from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import unused
 from orthoglide_cal.files.table import Cells, Table
-from orthoglide_cal.files.text import shortened, unused
 from orthoglide_cal.model import DIFFERENCES, DataKind, Differences, Machine
+from orthoglide_cal.schema import shortened
 
 DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
 

@@ -7,13 +7,16 @@ where the blocks go; all others are copied as they stand.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
-from typing import Any
+from typing import Annotated
+
+from pydantic import AfterValidator, BeforeValidator, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.text import Document, Faults, nearest, parse_number
+from orthoglide_cal.files.faults import Faults, Place, nearest
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.schema import Positive, Schema
 
 _OURS = re.compile(r"\s*(?:\(\s*orthocal\b([^()]*)\)|;\s*orthocal\b(.*))\s*", re.IGNORECASE)
 _AXIS = re.compile(r"[UVWABCXYZ]|[A-Z][A-Z0-9_]*=")
@@ -40,8 +43,21 @@ class Values(StrEnum):
     TOOL = "tool"
 
 
-@dataclass(frozen=True)
-class Template:
+def _axes(value: object) -> tuple[str, ...]:
+    words = tuple(value.upper().split()) if isinstance(value, str) else ()
+    if len(set(words)) != 3 or len(words) != 3 or not all(map(_AXIS.fullmatch, words)):
+        raise InputError("These are not three axis words.", "Write X Y Z, or X1= Y1= Z1=.")
+    return words
+
+
+def _pause(value: str) -> str:
+    code = value.upper()
+    if not _PAUSE.fullmatch(code):
+        raise InputError("This is no code that waits.", "Write M0, M1, or G4 P20 for 20 s.")
+    return code
+
+
+class Template(Schema):
     """A template as read.
 
     Attributes:
@@ -56,14 +72,14 @@ class Template:
     before: tuple[str, ...]
     after: tuple[str, ...]
     semicolon: bool
-    axes: tuple[str, ...] = ("X", "Y", "Z")
-    values: Values = Values.JOINTS
-    pause: str = "M0"
-    feed: float = 1000.0
-    slow: float = 100.0
+    axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")
+    values: Annotated[Values, BeforeValidator(str.lower)] = Values.JOINTS
+    pause: Annotated[str, AfterValidator(_pause)] = "M0"
+    feed: Positive = 1000.0
+    slow: Positive = 100.0
 
 
-def gcode_template(document: Document, numbers: Iterable[int]) -> Template:
+def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
     """The template that a file holds.
 
     Args:
@@ -76,7 +92,9 @@ def gcode_template(document: Document, numbers: Iterable[int]) -> Template:
     """
     faults, taken = Faults(document.path), set(numbers)
     parts: tuple[list[str], list[str]] = ([], [])
-    settings: dict[str, Any] = {}
+    known = [name for name, field in Template.model_fields.items() if not field.is_required()]
+    settings: dict[str, str] = {}
+    places: dict[str | int, Place] = {}
     markers: list[bool] = []
     modes: dict[int, tuple[int, str]] = {}
     for line, text in enumerate(document.text.rstrip("\n").split("\n"), start=1):
@@ -90,13 +108,11 @@ def gcode_template(document: Document, numbers: Iterable[int]) -> Template:
                     faults.add("This is a second place for the blocks.", "Take one out.", line=line)
             elif name in settings:
                 faults.add("This setting stands here twice.", "Take one out.", line=line, value=key)
-            elif name in _SETTINGS:
-                try:
-                    settings[name] = _SETTINGS[name](" ".join(value.split()))
-                except InputError as error:
-                    faults.add(error.what, error.remedy, line=line, value=value.strip())
+            elif name in known:
+                settings[name] = " ".join(value.split())
+                places[name] = Place(line, None, value.strip())
             elif name != _NOTE:
-                near = nearest(name, (*_SETTINGS, _NOTE, _MARKER))
+                near = nearest(name, (*known, _NOTE, _MARKER))
                 faults.add("This is no setting.", f"{near}{_PRINT}", line=line, value=name)
             continue
         parts[bool(markers)].append(text)
@@ -127,42 +143,10 @@ def gcode_template(document: Document, numbers: Iterable[int]) -> Template:
             "The template does not say where the blocks go.",
             f"Put a line (orthocal {_MARKER}) there. {_PRINT}",
         )
-    faults.check()
-    return Template(tuple(parts[0]), tuple(parts[1]), markers[0], **settings)
-
-
-def _axes(value: str) -> tuple[str, ...]:
-    words = tuple(value.upper().split())
-    if len(set(words)) != 3 or len(words) != 3 or not all(map(_AXIS.fullmatch, words)):
-        raise InputError("These are not three axis words.", "Write X Y Z, or X1= Y1= Z1=.")
-    return words
-
-
-def _values(value: str) -> Values:
+    around = {"before": parts[0], "after": parts[1], "semicolon": any(markers)}
     try:
-        return Values(value.lower())
-    except ValueError as error:
-        raise InputError("This is not known.", f"Write one of {', '.join(Values)}.") from error
-
-
-def _pause(value: str) -> str:
-    code = value.upper()
-    if not _PAUSE.fullmatch(code):
-        raise InputError("This is no code that waits.", "Write M0, M1, or G4 P20 for 20 s.")
-    return code
-
-
-def _speed(value: str) -> float:
-    speed = parse_number(value)
-    if speed <= 0.0:
-        raise InputError("A feed is greater than 0.", "Write mm per minute, such as 100.")
-    return speed
-
-
-_SETTINGS: Mapping[str, Callable[[str], Any]] = {
-    "axes": _axes,
-    "values": _values,
-    "pause": _pause,
-    "feed": _speed,
-    "slow": _speed,
-}
+        template = Template.model_validate({**around, **settings})
+    except ValidationError as error:
+        faults.take(error, Template, lambda path: places[path[0]])
+    faults.check()
+    return template

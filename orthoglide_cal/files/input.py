@@ -37,7 +37,7 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import Table, read_table
-from orthoglide_cal.files.text import YAML_LIMIT, Document, UnreadableError, read_document
+from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Measured, Model, Source, gauge_doubts
 from orthoglide_cal.model.kinds import DeltaMachine
@@ -141,7 +141,7 @@ def read_input(
 
 
 def input_from_document(
-    document: Document,
+    document: FileText,
     model: Model | None = None,
     otherwise: Callable[[], Model] = default_machine,
     stored: str | None = None,
@@ -246,7 +246,7 @@ def _is_machine(path: Path) -> bool:
     return not {"kind", "leg_length_mm"}.isdisjoint(keys) and "readings" not in keys
 
 
-def _is_yaml(document: Document) -> bool:
+def _is_yaml(document: FileText) -> bool:
     """Whether the first line that says anything is YAML; the name decides what it leaves open."""
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
         return True
@@ -256,7 +256,7 @@ def _is_yaml(document: Document) -> bool:
     return False
 
 
-def _table(document: Document, model: Model | None, otherwise: Callable[[], Model]) -> Input:
+def _table(document: FileText, model: Model | None, otherwise: Callable[[], Model]) -> Input:
     """A table says nothing of the controller: where offsets from it were entered, the machine
     file tells what was active before; else what is active now."""
     judge = model or otherwise()
@@ -283,7 +283,7 @@ def _table(document: Document, model: Model | None, otherwise: Callable[[], Mode
     return Input(readings, judge, conditions_in(readings), is_session=False)
 
 
-def _printer(document: Document, model: Model | None, stored: str | None = None) -> Input:
+def _printer(document: FileText, model: Model | None, stored: str | None = None) -> Input:
     """What a printer.cfg stores, on the machine that it describes.
 
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
@@ -317,7 +317,7 @@ def _touches(table: Table, judge: Model) -> Input:
 
 
 def _checked(
-    document: Document, model: Model | None, otherwise: Callable[[], Model], stored: str | None
+    document: FileText, model: Model | None, otherwise: Callable[[], Model], stored: str | None
 ) -> Check:
     path, source = document.path, document.source
     if _is_yaml(document) and not PRINTER_SECTION.search(document.text):

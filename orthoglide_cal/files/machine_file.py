@@ -19,26 +19,24 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.delta_machine import delta_keys, delta_values
-from orthoglide_cal.files.orthoglide_machine import OFFSET, orthoglide_keys, orthoglide_values
-from orthoglide_cal.files.text import (
-    YAML_LIMIT,
-    Document,
-    document_from_bytes,
-    read_document,
-)
-from orthoglide_cal.files.yaml_tree import (
+from orthoglide_cal.files.groups import (
     Group,
-    Tree,
     between,
-    load_tree,
     not_negative,
     one_of,
     positive,
     text,
     version,
     word,
-    yaml_text,
 )
+from orthoglide_cal.files.orthoglide_machine import OFFSET, orthoglide_keys, orthoglide_values
+from orthoglide_cal.files.text import (
+    YAML_LIMIT,
+    FileText,
+    document_from_bytes,
+    read_document,
+)
+from orthoglide_cal.files.yaml_tree import Tree, load_tree, yaml_text
 from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Machine, Model
 from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, Orthoglide
 from orthoglide_cal.model.kinds.linear_delta import TOWERS
@@ -77,7 +75,7 @@ class StoredMachine:
     """
 
     model: Model
-    document: Document
+    document: FileText
     remarks: tuple[str, ...]
 
 
@@ -97,7 +95,7 @@ def machine_file_in(tree: Tree) -> StoredMachine:
     """The machine file that a parsed document is. Raises as `read_machine` does."""
     model = machine_from_tree(tree)
     remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
-    return StoredMachine(model, tree.document, () if "identified" in tree.value else (remark,))
+    return StoredMachine(model, tree.file, () if "identified" in tree.value else (remark,))
 
 
 def read_machine(path: Path | str | None = None) -> Model:
@@ -150,21 +148,21 @@ def machine_from_tree(tree: Tree) -> Model:
         raise InputError(
             "This is not a machine file.",
             f"Copy configs/{DEFAULT_NAME} and change its values.",
-            file=tree.document.path,
+            file=tree.file.path,
             line=1,
         )
     if "readings" in value and "machine" in value:
         raise InputError(
             "This is a session, not a machine file.",
             "Give it as the input; the machine that it was measured on is inside.",
-            file=tree.document.path,
+            file=tree.file.path,
         )
     model = machine_in(Group(tree, (), value))
-    if tree.document.text.startswith(WRITTEN) and "complete" not in value:
+    if tree.file.text.startswith(WRITTEN) and "complete" not in value:
         tree.faults.add(
             "The last line, `complete: true`, is missing: the file was cut off.",
             "Take it from a copy; add the line only if you know that nothing is missing.",
-            line=tree.document.text.count("\n"),
+            line=tree.file.text.count("\n"),
             column="complete",
         )
     if model is None or tree.faults:

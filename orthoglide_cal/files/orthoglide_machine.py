@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from orthoglide_cal.files.yaml_tree import Group, between, not_negative, positive
+from orthoglide_cal.files.groups import Group, between, not_negative, positive
 from orthoglide_cal.model import AXES, Gauge, Machine
 
 # Bounds [mm].

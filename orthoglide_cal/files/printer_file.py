@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.delta_machine import TOWERS_TURN, counter_clockwise
 from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, within
-from orthoglide_cal.files.text import Document
+from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats, Source
 from orthoglide_cal.model.plan import Ints, ReadOnly
 
@@ -132,7 +132,7 @@ class PrinterFile(ReadOnly):
     remarks: tuple[str, ...]
 
 
-def read_printer_file(document: Document) -> PrinterFile:
+def read_printer_file(document: FileText) -> PrinterFile:
     """What a printer.cfg says.
 
     Raises:

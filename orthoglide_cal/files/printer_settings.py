@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.text import Document, Faults, parse_count, parse_number, shortened
+from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.schema import parse_count, parse_number, shortened
 
 T = TypeVar("T")
 
@@ -98,7 +100,7 @@ class Settings:
         remarks: options that SAVE_CONFIG overrules.
     """
 
-    def __init__(self, document: Document, matters: Callable[[str], bool]) -> None:
+    def __init__(self, document: FileText, matters: Callable[[str], bool]) -> None:
         faults = Faults(document.path)
         own, saved = _Lines(faults, matters), _Lines(faults, matters)
         for line, text in enumerate(document.text.split("\n"), start=1):

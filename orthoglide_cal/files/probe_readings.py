@@ -12,15 +12,16 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.delta_machine import CALLIPER_MM
+from orthoglide_cal.files.faults import unused
 from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.readings import LATEST_MINUTES, check_order
 from orthoglide_cal.files.table import Cells, Table
-from orthoglide_cal.files.text import parse_count, unused
 from orthoglide_cal.model import Excerpt, Floats, Gauge, Ints, Machine, Readings
 from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, ProbePlan
 from orthoglide_cal.model.kinds.layouts import MINUTES_PER_TOUCH
 from orthoglide_cal.model.machine import trilaterate
 from orthoglide_cal.model.touches import bed_readings
+from orthoglide_cal.schema import parse_count
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = (*PLACE_COLUMNS, "reading_mm", "z_mm", "seq", "cycle", "minutes", "note")

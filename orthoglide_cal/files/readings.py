@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 
 from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults, unused
 from orthoglide_cal.files.table import Cells, Row, Table
-from orthoglide_cal.files.text import Faults, number_text, parse_count, parse_number, unused
+from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model import (
     AXES,
     Bools,
@@ -31,6 +32,7 @@ from orthoglide_cal.model import (
     number_setups,
     places_of,
 )
+from orthoglide_cal.schema import parse_count, parse_number
 from orthoglide_cal.words import listed
 
 NEEDED_COLUMNS = ("leg", "posture", "direction")

@@ -9,6 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults, unused
+from orthoglide_cal.files.groups import (
+    Group,
+    count,
+    not_negative,
+    number,
+    positive,
+    text,
+    version,
+    word,
+)
 from orthoglide_cal.files.machine_file import differing, machine_in, machine_values
 from orthoglide_cal.files.readings import (
     LATEST_MINUTES,
@@ -23,21 +34,9 @@ from orthoglide_cal.files.readings import (
     readings_from_rows,
 )
 from orthoglide_cal.files.table import Row
-from orthoglide_cal.files.text import Faults, parse_yaml_number, unused, write_text
+from orthoglide_cal.files.text import write_text
 from orthoglide_cal.files.written_readings import SITTING_COLUMNS, file_columns
-from orthoglide_cal.files.yaml_tree import (
-    Group,
-    Tree,
-    count,
-    dotted,
-    not_negative,
-    number,
-    positive,
-    text,
-    version,
-    word,
-    yaml_text,
-)
+from orthoglide_cal.files.yaml_tree import Tree, yaml_text
 from orthoglide_cal.model import Model, Readings
 
 # Keys in the order of the file, with what stands for nothing.
@@ -85,7 +84,7 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
     readings = readings_from_rows(
-        rows, judge.machine, tree.document.source, tree.faults, parse_yaml_number, clock=clock,
+        rows, judge.machine, tree.file.source, tree.faults, number, clock=clock,
         remarks=remarks,
     )  # fmt: skip
     found = conditions_in(readings)
@@ -161,13 +160,13 @@ def _refuse_others(tree: Tree) -> None:
         raise InputError(
             "This is a machine file; it holds no readings.",
             "Give it with --machine, and a file of readings as the input.",
-            file=tree.document.path,
+            file=tree.file.path,
         )
     raise InputError(
         "This is neither a table of readings or differences nor a session.",
         "A CSV has a header with leg, posture, direction, reading_mm or difference, value_mm; a"
         " session has `readings:`.",
-        file=tree.document.path,
+        file=tree.file.path,
         line=1,
     )
 
@@ -248,10 +247,11 @@ def _rows(file: Group) -> list[Row]:
             if isinstance(value, dict | list):
                 entry.note("One value is wanted here.", "Write `name: value`.", key)
         if entry.sound:
-            lines = {key: file.tree.line((*entry.path, key)) for key in entry.content}
+            lines = {key: file.tree.place((*entry.path, key)).line for key in entry.content}
             stripped = {key: value.strip() for key, value in entry.content.items() if value}
             cells = {key: value for key, value in stripped.items() if value}
-            rows.append(Row(file.tree.line(entry.path), cells, lines, f"{dotted(entry.path)}."))
+            line, at, _ = file.tree.place(entry.path)
+            rows.append(Row(line, cells, lines, f"{at}."))
     return rows
 
 

@@ -18,8 +18,10 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.text import Document, Faults, parse_number, shortened
+from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats
+from orthoglide_cal.schema import parse_number, shortened
 from orthoglide_cal.words import MM, MM_PER_INCH, short
 
 T = TypeVar("T")
@@ -169,7 +171,7 @@ class Table:
     header_line: int
     rows: tuple[Row, ...]
     decimal_comma: bool
-    document: Document
+    document: FileText
     faults: Faults
 
     def number(self, text: str) -> float:
@@ -215,7 +217,7 @@ class Table:
             )
 
 
-def read_table(document: Document, coded: Sequence[str]) -> Table:
+def read_table(document: FileText, coded: Sequence[str]) -> Table:
     """Split a document into header and rows.
 
     Blank lines are skipped, and so are lines that start with # and Excel's `sep=;` line.

@@ -1,26 +1,18 @@
-"""A file's text, read and written; numbers in it; and everything that is wrong with it.
-
-`float()` would take nan, inf and 1_000 and refuse the typographic minus U+2212; YAML would read
-012 as 10 and 1:30 as 90. Here a number is digits with at most one decimal mark and an exponent.
-"""
+"""A file's text, read and written."""
 
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 import re
 import sys
 import uuid
-from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
-from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.model import Source
 from orthoglide_cal.system import SYSTEM
-from orthoglide_cal.words import listed
 
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
 YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
@@ -29,20 +21,13 @@ YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
 _CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
 
-_LONGEST = 40  # characters; a gauge shows ten
-_NUMBER = re.compile(r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
-_OCTAL = re.compile(r"[+-]?0[0-9]+")
-_INTEGER = re.compile(r"\+?[0-9]{1,15}")
-_EXAMPLE = "Write a plain number such as -0.123."
-_MOST = 1000  # faults; a file of garbage has millions; nobody reads them
-
 
 class UnreadableError(InputError):
     """There is no such file, or the system does not let it be read."""
 
 
 @dataclass(frozen=True)
-class Document:
+class FileText:
     """A text file as read: line ends are "\\n", no byte order mark.
 
     Attributes:
@@ -62,7 +47,7 @@ class Document:
         return Source(self.path, self.sha256)
 
 
-def read_document(path: str, limit: int = TABLE_LIMIT) -> Document:
+def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
     """Read a text file, or standard input for "-".
 
     Args:
@@ -76,13 +61,13 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> Document:
     return document_from_bytes(_bytes(path, limit), path, limit)
 
 
-def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Document:
+def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> FileText:
     """The text of `data`. Raises InputError as `read_document` does."""
     check_size(len(data), path, limit)
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give a file with readings.", file=path)
-    return Document(path, text, hashlib.sha256(data).hexdigest(), len(data))
+    return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data))
 
 
 def check_size(size: int, path: str, limit: int) -> None:
@@ -139,133 +124,9 @@ def has_control(text: str) -> bool:
     return _CONTROL.search(text) is not None
 
 
-def parse_number(text: str, *, decimal_comma: bool = False) -> float:
-    """The finite number that `text` writes.
-
-    Args:
-        text: digits with an optional sign (ASCII, or U+2212 as spreadsheets write it), decimal
-            mark and exponent; blanks around it are ignored.
-        decimal_comma: accept a comma as the decimal mark, too.
-
-    Raises:
-        InputError: anything else; carries what is wrong and the remedy, but no place.
-
-    >>> parse_number("−0,25", decimal_comma=True)
-    -0.25
-    """
-    plain = text.strip().replace("\u2212", "-")
-    if len(plain) > _LONGEST or not _NUMBER.fullmatch(plain):
-        raise InputError("This is not a number.", _EXAMPLE, value=shortened(text))
-    if "," in plain and not decimal_comma:
-        raise InputError(
-            "A decimal comma cannot be read here.",
-            "Write a decimal point, or separate the columns with semicolons.",
-            value=text,
-        )
-    value = float(plain.replace(",", "."))
-    if not math.isfinite(value):
-        raise InputError("This number is too large.", _EXAMPLE, value=text)
-    return value
-
-
-def parse_yaml_number(text: str) -> float:
-    """`parse_number` for YAML, where whole numbers with a leading zero mean octal to some."""
-    if _OCTAL.fullmatch(text.strip()):
-        raise InputError(
-            "A whole number with a leading zero is ambiguous (YAML reads it as octal).",
-            "Write it without the leading zero.",
-            value=shortened(text),
-        )
-    return parse_number(text)
-
-
-def parse_count(text: str, least: int) -> int:
-    """The whole number that `text` writes, at least `least`. Raises InputError without a place."""
-    plain = text.strip()
-    if not _INTEGER.fullmatch(plain) or int(plain) < least:
-        raise InputError(
-            f"This is not a whole number from {least}.",
-            f"Write {least}, {least + 1}, {least + 2}, …",
-            value=shortened(text),
-        )
-    return int(plain)
-
-
 def number_text(value: float) -> str:
     """The shortest text that reads back as exactly `value`: 60 for 60.0, 0.1 for 0.1."""
     return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(float(value))
-
-
-class Faults:
-    """The faults of one file, in the order found.
-
-    Args:
-        file: path as the user gave it.
-    """
-
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.problems: list[InputError] = []
-        self._more = 0
-
-    def __bool__(self) -> bool:
-        return bool(self.problems)
-
-    @property
-    def count(self) -> int:
-        """Number of faults found, also of those that are too many to be kept."""
-        return len(self.problems) + self._more
-
-    def add(
-        self,
-        what: str,
-        remedy: str,
-        *,
-        line: int | None = None,
-        column: str | None = None,
-        value: str | None = None,
-    ) -> None:
-        """Note one fault at its place."""
-        if len(self.problems) >= _MOST:
-            self._more += 1
-            return
-        self.problems.append(
-            InputError(what, remedy, file=self.file, line=line, column=column, value=value)
-        )
-
-    def error(self) -> InvalidFileError:
-        """All faults, at least one, by line."""
-        problems = sorted(self.problems, key=lambda fault: fault.line or 0)
-        if self._more:
-            what = f"There are {self._more} more faults like these."
-            problems.append(InputError(what, "Mend the first ones and try again.", file=self.file))
-        return InvalidFileError(problems, file=self.file)
-
-    def check(self) -> None:
-        """Raise `error()` if there are any faults."""
-        if self.problems:
-            raise self.error()
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The words "Did you mean …?" for the closest known name; empty if none is close."""
-    close = get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f"Did you mean {close[0]!r}? " if close else ""
-
-
-def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
-    """A remark on names without a meaning and what they may stand for, if there are any."""
-    given, words = [name for name in names if name], list(known)
-    if not given:
-        return []
-    hints = "".join(nearest(name, words) for name in given[:10])
-    remark = f"{what} without a meaning here were not used: {listed(given)}. {hints}"
-    return [remark.strip()]
-
-
-def shortened(text: str, longest: int = _LONGEST) -> str:
-    """A text for a message, cut to `longest` characters."""
-    return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
 def _bytes(path: str, limit: int) -> bytes:

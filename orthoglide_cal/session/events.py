@@ -16,7 +16,7 @@ from functools import cache
 from types import MappingProxyType, NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from orthoglide_cal.files import Document
+from orthoglide_cal.files import FileText
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.kinds import PlannedReading
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
@@ -90,7 +90,7 @@ class Opened(Event):
 class Following:
     """What a session goes on from."""
 
-    data: Document  # the file of the first readings, whole
+    data: FileText  # the file of the first readings, whole
     what: str  # the instruction that is carried out
     minutes: float  # that it takes
     continues: bool  # the stands stand where the last of the first readings was taken

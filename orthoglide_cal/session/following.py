@@ -17,7 +17,7 @@ from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import UsageError, visible
 from orthoglide_cal.files import (
     Conditions,
-    Document,
+    FileText,
     differing,
     file_columns,
     input_from_document,
@@ -267,7 +267,7 @@ def _left_entered(readings: Readings) -> Floats:
     return np.asarray(readings.plan.stood[readings.plan.in_time[-1]])
 
 
-def _machine_of(data: Document, given: Model | None, otherwise: Callable[[], Model]) -> Model:
+def _machine_of(data: FileText, given: Model | None, otherwise: Callable[[], Model]) -> Model:
     """The machine of a session, or of a table's judge. Raises UsageError for another machine."""
     own = input_from_document(data, None, otherwise)
     if given is None:

@@ -16,7 +16,6 @@ from orthoglide_cal.files import (
     machine_from_text,
     machine_text,
     machine_values,
-    parse_number,
 )
 from orthoglide_cal.model import GaugePlan, Model
 from orthoglide_cal.model.kinds import plan_of
@@ -30,6 +29,7 @@ from orthoglide_cal.planning.steps import (
     sequence,
     steps_of,
 )
+from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import wording
 from orthoglide_cal.session.asking import Asker, Keyboard, LiveGauge, Show, Style, Typed
 from orthoglide_cal.session.dialogue import Dialogue

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files import default_machine, read_input
-from orthoglide_cal.files.text import Document, document_from_bytes
+from orthoglide_cal.files.text import FileText, document_from_bytes
 from orthoglide_cal.model import Differences, Measured, Readings
 
 MODEL = default_machine()
@@ -14,7 +14,7 @@ MACHINE = MODEL.machine
 PROTOTYPE = Path(__file__).parents[2] / "configs" / "orthoglide_prototype.yaml"
 
 
-def document(text: str | bytes, path: str = "data.csv") -> Document:
+def document(text: str | bytes, path: str = "data.csv") -> FileText:
     return document_from_bytes(text if isinstance(text, bytes) else text.encode(), path)
 
 

@@ -9,10 +9,11 @@ from orthoglide_cal.files import (
     read_machine,
     session_text,
 )
+from orthoglide_cal.files.groups import Group
 from orthoglide_cal.files.input import check_file
 from orthoglide_cal.files.machine_file import machine_in
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.files.yaml_tree import Group, load_tree
+from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Model
 
 from .helpers import PROTOTYPE, problems

@@ -5,7 +5,8 @@ import time
 import pytest
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.yaml_tree import dotted, load_tree, yaml_text
+from orthoglide_cal.files.faults import dotted
+from orthoglide_cal.files.yaml_tree import load_tree, yaml_text
 
 from .helpers import document
 
@@ -49,7 +50,7 @@ def test_scalars_stay_text_and_lines_are_known():
     assert tree.value == {
         "a": "1e-3", "b": ["012", {"c": "on", "d": None}], "e": "null", "f": "1:30",
     }  # fmt: skip
-    assert [tree.line(path) for path in (("b",), ("b", 1, "d"), ("b", 9, "x"), ("e",))] == [
+    assert [tree.place(path).line for path in (("b",), ("b", 1, "d"), ("b", 9, "x"), ("e",))] == [
         2, 5, 2, 6,
     ]  # fmt: skip
 

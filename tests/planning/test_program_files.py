@@ -156,7 +156,7 @@ def test_the_table_shows_every_block(
         ("(orthocal pause: M0)", "(orthocal pause: M3)", None, "waits"),
         ("(orthocal pause: M0)", "(orthocal pause: G4)", None, "waits"),
         ("(orthocal pause: M0)", "(orthocal paus: M0)", None, "Did you mean 'pause'"),
-        ("(orthocal slow: 100)", "(orthocal slow: 0)", None, "greater than 0"),
+        ("(orthocal slow: 100)", "(orthocal slow: 0)", None, "greater than zero"),
         ("(orthocal slow: 100)", "(orthocal slow: fast)", None, "not a number"),
         ("(orthocal slow: 100)", "(orthocal feed: 100)", None, "twice"),
         ("(orthocal values: joints)", "(orthocal values: angles)", None, "displacements"),

@@ -1,0 +1,214 @@
+"""Everything that is wrong with one file, each fault with its place; pydantic's errors in words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from typing import NamedTuple, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.words import listed
+
+Steps = tuple[str | int, ...]
+_MOST = 1000  # faults; a file of garbage has millions; nobody reads them
+_NUMBER = "Check its digits and its unit; lengths are in mm."
+
+# Type of pydantic's error → what is wrong and the remedy; {…} are the error's own values, the last
+# key of the path, and the words that are known there.
+_WORDS = {
+    "missing": ("The key is missing.", "Add a line `{key}: …`."),
+    "too_short": ("The list is too short.", "Add an entry."),
+    "too_long": ("The list has too many entries.", "Remove some."),
+    "extra_forbidden": ("The key is not known.", "{near}Known here: {known}."),
+    "model_type": ("A group of keys is wanted here.", "Write `name: value` lines, indented."),
+    "list_type": ("A list is wanted here.", "Write [first, second] or `- …` lines."),
+    "string_type": ("A text is wanted here.", "Write a word or put the text in quotes."),
+    "literal_error": ("This {key} is not known.", "{near}Known: {known}."),
+    "union_tag_invalid": ("This kind of machine is not known.", "{near}Known: {known}."),
+    "greater_than": ("The number must be greater than {gt:g}.", _NUMBER),
+    "greater_than_zero": ("The number must be greater than zero.", "Give its size."),
+    "greater_than_equal": ("The number must be at least {ge:g}.", _NUMBER),
+    "not_negative": ("The number must not be negative.", "Give zero or more."),
+    "less_than": ("The number must be less than {lt:g}.", _NUMBER),
+    "less_than_equal": ("The number must be at most {le:g}.", _NUMBER),
+}
+_ALSO = {  # also said of
+    "tuple_type": "list_type",
+    "enum": "literal_error",
+    "dict_type": "model_type",
+    "mapping_type": "model_type",
+    "model_attributes_type": "model_type",
+}
+_QUOTED = re.compile("'([^']*)'")
+_STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")
+
+
+class Place(NamedTuple):
+    """Where a fault is: line from 1, column header or dotted path, and the text there."""
+
+    line: int
+    column: str | None
+    value: str | None
+
+
+class Faults:
+    """The faults of one file, in the order found.
+
+    Args:
+        file: path as the user gave it.
+    """
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.problems: list[InputError] = []
+        self._more = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.problems)
+
+    @property
+    def count(self) -> int:
+        """Number of faults found, also of those that are too many to be kept."""
+        return len(self.problems) + self._more
+
+    def add(
+        self,
+        what: str,
+        remedy: str,
+        *,
+        line: int | None = None,
+        column: str | None = None,
+        value: str | None = None,
+    ) -> None:
+        """Note one fault at its place."""
+        if len(self.problems) >= _MOST:
+            self._more += 1
+            return
+        self.problems.append(
+            InputError(what, remedy, file=self.file, line=line, column=column, value=value)
+        )
+
+    def take(
+        self,
+        error: ValidationError,
+        schema: object,
+        place: Callable[[Steps], Place],
+        words: Mapping[str, tuple[str, str]] = {},
+    ) -> None:
+        """Note everything that pydantic found.
+
+        Args:
+            error: as raised.
+            schema: what the content was checked by, for the names that are known there.
+            place: from a path inside the content to its place in the file.
+            words: instead of those for all files, by pydantic's type of the error.
+        """
+        if len(self.problems) >= _MOST:
+            self._more += error.error_count()
+            return
+        for path, what, remedy in _worded(error, schema, words):
+            line, column, value = place(path)
+            self.add(what, remedy, line=line, column=column, value=value)
+
+    def error(self) -> InvalidFileError:
+        """All faults, at least one, by line."""
+        problems = sorted(self.problems, key=lambda fault: fault.line or 0)
+        if self._more:
+            what = f"There are {self._more} more faults like these."
+            remedy = "Correct the first ones and try again."
+            problems.append(InputError(what, remedy, file=self.file))
+        return InvalidFileError(problems, file=self.file)
+
+    def check(self) -> None:
+        """Raise `error()` if there are any faults."""
+        if self.problems:
+            raise self.error()
+
+
+def dotted(path: Steps) -> str:
+    """`("identified", 0, "cause")` as `identified[0].cause`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    return "".join(parts).lstrip(".")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The words "Did you mean …?" for the closest known name; empty if none is close."""
+    close = get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"Did you mean {close[0]!r}? " if close else ""
+
+
+def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
+    """A remark on names without a meaning and what they may stand for, if there are any."""
+    given, words = [name for name in names if name], list(known)
+    if not given:
+        return []
+    hints = "".join(nearest(name, words) for name in given[:10])
+    remark = f"{what} without a meaning here were not used: {listed(given)}. {hints}"
+    return [remark.strip()]
+
+
+def _worded(
+    error: ValidationError, schema: object, words: Mapping[str, tuple[str, str]]
+) -> Iterator[tuple[Steps, str, str]]:
+    """(path, what, remedy) of each fault."""
+    for each in error.errors(include_url=False):
+        path, models = _path(each["loc"], schema)
+        given = each.get("ctx", {})
+        cause = given.get("error")
+        if isinstance(cause, InputError):
+            problems = cause.problems if isinstance(cause, InvalidFileError) else (cause,)
+            for problem in problems:
+                inner = _STEP.findall(problem.column or "")
+                steps = (int(index) if index else name for index, name in inner)
+                yield (*path, *steps), problem.what, problem.remedy
+            continue
+        known = _QUOTED.findall(given.get("expected") or given.get("expected_tags") or "")
+        meant = ""
+        kind = _ALSO.get(each["type"], each["type"])
+        if kind == "union_tag_invalid":
+            path, meant = (*path, "kind"), str(given["tag"])
+        elif kind == "literal_error":
+            meant = str(each["input"])
+        elif kind == "extra_forbidden":
+            meant = str(path[-1])
+            known = list(dict.fromkeys(name for model in models for name in model.model_fields))
+        elif kind == "missing" and isinstance(path[-1], int):
+            kind = "too_short"
+        elif kind == "greater_than" and given["gt"] == 0:
+            kind = "greater_than_zero"
+        elif kind == "greater_than_equal" and given["ge"] == 0:
+            kind = "not_negative"
+        what, remedy = {**_WORDS, **words}.get(kind, (f"{each['msg']}.", "Correct it."))
+        key = next((step for step in reversed(path) if isinstance(step, str)), "value")
+        said = {**given, "key": key, "near": nearest(meant, known), "known": ", ".join(known)}
+        yield path, what.format(**said), remedy.format(**said)
+
+
+def _path(loc: Steps, schema: object) -> tuple[Steps, Sequence[type[BaseModel]]]:
+    """The path in the file, without the names of classes in a union; the classes that end it."""
+    models, path = _models(schema), []
+    for step in loc:
+        tagged = [each for each in models if _tag(each) == step]
+        fields = [each.model_fields[step] for each in models if step in each.model_fields]
+        if tagged and not fields:
+            models = tagged
+            continue
+        path.append(step)
+        if fields:
+            models = [model for field in fields for model in _models(field.annotation)]
+    return tuple(path), models
+
+
+def _tag(model: type[BaseModel]) -> object:
+    kind = model.model_fields.get("kind")
+    return kind.default if kind else None
+
+
+def _models(annotation: object) -> Sequence[type[BaseModel]]:
+    """The classes that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models(part)]

@@ -1,0 +1,150 @@
+"""The base of everything that is read from a file or written to one, and what its texts may be.
+
+A field that is declared with one of the types below takes the text of a file or the value itself.
+`float()` would take nan, inf and 1_000 and refuse the typographic minus U+2212; YAML would read
+012 as 10 and 1:30 as 90. Here a number is digits with at most one decimal mark and an exponent.
+
+What is wrong with a text is an `InputError` with what and remedy, without a place: pydantic adds
+the path, and `files.faults` the file, the line and the words for what pydantic itself refuses.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from datetime import date, datetime
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+from orthoglide_cal.errors import InputError
+
+_LONGEST = 40  # characters; a gauge shows ten
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_OCTAL = re.compile(r"[+-]?0[0-9]+")
+_INTEGER = re.compile(r"\+?[0-9]{1,15}")
+_EXAMPLE = "Write a plain number such as -0.123."
+
+
+class Schema(BaseModel):
+    """What one file, or one group of keys in it, holds; an unknown key is a fault."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        defer_build=True,
+    )
+
+
+def parse_number(text: str, *, decimal_comma: bool = False) -> float:
+    """The finite number that `text` writes.
+
+    Args:
+        text: digits with an optional sign (ASCII, or U+2212 as spreadsheets write it), decimal
+            mark and exponent; blanks around it are ignored.
+        decimal_comma: accept a comma as the decimal mark, too.
+
+    Raises:
+        InputError: anything else; carries what is wrong and the remedy, but no place.
+
+    >>> parse_number("−0,25", decimal_comma=True)
+    -0.25
+    """
+    plain = text.strip().replace("\u2212", "-")
+    if len(plain) > _LONGEST or not _NUMBER.fullmatch(plain):
+        raise InputError("This is not a number.", _EXAMPLE, value=shortened(text))
+    if "," in plain and not decimal_comma:
+        raise InputError(
+            "A decimal comma cannot be read here.",
+            "Write a decimal point, or separate the columns with semicolons.",
+            value=text,
+        )
+    value = float(plain.replace(",", "."))
+    if not math.isfinite(value):
+        raise InputError("This number is too large.", _EXAMPLE, value=text)
+    return value
+
+
+def parse_count(text: str, least: int) -> int:
+    """The whole number that `text` writes, at least `least`. Raises InputError without a place."""
+    plain = text.strip()
+    if not _INTEGER.fullmatch(plain) or int(plain) < least:
+        raise InputError(
+            f"This is not a whole number from {least}.",
+            f"Write {least}, {least + 1}, {least + 2}, …",
+            value=shortened(text),
+        )
+    return int(plain)
+
+
+def shortened(text: str, longest: int = _LONGEST) -> str:
+    """A text for a message, cut to `longest` characters."""
+    return text if len(text) <= longest else text[: longest - 1] + "…"
+
+
+def yaml_number(value: object) -> float:
+    """The number that a text of a file writes, or the number itself. Raises InputError."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return value
+    if not isinstance(value, str):
+        raise InputError("A number is wanted here.", "Write a plain number such as 310.25.")
+    if _OCTAL.fullmatch(value.strip()):
+        raise InputError(
+            "A whole number with a leading zero is ambiguous (YAML reads it as octal).",
+            "Write it without the leading zero.",
+        )
+    return parse_number(value)
+
+
+def _count(value: object) -> object:
+    return value if isinstance(value, int) else parse_count(str(value or ""), 1)
+
+
+def _version(value: object) -> object:
+    if value not in (1, "1"):
+        raise InputError(
+            "This version of the file format is not known.",
+            "Write 1, or use the orthocal that wrote the file.",
+        )
+    return 1
+
+
+def _word(text: str) -> str:
+    if not text.strip():
+        raise InputError("The text is empty.", "Write a word or put the text in quotes.")
+    return text
+
+
+def _day(text: str) -> str:
+    try:
+        date.fromisoformat(text[:10])
+        datetime.fromisoformat(text)
+    except ValueError as error:
+        raise InputError("This is not a date.", "Write it as 2025-01-31.") from error
+    return text
+
+
+def _moment(text: str) -> str:
+    try:
+        datetime.fromisoformat(text)
+    except ValueError as error:
+        raise InputError("This is not a time.", "Write it as 2025-01-31T14:05:00.") from error
+    return text
+
+
+def _digest(text: str) -> str:
+    if not re.fullmatch("[0-9a-f]{64}", text):
+        raise InputError("This is not a SHA-256 digest.", "Give its 64 hexadecimal digits.")
+    return text
+
+
+Number = Annotated[float, BeforeValidator(yaml_number)]
+Positive = Annotated[Number, Field(gt=0.0)]
+NotNegative = Annotated[Number, Field(ge=0.0)]
+Count = Annotated[int, BeforeValidator(_count)]  # a whole number from 1
+Version = Annotated[int, BeforeValidator(_version)]
+Word = Annotated[str, AfterValidator(_word)]  # a text that says something
+Day = Annotated[str, AfterValidator(_day)]  # an ISO date, perhaps with the time
+Moment = Annotated[str, AfterValidator(_moment)]  # an ISO time
+Digest = Annotated[str, AfterValidator(_digest)]  # SHA-256
