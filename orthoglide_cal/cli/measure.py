@@ -158,7 +158,7 @@ def measure(
         operator=operator or None,
         temperature_c=temperature,
         gauges=tuple(
-            guided.GaugeLabel(name, number or None)
+            guided.GaugeLabel(id=name, certificate=number or None)
             for name, number in zip_longest(gauge_id or (), certificate or ())
         ),
     )

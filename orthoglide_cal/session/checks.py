@@ -107,11 +107,18 @@ def judge(
         or check_repeats(coming, value, gauge)
         or doubt
     )
-    taken = (at, step.number, minutes, value, token.raw[:80], source)
+    taken = Taken(
+        at=at, step=step.number, minutes=minutes, value_mm=value, raw=token.raw[:80], source=source
+    )
     if question is None:
-        return Taken(*taken), False
+        return taken, False
     first = "" if doubt is None or doubt is question else f"{doubt.text} "
-    asked = Questioned(*taken, question.doubt, first + question.text, question.about)
+    asked = Questioned(
+        **taken.model_dump(exclude={"kind"}),
+        doubt=question.doubt,
+        question=first + question.text,
+        about=question.about,
+    )
     near = 3.0 * coming.forecast.sigma_mm
     before = [*(old.take for old in state.replaced), state.pending]
     again = any(

@@ -92,7 +92,7 @@ class Dialogue:
                 self._receive(self.asker.ask(prompt, step, self.state.takes(step.number)), step)
             else:
                 reason = self.state.shortened.reason if self.state.shortened else "complete"
-                self.write(events.Ended(self.now(), reason))
+                self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
     def offer_missing(self, agreed: bool = False) -> None:
@@ -115,9 +115,9 @@ class Dialogue:
         said = f"{_counted(len(missing))} left out.{more if old else ''}"
         self._say((said, Style.QUESTION))
         if agreed or self._agrees("Read what is missing now? y/n > "):
-            self.write(events.Reopened(self.now(), state.source))
+            self.write(events.Reopened(at=self.now(), source=state.source))
             numbers = tuple(step.number for step in again)
-            self.write(events.Retake(self.now(), numbers, "reopened"))
+            self.write(events.Retake(at=self.now(), steps=numbers, reason="reopened"))
 
     def publish(self) -> None:
         """Write the session file, and say so; a second time changes nothing.
@@ -211,7 +211,7 @@ class Dialogue:
         elif word == "m" and may_move:
             self._keep(pending, moved=True)
         elif word == "u":
-            self.write(events.Answered(self.now(), keep=False))
+            self.write(events.Answered(at=self.now(), keep=False))
         else:
             self._receive(answer, step)
 
@@ -245,10 +245,10 @@ class Dialogue:
         self._say((wording.STREAM, Style.BAD))
         taken = 0
         if stream.readings and self.state.pending is not None:
-            self.write(events.Answered(self.now(), keep=False))
+            self.write(events.Answered(at=self.now(), keep=False))
             taken += 1
         while taken < stream.readings and self.state.before is not None:
-            self.write(events.Undone(self.now()))
+            self.write(events.Undone(at=self.now()))
             taken += 1
         if taken:
             self._say(f"{_counted(taken)} taken back: the gauge sent that by itself.")
@@ -271,7 +271,7 @@ class Dialogue:
             self._keep(reading)
 
     def _keep(self, reading: Questioned, moved: bool = False) -> None:
-        self.write(events.Answered(self.now(), keep=True, moved=moved))
+        self.write(events.Answered(at=self.now(), keep=True, moved=moved))
         self._acknowledge(self.setting.steps[reading.step - 1], reading.value_mm)
 
     def _acknowledge(self, step: SessionStep, value: float) -> None:
@@ -303,7 +303,11 @@ class Dialogue:
         if not dropped:
             return
         reason = f"ended early, every offset is known within {until_mm:g} mm"
-        self.write(events.Shortened(self.now(), tuple(step.number for step in dropped), reason))
+        self.write(
+            events.Shortened(
+                at=self.now(), drop=tuple(step.number for step in dropped), reason=reason
+            )
+        )
         minutes = minutes_left(dropped, so_far.pace_min)
         self._say((wording.saved_line(dropped, minutes, until_mm), Style.GOOD))
         if self.next_step() is not None:
@@ -329,9 +333,9 @@ class Dialogue:
                 table = wording.table_lines(self.state, self.setting, self.unit, columns)
                 self._say("\n".join(table))
             case "p":
-                self.write(events.Paused(self.now()))
+                self.write(events.Paused(at=self.now()))
                 self._words("Paused; everything is saved. Touch no stand. Return goes on > ")
-                self.write(events.Continued(self.now()))
+                self.write(events.Continued(at=self.now()))
             case "q":
                 raise Quit
             case _:
@@ -342,7 +346,7 @@ class Dialogue:
         if self.state.before is None:
             self._say("There is nothing to undo.")
             return
-        self.write(events.Undone(self.now()))
+        self.write(events.Undone(at=self.now()))
         after = self.next_step()
         where = f" Back to step {after.number}." if after else ""
         self._say(f"Undone; the old value is kept as replaced.{where}")
@@ -354,7 +358,7 @@ class Dialogue:
         if not chosen:
             return
         numbers = tuple(item.number for item in chosen)
-        self.write(events.Retake(self.now(), numbers, reason or "retaken"))
+        self.write(events.Retake(at=self.now(), steps=numbers, reason=reason or "retaken"))
         what = f"step {numbers[0]} ({step_name(chosen[0])})"
         if len(chosen) > 1:
             what = f"{len(chosen)} steps from step {numbers[0]} on"
@@ -390,7 +394,7 @@ class Dialogue:
     def _note(self, given: str, step: SessionStep) -> None:
         text = given or self._words("Note > ")
         if text:
-            self.write(events.Noted(self.now(), step.number, text))
+            self.write(events.Noted(at=self.now(), step=step.number, text=text))
             self._say(f"Noted at step {step.number}.")
 
     def _skip(self, given: str, step: SessionStep) -> None:
@@ -402,7 +406,7 @@ class Dialogue:
         if not why or is_reading(why):
             self._say("Not skipped: a reason in words is needed.")
             return
-        self.write(events.Skipped(self.now(), step.number, why))
+        self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
         self._say(f"Skipped: {why}")
 
     def _skip_all(self, reason: str, step: SessionStep) -> None:
@@ -414,7 +418,11 @@ class Dialogue:
             self._say("Not ended.")
             return
         for item in left:
-            self.write(events.Skipped(self.now(), item.number, reason or "the session was ended"))
+            self.write(
+                events.Skipped(
+                    at=self.now(), step=item.number, reason=reason or "the session was ended"
+                )
+            )
 
     def _agrees(self, prompt: str) -> bool:
         """Whether a question is answered with yes; anything else is no."""

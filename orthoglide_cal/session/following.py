@@ -185,10 +185,9 @@ class Recommendation:
                 " measurement needs the machine and the stands as they were.",
                 "Leave out --choice for one with the stands set up afresh.",
             )
-        following = replace(
-            self.first.following,
-            what=option.what, minutes=option.minutes, continues=option.continues,
-            entered=(x, y, z),
+        following = Following(
+            data=self.first.following.data, what=option.what, minutes=option.minutes,
+            continues=option.continues, entered=(x, y, z),
         )  # fmt: skip
         plan = replace(option.plan, entered=(option.plan.entered + change).round(9))
         return replace(
@@ -234,7 +233,9 @@ def recommended(
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
     model = _machine_of(data, given, otherwise)
-    first = first_of(Following(data, "", 0.0, False, NOTHING_ENTERED), model)
+    first = first_of(
+        Following(data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED), model
+    )
     if not first.readings.plan.fixed:
         raise UsageError(
             f"{path} was measured with the single-posture protocol. What comes next is read with"

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import write_text
-from orthoglide_cal.session.events import Event, Opened, from_dict, to_dict
+from orthoglide_cal.session.events import RECORD, Event, Opened
 from orthoglide_cal.system import SYSTEM
 
 START = 0
@@ -37,7 +39,7 @@ class Recovered:
 
 def encode(event: Event, checksum: int) -> tuple[bytes, int]:
     """One line for `event` after records with this running checksum; and the new checksum."""
-    body = json.dumps(to_dict(event), ensure_ascii=True, separators=(",", ":")).encode()
+    body = json.dumps(event.model_dump(), ensure_ascii=True, separators=(",", ":")).encode()
     checksum = zlib.crc32(body, checksum)
     return b'{"crc32":"%08x","record":%s}\n' % (checksum, body), checksum
 
@@ -89,7 +91,12 @@ def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
     after = zlib.crc32(body, checksum)
     if head != b'{"crc32":"%08x"' % after:
         raise ValueError("the checksum does not match")
-    return from_dict(json.loads(body)), after
+    try:
+        return RECORD.validate_json(body), after
+    except ValidationError as error:
+        fault = error.errors()[0]
+        where = ".".join(map(str, fault["loc"]))
+        raise ValueError(f"{where or 'the record'}: {fault['msg'].lower()}") from error
 
 
 class Journal:

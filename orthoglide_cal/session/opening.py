@@ -128,7 +128,7 @@ def open_session(
                 asker.say(setting.first.following.words, Style.TITLE)
         dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
         if request.source and request.source != state.source and state.ended is None:
-            dialogue.write(Reopened(now(), request.source))
+            dialogue.write(Reopened(at=now(), source=request.source))
         return dialogue
     except BaseException:
         journal.close()
@@ -266,7 +266,9 @@ def _begun(
     )  # fmt: skip
     if not steps:
         return (opened,)
-    return opened, Planned(at, tuple(step.planned for step in steps), following)
+    return opened, Planned(
+        at=at, readings=tuple(step.planned for step in steps), following=following
+    )
 
 
 def _setting(request: Request, journal: Journal, state: State) -> Setting:

@@ -9,7 +9,7 @@ from typing import Any
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import machine_values, session_text, sitting_cells
 from orthoglide_cal.model import AXES
-from orthoglide_cal.session.events import Questioned, Taken
+from orthoglide_cal.session.events import Arrived, Questioned
 from orthoglide_cal.session.following import First
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.state import State
@@ -158,7 +158,7 @@ def _place(setting: Setting, number: int) -> dict[str, Any]:
     }
 
 
-def _row(so_far: ReadingsSoFar, take: Taken) -> dict[str, Any]:
+def _row(so_far: ReadingsSoFar, take: Arrived) -> dict[str, Any]:
     """One reading; the blank ones of its values are not written."""
     setting, opened, minutes = so_far.setting, so_far.state.opened, take.file_minutes
     step, first = setting.steps[take.step - 1], setting.first
@@ -174,7 +174,7 @@ def _row(so_far: ReadingsSoFar, take: Taken) -> dict[str, Any]:
     }
 
 
-def _note(state: State, take: Taken) -> str | None:
+def _note(state: State, take: Arrived) -> str | None:
     """Remarks on a reading that counts."""
     remarks = [text for number, text in state.notes if number == take.step]
     if isinstance(take, Questioned):

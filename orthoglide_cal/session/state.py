@@ -12,20 +12,20 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from orthoglide_cal.session import events
-from orthoglide_cal.session.events import Event, Opened, Questioned, Taken
+from orthoglide_cal.session.events import Arrived, Event, Opened, Questioned, Taken
 
 
 class Replaced(NamedTuple):
     """A reading that does not count any more, and why."""
 
-    take: Taken
+    take: Arrived
     reason: str
 
 
 class Accepted(NamedTuple):
     """A reading that counts; `rank` is the number of the record that accepted it."""
 
-    take: Taken
+    take: Arrived
     rank: int
 
 
@@ -109,7 +109,7 @@ def advance(state: State, event: Event) -> State:
             return state
 
 
-def _accept(state: State, take: Taken) -> State:
+def _accept(state: State, take: Arrived) -> State:
     skipped = {step: why for step, why in state.skipped.items() if step != take.step}
     accepted = {step: item for step, item in state.accepted.items() if step != take.step}
     accepted[take.step] = Accepted(take, state.count)

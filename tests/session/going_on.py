@@ -60,4 +60,10 @@ def events_of(path: Path) -> tuple[object, ...]:
 
 def alone(path: Path) -> Following:
     """What goes on from a file, with nothing entered since."""
-    return Following(read_document(str(path)), "", 1.0, False, (0.0, 0.0, 0.0))
+    return Following(
+        data=read_document(str(path)),
+        what="",
+        minutes=1.0,
+        continues=False,
+        entered=(0.0, 0.0, 0.0),
+    )

@@ -7,13 +7,13 @@ import pytest
 
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
-from orthoglide_cal.session.events import Answered, Doubt, Questioned, Taken
+from orthoglide_cal.session.events import Answered, Doubt, Taken
 from orthoglide_cal.session.readings import NextReading
 from orthoglide_cal.session.state import advance
 from orthoglide_cal.words import Unit
 from tests.machines import PROTOTYPE
 
-from .virtual import AT, SINGLE, compared, play, readings_of, state_of, steps_of, taken
+from .virtual import AT, SINGLE, compared, play, questioned, readings_of, state_of, steps_of, taken
 
 SEEDS = (1, 3)
 
@@ -199,8 +199,8 @@ def test_after_a_stand_was_declared_moved_the_same_shape_is_expected_with_a_new_
     values = readings_of(steps)
     at = index_of(steps, 0, 1, "iso", 2)
     state = state_of([taken(k + 1, values[k], 0.2 * k) for k in range(at)])
-    moved = Questioned(AT, at + 1, 0.2 * at, values[at] + 2.0, "", "typed", Doubt.STAND, "stand?")
-    state = advance(advance(state, moved), Answered(AT, True, True))
+    moved = questioned(taken(at + 1, values[at] + 2.0, 0.2 * at), Doubt.STAND, "stand?")
+    state = advance(advance(state, moved), Answered(at=AT, keep=True, moved=True))
     index = at + 2  # max of cycle 2, by the same gauge
     past = compared(state, steps, index, 0.2 * index)
     prediction = past.forecast.predict(past.so_far.value[past.past], past.past, len(past.steps) - 1)
@@ -256,15 +256,15 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
 
 
 def test_a_finer_scale_that_was_confirmed_once_is_believed() -> None:
-    fine = Questioned(AT, 1, 0.0, 0.125, "0.125", "typed", Doubt.GRID, "mistyped?")
-    state = state_of([fine, Answered(AT, True)])
+    fine = questioned(taken(1, 0.125), Doubt.GRID, "mistyped?")
+    state = state_of([fine, Answered(at=AT, keep=True)])
     past = compared(state, steps_of(), 1, 0.2)
     assert check_number(past, 0.345, PROTOTYPE.gauge) is None
 
 
 def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
-    preset = Questioned(AT, 1, 0.0, 100.0, "100", "typed", Doubt.RANGE, "mistyped?")
-    state = state_of([preset, Answered(AT, True)])
+    preset = questioned(taken(1, 100.0), Doubt.RANGE, "mistyped?")
+    state = state_of([preset, Answered(at=AT, keep=True)])
     past = compared(state, steps_of(), 2, 0.4)
     assert check_number(past, 100.4, PROTOTYPE.gauge) is None
     far = check_number(past, 0.4, PROTOTYPE.gauge)

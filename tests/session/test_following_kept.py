@@ -1,11 +1,12 @@
 """Sessions that go on from others, interrupted anywhere: nothing is lost."""
 
+import json
 import signal
 from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.session.events import Opened, Planned, from_dict, to_dict
+from orthoglide_cal.session.events import RECORD, Opened, Planned
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.state import replay
 
@@ -61,20 +62,20 @@ def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) 
     assert isinstance(begun, Opened)
     assert begun.version == 2
     assert isinstance(planned, Planned)
-    assert from_dict(to_dict(planned)) == planned
+    assert RECORD.validate_json(json.dumps(planned.model_dump())) == planned
     assert planned.following is not None
     assert planned.following.data.text == first.read_text()
     assert {reading.entered for reading in planned.readings} == {(0.3, 0.0, 0.0)}
-    record = to_dict(planned)
+    record = planned.model_dump()
     for spoilt in ({"leg": "x"}, {"contact": 9}, {"entered": [0.3, 0.0]}, {"turned": 1}):
         readings = [{**record["readings"][0], **spoilt}]
         with pytest.raises(ValueError, match=r"\w"):
-            from_dict({**record, "readings": readings})
+            RECORD.validate_json(json.dumps({**record, "readings": readings}))
 
 
 def test_both_first_records_are_there_or_none(tmp_path: Path, first: Path) -> None:
     path = tmp_path / "s.journal"
-    planned = Planned(opened().at, (), alone(first))
+    planned = Planned(at=opened().at, readings=(), following=alone(first))
     journal = Journal.create(path, opened(), planned)
     journal.close()
     assert events_of(path) == (opened(), planned)

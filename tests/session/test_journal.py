@@ -2,6 +2,7 @@
 
 import errno
 import itertools
+import json
 import os
 from contextlib import closing
 from pathlib import Path
@@ -12,6 +13,7 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.events import (
+    RECORD,
     Answered,
     Continued,
     Doubt,
@@ -19,21 +21,17 @@ from orthoglide_cal.session.events import (
     Event,
     GaugeLabel,
     Noted,
-    Opened,
     Paused,
-    Questioned,
     Reopened,
     Retake,
     Shortened,
     Skipped,
     Undone,
-    from_dict,
-    to_dict,
 )
 from orthoglide_cal.session.journal import START, Journal, decode, encode
 from orthoglide_cal.session.state import replay
 
-from .virtual import AT, DOUBLE, both_protocols, opened, readings_of, steps_of, taken
+from .virtual import AT, both_protocols, opened, questioned, readings_of, steps_of, taken
 
 
 def eventful() -> list[Event]:
@@ -42,19 +40,19 @@ def eventful() -> list[Event]:
         opened(operator='Zoë "the" \\ technician\n', temperature_c=20.5),
         taken(1, -0.64),
         taken(2, 0.41, 0.1),
-        Noted(AT, 3, "µ ± 中 \u2028 line"),
+        Noted(at=AT, step=3, text="µ ± 中 \u2028 line"),
         taken(3, -0.95, 0.2),
-        Undone(AT),
+        Undone(at=AT),
         taken(3, -0.96, 0.3),
-        Questioned(AT, 4, 0.4, 1.43, "1.43", "typed", Doubt.REVOLUTION, "one revolution?"),
-        Answered(AT, False),
+        questioned(taken(4, 1.43, 0.4), Doubt.REVOLUTION, "one revolution?"),
+        Answered(at=AT, keep=False),
         taken(4, 0.43, 0.5),
-        Retake(AT, (2,), "doubtful"),
+        Retake(at=AT, steps=(2,), reason="doubtful"),
         taken(2, 0.42, 0.6),
-        Skipped(AT, 5, "blocked"),
-        Questioned(AT, 6, 0.7, 0.2, "0.2", "typed", Doubt.STAND, "stand?"),
-        Answered(AT, True, True),
-        Ended(AT, "complete"),
+        Skipped(at=AT, step=5, reason="blocked"),
+        questioned(taken(6, 0.2, 0.7), Doubt.STAND, "stand?"),
+        Answered(at=AT, keep=True, moved=True),
+        Ended(at=AT, reason="complete"),
     ]
 
 
@@ -70,7 +68,7 @@ def written(events: list[Event]) -> tuple[bytes, list[int]]:
 
 @pytest.mark.parametrize("event", eventful(), ids=lambda event: type(event).__name__)
 def test_every_record_comes_back_as_it_was(event: Event) -> None:
-    assert from_dict(to_dict(event)) == event
+    assert RECORD.validate_json(json.dumps(event.model_dump())) == event
 
 
 @pytest.mark.parametrize(
@@ -84,15 +82,15 @@ def test_every_record_comes_back_as_it_was(event: Event) -> None:
         {"kind": "noted", "at": AT, "step": "1", "text": "x"},
         {"kind": "noted", "at": AT, "step": True, "text": "x"},
         {"kind": "retake", "at": AT, "steps": [1, None], "reason": ""},
-        {**to_dict(taken(1, 0.1)), "value_mm": float("nan")},
-        {**to_dict(taken(1, 0.1)), "value_mm": "0.1"},
-        {**to_dict(taken(1, 0.1)), "value_mm": 10**400},
-        {**to_dict(opened()), "gauges": [{"id": 3}]},
+        {**taken(1, 0.1).model_dump(), "value_mm": float("nan")},
+        {**taken(1, 0.1).model_dump(), "value_mm": "0.1"},
+        {**taken(1, 0.1).model_dump(), "value_mm": 10**400},
+        {**opened().model_dump(), "gauges": [{"id": 3}]},
     ],
 )  # fmt: skip
 def test_records_of_another_shape_are_refused(record: object) -> None:
     with pytest.raises(ValueError, match=r"\w"):
-        from_dict(record)
+        RECORD.validate_json(json.dumps(record))
 
 
 def test_a_journal_comes_back_as_it_was() -> None:
@@ -105,24 +103,24 @@ def test_the_format_on_the_disk_is_that_of_version_1() -> None:
     data = Path(__file__).with_name("version_1.journal").read_bytes()
     events = decode(data, "j").events
     assert events == (
-        Opened(
-            AT, 1, "name: µ\n", DOUBLE, 3, Order.FEWEST_MOVES, 2, ("simulated",), 7, None, None,
-            (GaugeLabel("MT-1"), GaugeLabel("MT-2", "C 7")),
+        opened(
+            machine="name: µ\n", order=Order.FEWEST_MOVES, source=("simulated",), seed=7,
+            gauges=(GaugeLabel(id="MT-1"), GaugeLabel(id="MT-2", certificate="C 7")),
         ),
         taken(1, -0.64, 0.25),
-        Questioned(AT, 2, 0.5, 1.43, "1.43", "typed", Doubt.SIGN, "gauge Z?", 1),
-        Answered(AT, True, True),
-        Questioned(AT, 3, 0.75, 0.125, "0.125", "mahr:/dev/ttyUSB0", Doubt.GRID, "mistyped?"),
-        Answered(AT, False),
-        Undone(AT),
-        Retake(AT, (1, 2), "dust"),
-        Skipped(AT, 4, "cable"),
-        Noted(AT, 5, "door"),
-        Paused(AT),
-        Continued(AT),
-        Reopened(AT, ("typed",)),
-        Shortened(AT, (6, 7), "known"),
-        Ended(AT, "complete"),
+        questioned(taken(2, 1.43, 0.5), Doubt.SIGN, "gauge Z?", 1),
+        Answered(at=AT, keep=True, moved=True),
+        questioned(taken(3, 0.125, 0.75, "mahr:/dev/ttyUSB0"), Doubt.GRID, "mistyped?"),
+        Answered(at=AT, keep=False),
+        Undone(at=AT),
+        Retake(at=AT, steps=(1, 2), reason="dust"),
+        Skipped(at=AT, step=4, reason="cable"),
+        Noted(at=AT, step=5, text="door"),
+        Paused(at=AT),
+        Continued(at=AT),
+        Reopened(at=AT, source=("typed",)),
+        Shortened(at=AT, drop=(6, 7), reason="known"),
+        Ended(at=AT, reason="complete"),
     )  # fmt: skip
     assert written(list(events))[0] == data
 
@@ -207,10 +205,14 @@ def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Pat
         path.write_bytes(data[:cut])
         with closing(Journal.resume(path)) as journal:
             kept = list(journal.recovered.events)
-            journal.append(Noted(AT, 1, "after"))
-            journal.append(Noted(AT, 1, "again"))
+            journal.append(Noted(at=AT, step=1, text="after"))
+            journal.append(Noted(at=AT, step=1, text="again"))
         found = decode(path.read_bytes(), "j")
-        assert list(found.events) == [*kept, Noted(AT, 1, "after"), Noted(AT, 1, "again")]
+        assert list(found.events) == [
+            *kept,
+            Noted(at=AT, step=1, text="after"),
+            Noted(at=AT, step=1, text="again"),
+        ]
         assert found.lost == 0
 
 

@@ -17,7 +17,6 @@ from orthoglide_cal.session.events import (
     Doubt,
     Event,
     GaugeLabel,
-    Questioned,
     Retake,
     Skipped,
     Taken,
@@ -33,6 +32,7 @@ from .virtual import (
     SINGLE,
     both_protocols,
     opened,
+    questioned,
     readings_of,
     setting_of,
     stands,
@@ -41,7 +41,7 @@ from .virtual import (
     taken,
 )
 
-TWO = (GaugeLabel("MT-1", "C 7"), GaugeLabel("MT-2"))
+TWO = (GaugeLabel(id="MT-1", certificate="C 7"), GaugeLabel(id="MT-2"))
 
 
 def eventful(protocol: MeasuringProtocol) -> list[Event]:
@@ -54,17 +54,22 @@ def eventful(protocol: MeasuringProtocol) -> list[Event]:
         number, minutes = step.number, 1.0 / 3.0 + 0.4321987 * step.number
         shifted = value + (0.3 if step.series == steps[knock].series and number > 12 else 0.0)
         reading = taken(number, round(shifted, 3), minutes)
-        record = (AT, number, minutes, reading.value_mm, "", "typed", Doubt.STAND, "moved?")
+        doubtful = questioned(reading, Doubt.STAND, "moved?")
         if number == 13:
-            events += [Questioned(*record), Answered(AT, keep=True, moved=True)]
+            events += [doubtful, Answered(at=AT, keep=True, moved=True)]
         elif number == 8:
-            events += [Questioned(*record), Answered(AT, keep=False), reading]
+            events += [doubtful, Answered(at=AT, keep=False), reading]
         elif number == 20:
-            events.append(Skipped(AT, number, "cable"))
+            events.append(Skipped(at=AT, step=number, reason="cable"))
         else:
             events.append(reading)
         if number == 17:
-            events += [Undone(AT), reading, Retake(AT, (15,), "dust"), taken(15, value, minutes)]
+            events += [
+                Undone(at=AT),
+                reading,
+                Retake(at=AT, steps=(15,), reason="dust"),
+                taken(15, value, minutes),
+            ]
     return events
 
 
@@ -148,7 +153,7 @@ def test_the_pace_is_the_median_time_between_postures_of_a_set_up() -> None:
 def reading(step: int, value: float, doubt: Doubt | None = None) -> Taken:
     if doubt is None:
         return taken(step, value)
-    return Questioned(AT, step, 0.0, value, "", "typed", doubt, "really?")
+    return questioned(taken(step, value), doubt, "really?")
 
 
 def test_the_scatter_of_repeats_is_that_of_a_normal_distribution() -> None:
@@ -192,7 +197,7 @@ def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
     events = [
         *(reading(k, 0.1 * k) for k in range(1, 9)),
         reading(9, 1.7, Doubt.REVOLUTION),
-        Answered(AT, keep=True),
+        Answered(at=AT, keep=True),
         *(reading(k, 0.1 * k) for k in range(10, 15)),
     ]
     beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[14], 3.0)
@@ -207,7 +212,7 @@ def test_a_doubt_about_the_reading_itself_or_another_set_up_is_no_reason_for_tha
     steps = steps_of()
     for doubt, about in ((Doubt.GRID, None), (Doubt.SIGN, 2)):
         kept = replace(reading(25, 0.123, doubt), about=about)
-        events = [*(reading(k, 0.1 * k) for k in range(1, 25)), kept, Answered(AT, keep=True)]
+        events = [*(reading(k, 0.1 * k) for k in range(1, 25)), kept, Answered(at=AT, keep=True)]
         beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[25], 3.0)
         assert len(beside.past) == 25
         assert beside.so_far.settled == {(doubt, about)}

@@ -5,6 +5,7 @@ import pytest
 
 from orthoglide_cal.session.events import (
     Answered,
+    Arrived,
     Doubt,
     Ended,
     Event,
@@ -14,12 +15,11 @@ from orthoglide_cal.session.events import (
     Retake,
     Shortened,
     Skipped,
-    Taken,
     Undone,
 )
 from orthoglide_cal.session.state import State, advance, replay
 
-from .virtual import AT, opened, state_of, taken
+from .virtual import AT, opened, questioned, state_of, taken
 
 
 def after(*events: Event) -> State:
@@ -27,7 +27,7 @@ def after(*events: Event) -> State:
 
 
 def asked(step: int, value: float) -> Questioned:
-    return Questioned(AT, step, 0.0, value, f"{value}", "typed", Doubt.STAND, "really?")
+    return questioned(taken(step, value), Doubt.STAND, "really?")
 
 
 def values(state: State) -> dict[int, float]:
@@ -44,13 +44,13 @@ def random_events(rng: np.random.Generator, count: int) -> list[Event]:
             [
                 taken(step, value),
                 asked(step, value),
-                Answered(AT, bool(rng.integers(2)), bool(rng.integers(2))),
-                Undone(AT),
-                Retake(AT, (step, step + 1), "why"),
-                Skipped(AT, step, "why"),
-                Noted(AT, step, "note"),
-                Reopened(AT, ("simulated",)),
-                Shortened(AT, (step, 9), "known"),
+                Answered(at=AT, keep=bool(rng.integers(2)), moved=bool(rng.integers(2))),
+                Undone(at=AT),
+                Retake(at=AT, steps=(step, step + 1), reason="why"),
+                Skipped(at=AT, step=step, reason="why"),
+                Noted(at=AT, step=step, text="note"),
+                Reopened(at=AT, source=("simulated",)),
+                Shortened(at=AT, drop=(step, 9), reason="known"),
             ][int(rng.choice(9, p=[0.4, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05]))]
         )
     return events
@@ -74,7 +74,7 @@ def test_no_reading_ever_vanishes(seed: int) -> None:
     state = replay([opened()])
     arrived: list[float] = []
     for event in events:
-        if isinstance(event, Taken):
+        if isinstance(event, Arrived):
             # A second reading of an accepted step is only possible after a retake or an undo.
             if not state.is_open(event.step):  # type: ignore[attr-defined]
                 continue
@@ -88,41 +88,45 @@ def test_no_reading_ever_vanishes(seed: int) -> None:
 
 def test_undo_gives_back_what_was_there() -> None:
     before = after(taken(1, 0.1), taken(2, 0.2))
-    now = after(taken(1, 0.1), taken(2, 0.2), taken(3, 0.3), Undone(AT))
+    now = after(taken(1, 0.1), taken(2, 0.2), taken(3, 0.3), Undone(at=AT))
     assert values(now) == values(before)
     assert [(old.take.value_mm, old.reason) for old in now.replaced] == [(0.3, "taken back")]
     assert now.is_open(3)
 
 
 def test_undo_of_a_retake_restores_the_old_reading() -> None:
-    now = after(taken(1, 0.1), taken(2, 0.2), Retake(AT, (1,), "why"), Undone(AT))
+    now = after(
+        taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), Undone(at=AT)
+    )
     assert values(now) == {1: 0.1, 2: 0.2}
     assert now.replaced == ()
 
 
 def test_undo_after_a_retaken_reading_goes_back_one_thing_at_a_time() -> None:
-    events = [taken(1, 0.1), taken(2, 0.2), Retake(AT, (1,), "why"), taken(1, 0.15)]
-    once = after(*events, Undone(AT))
+    events = [taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), taken(1, 0.15)]
+    once = after(*events, Undone(at=AT))
     assert values(once) == {2: 0.2}
     assert {old.take.value_mm for old in once.replaced} == {0.1, 0.15}
-    twice = after(*events, Undone(AT), Undone(AT))
+    twice = after(*events, Undone(at=AT), Undone(at=AT))
     assert values(twice) == {1: 0.1, 2: 0.2}
     assert [old.take.value_mm for old in twice.replaced] == [0.15]
 
 
 def test_undo_with_nothing_to_undo_does_nothing() -> None:
-    assert values(after(Undone(AT), Undone(AT))) == {}
+    assert values(after(Undone(at=AT), Undone(at=AT))) == {}
 
 
 def test_a_retaken_reading_comes_last_in_time() -> None:
-    state = after(taken(1, 0.1), taken(2, 0.2), Retake(AT, (1,), "why"), taken(1, 0.3))
+    state = after(
+        taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), taken(1, 0.3)
+    )
     assert list(state.accepted) == [2, 1]
 
 
 def test_a_kept_doubt_counts_and_a_refused_one_is_replaced() -> None:
-    kept = after(asked(1, 0.1), Answered(AT, True))
+    kept = after(asked(1, 0.1), Answered(at=AT, keep=True))
     assert values(kept) == {1: 0.1}
-    refused = after(asked(1, 0.1), Answered(AT, False), taken(1, 0.2))
+    refused = after(asked(1, 0.1), Answered(at=AT, keep=False), taken(1, 0.2))
     assert values(refused) == {1: 0.2}
     assert refused.replaced[0].reason == "read again: really?"
     assert [old.take.value_mm for old in refused.replaced] == [0.1]
@@ -142,39 +146,52 @@ def test_a_question_survives_the_end_of_the_process() -> None:
 
 
 def test_a_moved_stand_is_remembered_and_undone_with_its_reading() -> None:
-    state = after(taken(1, 0.1), asked(3, 0.9), Answered(AT, True, True))
+    state = after(taken(1, 0.1), asked(3, 0.9), Answered(at=AT, keep=True, moved=True))
     assert [step for step, _ in state.moved] == [3]
-    assert advance(state, Undone(AT)).moved == ()
+    assert advance(state, Undone(at=AT)).moved == ()
 
 
 def test_takes_counts_every_reading_of_a_step_once() -> None:
-    events = [asked(1, 0.1), Answered(AT, False), taken(1, 0.2), Retake(AT, (1,), "why")]
+    events = [
+        asked(1, 0.1),
+        Answered(at=AT, keep=False),
+        taken(1, 0.2),
+        Retake(at=AT, steps=(1,), reason="why"),
+    ]
     assert [after(*events[:count]).takes(1) for count in range(5)] == [0, 1, 1, 2, 2]
-    assert after(*events, Undone(AT)).takes(1) == 2
+    assert after(*events, Undone(at=AT)).takes(1) == 2
 
 
 def test_skipped_steps_can_be_measured_after_all() -> None:
-    state = after(Skipped(AT, 4, "blocked"), Retake(AT, (4,), "free again"), taken(4, 0.4))
+    state = after(
+        Skipped(at=AT, step=4, reason="blocked"),
+        Retake(at=AT, steps=(4,), reason="free again"),
+        taken(4, 0.4),
+    )
     assert dict(state.skipped) == {}
     assert values(state) == {4: 0.4}
 
 
 def test_undo_brings_dropped_steps_back() -> None:
-    state = after(taken(1, 0.1), Shortened(AT, (2, 3), "known"))
+    state = after(taken(1, 0.1), Shortened(at=AT, drop=(2, 3), reason="known"))
     assert not state.is_open(2)
-    back = advance(state, Undone(AT))
+    back = advance(state, Undone(at=AT))
     assert back.is_open(1)
     assert back.is_open(2)
     assert back.shortened is None
 
 
 def test_a_dropped_step_can_be_measured_after_all() -> None:
-    state = after(taken(1, 0.1), Shortened(AT, (2, 3), "known"), Retake(AT, (2,), "to be sure"))
+    state = after(
+        taken(1, 0.1),
+        Shortened(at=AT, drop=(2, 3), reason="known"),
+        Retake(at=AT, steps=(2,), reason="to be sure"),
+    )
     assert state.is_open(2)
     assert not state.is_open(3)
 
 
 def test_an_ended_session_says_why() -> None:
-    ended = after(Ended(AT, "complete")).ended
+    ended = after(Ended(at=AT, reason="complete")).ended
     assert ended is not None
     assert ended.reason == "complete"

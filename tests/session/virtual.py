@@ -15,7 +15,7 @@ from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep,
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
 from orthoglide_cal.session.asking import Asker, Line, LiveGauge
 from orthoglide_cal.session.checks import Question, check_number, check_reading, check_repeats
-from orthoglide_cal.session.events import Answered, Event, Opened, Questioned, Taken
+from orthoglide_cal.session.events import Answered, Doubt, Event, Opened, Questioned, Taken
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
@@ -80,9 +80,15 @@ def typed(values: Iterable[float]) -> list[str]:
     return [f"{value:.2f}" for value in values]
 
 
-def taken(step: int, value: float, minutes: float = 0.0) -> Taken:
+def taken(step: int, value: float, minutes: float = 0.0, source: str = "typed") -> Taken:
     """An accepted reading."""
-    return Taken(AT, step, minutes, value, f"{value}", "typed")
+    return Taken(at=AT, step=step, minutes=minutes, value_mm=value, raw=f"{value}", source=source)
+
+
+def questioned(take: Taken, doubt: Doubt, question: str, about: int | None = None) -> Questioned:
+    """The same reading, questioned."""
+    values = take.model_dump(exclude={"kind"})
+    return Questioned(**values, doubt=doubt, question=question, about=about)
 
 
 def compared(
@@ -127,9 +133,8 @@ def play(
         asked.append((step.number, question))
         if len(asked) == questions:
             break
-        record = (AT, step.number, now, value, "", "typed")
-        doubtful = Questioned(*record, question.doubt, question.text, question.about)
-        state = advance(advance(state, doubtful), Answered(AT, keep=True))
+        doubtful = questioned(taken(step.number, value, now), *question)
+        state = advance(advance(state, doubtful), Answered(at=AT, keep=True))
     return asked
 
 
