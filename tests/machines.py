@@ -9,6 +9,7 @@ import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import Effect, Gauge, Machine, Model
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = ROOT / "sample_data"
@@ -23,7 +24,7 @@ def _machine(name: str) -> Machine:
     }
     given["gauge"] = Gauge(**{"revolution_mm": None, **given["gauge"]})
     given["joint_limits_mm"] = tuple(given["joint_limits_mm"])
-    return Machine(**given)
+    return Orthoglide(**given)
 
 
 PROTOTYPE = _machine("orthoglide_prototype")

@@ -6,7 +6,8 @@ import numpy as np
 import yaml
 
 from orthoglide_cal.model import Floats, Gauge, Model, Readings, Source
-from orthoglide_cal.model.kinds import DeltaMachine, ProbePlan
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_readings
 from tests.machines import ROOT
 from tests.truth.delta import Delta, DeltaSession, Layout, Truth, places_of
@@ -16,12 +17,11 @@ CONFIG = ROOT / "configs" / "linear_delta.yaml"
 UNEVEN = Delta("uneven", (300.0, 301.5, 299.25), 150.0, (209.0, 331.5, 90.0), (380.0, 381.0, 379.5))
 
 
-def printer(machine: Delta, tolerances: dict[str, float] | None = None) -> DeltaMachine:
+def printer(machine: Delta, tolerances: dict[str, float] | None = None) -> LinearDelta:
     """The program's machine of the truth's."""
-    return DeltaMachine(
+    return LinearDelta(
         name=machine.name,
-        kind="linear_delta",
-        **DeltaMachine.dimensions(
+        **LinearDelta.dimensions(
             machine.arms, machine.radius, machine.angles, machine.endstops, machine.bed
         ),
         gauge=Gauge(machine.resolution, max(machine.arms), None, machine.noise),

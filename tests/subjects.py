@@ -64,7 +64,7 @@ every_subject = pytest.mark.parametrize("subject", SUBJECTS.values(), ids=list(S
 def on_each_kind(causes: list[Cause]) -> pytest.MarkDecorator:
     """Parametrise by `cause` and `subject`: each cause on every kind that can have it."""
     cases = [
-        pytest.param(cause, SUBJECTS[kind], id=f"{cause.id}-{kind}")
+        pytest.param(cause, SUBJECTS[kind.kind], id=f"{cause.id}-{kind.kind}")
         for cause in causes
         for kind in cause.sizes
     ]

@@ -72,7 +72,7 @@ class PatternCause(Cause):
             return readings
         return readings + self._added(theta, place, plan, machine)
 
-    def undone(
+    def inverted(
         self, readings: Floats, theta: Floats, place: Place, plan: GaugePlan, machine: Machine
     ) -> Floats:
         """Readings − pattern · theta."""
@@ -123,7 +123,7 @@ class RelabelCause(Cause):
         index, sign = self.relabel(plan, place)
         return np.asarray(sign * readings[..., index] / self.unit_mm(place))
 
-    def undone(
+    def inverted(
         self, readings: Floats, theta: Floats, place: Place, plan: GaugePlan, machine: Machine
     ) -> Floats:
         """Relabelled once more, in mm."""

@@ -14,8 +14,8 @@ from orthoglide_cal.causes.base import (
     series_places,
 )
 from orthoglide_cal.model.cause import Cause, Place, Stage
-from orthoglide_cal.model.kinds import Orthoglide
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
 
@@ -30,7 +30,7 @@ class BarSkew(Cause):
     title = "a touched bar is not parallel to its leg"
     stage = Stage.CONTACT
     unit = "mrad"
-    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0})
     size_reason = "the face of the bar that the plunger runs on, to its centre line"
     scale = 1e-3
     names = tuple(series.name for series in _SERIES)
@@ -64,7 +64,7 @@ class GaugeDrift(PatternCause):
     title = "a gauge or its stand creeps"
     stage = Stage.CONTACT
     unit = "mm/h"
-    sizes = MappingProxyType({Orthoglide.id: 0.05})
+    sizes = MappingProxyType({Orthoglide: 0.05})
     size_reason = "a magnetic stand settling, a plunger arm creeping"
     names = ("rate",)
     timed = True
@@ -91,7 +91,7 @@ class StandShift(PatternCause):
     title = "a gauge or its stand was knocked"
     stage = Stage.CONTACT
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide.id: 0.1})
+    sizes = MappingProxyType({Orthoglide: 0.1})
     size_reason = "a light knock against the stand"
     names = ("step",)
     timed = True

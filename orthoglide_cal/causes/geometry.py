@@ -7,8 +7,9 @@ from types import MappingProxyType
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Stage
-from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
-from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers
 
 # Shift of rail i in direction j per unit of gap: rails x and y are g_xy apart along z, y and z
@@ -29,7 +30,7 @@ class AxisGap(Cause):
     title = "the actuator axes do not meet in one point"
     stage = Stage.GEOMETRY
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide.id: 0.5})
+    sizes = MappingProxyType({Orthoglide: 0.5})
     size_reason = "usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2)"
     names = ("xy", "yz", "zx")
     lasting = True
@@ -61,7 +62,7 @@ class AxisSquareness(Cause):
     title = "the actuator axes are not square to each other"
     stage = Stage.GEOMETRY
     unit = "mrad"
-    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0})
     size_reason = "0.2 mm over a 200 mm square, the same alignment"
     scale = 1e-3
     names = ("xy", "yz", "zx")
@@ -90,7 +91,7 @@ class LegLength(Cause):
     title = "the legs differ from the nominal length"
     stage = Stage.GEOMETRY
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide.id: 0.01, LinearDelta.id: 0.3})
+    sizes = MappingProxyType({Orthoglide: 0.01, LinearDelta: 0.3})
     size_reason = "the paper states ±0.01 mm for machined links and joints"
     names = ("x", "y", "z")
     lasting = True

@@ -6,9 +6,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Command, Stage
-from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
+from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.real import Command
 
 
 class EncoderScale(Cause):
@@ -18,7 +20,7 @@ class EncoderScale(Cause):
     title = "a carriage moves more or less than indicated"
     stage = Stage.MOTION
     unit = "1e-3"
-    sizes = MappingProxyType({Orthoglide.id: 1.0, LinearDelta.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0, LinearDelta: 1.0})
     size_reason = "belt or screw lead error, or a scale entered with few digits"
     scale = 1e-3
     names = ("x", "y", "z")
@@ -44,7 +46,7 @@ class Backlash(Cause):
     title = "a carriage has lost motion"
     stage = Stage.MOTION
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide.id: 0.02, LinearDelta.id: 0.05})
+    sizes = MappingProxyType({Orthoglide: 0.02, LinearDelta: 0.05})
     size_reason = "a worn but serviceable screw and nut"
     names = ("x", "y", "z")
     nuisance = (("start_x", 0.3), ("start_y", 0.3), ("start_z", 0.3))
@@ -69,7 +71,7 @@ class ThermalDrift(Cause):
     title = "the actuator zeros drift with time"
     stage = Stage.MOTION
     unit = "mm/h"
-    sizes = MappingProxyType({Orthoglide.id: 0.05, LinearDelta.id: 0.05})
+    sizes = MappingProxyType({Orthoglide: 0.05, LinearDelta: 0.05})
     size_reason = "300 mm of steel and aluminium warming by a few degrees an hour"
     names = ("x", "y", "z")
     lasting = True

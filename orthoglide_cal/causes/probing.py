@@ -7,8 +7,9 @@ from types import MappingProxyType
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Place, Stage
-from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, ProbePlan
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.probe_plan import ProbePlan
 
 
 class _Surface(Cause):
@@ -28,7 +29,7 @@ class _Surface(Cause):
         place: Place,
         where: Numbers,
         plan: ProbePlan,
-        machine: DeltaMachine,
+        machine: LinearDelta,
     ) -> Numbers:
         """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
         x, y = where[..., 0] / machine.bed_radius_mm, where[..., 1] / machine.bed_radius_mm
@@ -44,7 +45,7 @@ class BedShape(_Surface):
 
     id = "bed_shape"
     title = "the bed is not flat"
-    sizes = MappingProxyType({LinearDelta.id: 0.1})
+    sizes = MappingProxyType({LinearDelta: 0.1})
     size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
     names = ("xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
     instrument = "a straight edge and feeler gauges on the bed"
@@ -59,7 +60,7 @@ class ProbeTilt(_Surface):
 
     id = "probe_tilt"
     title = "the probe tilts with the effector"
-    sizes = MappingProxyType({LinearDelta.id: 0.05})
+    sizes = MappingProxyType({LinearDelta: 0.05})
     size_reason = "arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle"
     names = ("xx", "xy", "yy")
     instrument = "the same touches with the nozzle itself"
@@ -76,7 +77,7 @@ class ProbeDrift(Cause):
     title = "the probe drifts"
     stage = Stage.CONTACT
     unit = "mm/h"
-    sizes = MappingProxyType({LinearDelta.id: 0.05})
+    sizes = MappingProxyType({LinearDelta: 0.05})
     size_reason = "an inductive probe or its mount cooling by some degrees"
     names = ("rate",)
     timed = True
@@ -91,7 +92,7 @@ class ProbeDrift(Cause):
         place: Place,
         where: Numbers,
         plan: ProbePlan,
-        machine: DeltaMachine,
+        machine: LinearDelta,
     ) -> Numbers:
         """Reading += rate · hours; theta (..., 1) [mm/h]."""
         return heights + ~plan.distance * theta * plan.hours

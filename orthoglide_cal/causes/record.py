@@ -18,8 +18,9 @@ from orthoglide_cal.causes.base import (
 )
 from orthoglide_cal.model.cause import EVERYWHERE, Place, Stage
 from orthoglide_cal.model.gauge_doubts import UNITS
-from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Bools, Floats
 from orthoglide_cal.model.readings import GaugePlan, Series
 
@@ -39,7 +40,7 @@ class Misread(PatternCause):
     title = "one reading is wrong"
     stage = Stage.RECORD
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide.id: 0.1, LinearDelta.id: 0.1})
+    sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})
     size_reason = "a slip of one numbered division"
     hides_reading = True
     instrument = "every reading taken twice"
@@ -68,7 +69,7 @@ class GaugeSlip(PatternCause):
     title = "whole turns of the dial were miscounted"
     stage = Stage.RECORD
     unit = "turns"
-    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0})
     size_reason = "the small pointer was misjudged by one"
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
@@ -114,7 +115,7 @@ class SignFlip(RelabelCause):
     id = "sign_flip"
     title = "a gauge was read with the opposite sign"
     stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "a feeler gauge under each plunger: its reading must grow"
     advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
@@ -146,7 +147,7 @@ class SwappedGauges(ExchangeCause):
     id = "swapped_gauges"
     title = "the two gauges of one leg were exchanged"
     stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "one plunger pushed at a time: its own column must change"
     advice = (
         "Check the cables or columns of the two gauges of {where}, and exchange them back. If they"
@@ -180,7 +181,7 @@ class ExchangedColumns(ExchangeCause):
     id = "exchanged_columns"
     title = "the columns leg and direction were exchanged"
     stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0})
     weight = CLERICAL
     instrument = "one plunger pushed at a time: its own row must change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
@@ -200,7 +201,7 @@ class WrongUnit(RelabelCause):
     id = "wrong_unit"
     title = "all readings are in another unit"
     stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide.id: 1.0})
+    sizes = MappingProxyType({Orthoglide: 1.0})
     weight = CLERICAL
     instrument = "a gauge block under the plunger"
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."

@@ -7,8 +7,8 @@ from types import MappingProxyType
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Stage
-from orthoglide_cal.model.kinds import LinearDelta
-from orthoglide_cal.model.machine import Geometry, rail_position
+from orthoglide_cal.model.kinematics import Geometry, rail_position
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Numbers
 
 
@@ -38,7 +38,7 @@ class TowerLean(Cause):
     title = "a tower leans"
     stage = Stage.GEOMETRY
     unit = "mrad"
-    sizes = MappingProxyType({LinearDelta.id: 2.0})
+    sizes = MappingProxyType({LinearDelta: 2.0})
     size_reason = "1 mm over a frame of 500 mm, put together with a square"
     scale = 1e-3
     names = ("a_out", "b_out", "c_out", "a_side", "b_side", "c_side")
@@ -69,7 +69,7 @@ class TowerRadius(Cause):
     title = "the towers are not equally far from the middle"
     stage = Stage.GEOMETRY
     unit = "mm"
-    sizes = MappingProxyType({LinearDelta.id: 0.3})
+    sizes = MappingProxyType({LinearDelta: 0.3})
     size_reason = "printed or moulded corners, bolted by hand"
     names = ("a", "b", "c")
     lasting = True

@@ -62,8 +62,8 @@ def apply(
             source = read_input(path, file.model).measured.source if path else None
             found = results.take_back(file, source.sha256 if source else None)
         else:
-            if not file.model.kind.recorded:
-                form = f"--format {file.model.kind.formats[0]}"
+            if not file.model.machine.recorded:
+                form = f"--format {file.model.machine.controller_formats[0]}"
                 raise UsageError(
                     "The firmware of a printer keeps what it is given; nothing is recorded here.",
                     "See what to give it: "

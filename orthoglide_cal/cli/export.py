@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,7 @@ from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
+    from orthoglide_cal.model import Machine
     from orthoglide_cal.results import Export
 
 
@@ -99,7 +100,7 @@ def export(
             print(text, end="")
         else:
             write_text(target, text)
-            title = found.adjustment.kind.speech.title
+            title = found.adjustment.machine.vocabulary.title
             common.tell(f"{title} {found.calibration.identity.number} written to {target}")
 
     common.for_each([file], judge, as_json=json)
@@ -123,7 +124,7 @@ def released(
     from orthoglide_cal.report.controller import remedy_words
 
     given = common.read_input(path, machine, data)
-    _require_format(format, given.model.kind)
+    _require_format(format, given.model.machine)
     found = results.calibrate(given, method)
     try:
         return results.export(found, force)
@@ -132,14 +133,14 @@ def released(
         raise UnusableResultError(error.what, "\n".join(filter(None, remedies))) from error
 
 
-def _require_format(format: Format, kind: Any) -> None:
+def _require_format(format: Format, machine: Machine) -> None:
     """Refuse what the controller of another kind of machine reads. Raises UsageError."""
-    from orthoglide_cal.model.model import KINDS
+    from orthoglide_cal.model.machines import MACHINES
 
-    others = {each: other.id for other in KINDS.values() for each in other.formats}
-    if format in others and format not in kind.formats:
+    others = {each: other.kind for other in MACHINES.values() for each in other.controller_formats}
+    if format in others and format not in machine.controller_formats:
         raise UsageError(
             f"--format {format} is for the controller of kind {others[format]}; this machine is of"
-            f" kind {kind.id}.",
-            f"Choose one of {', '.join(kind.formats)}, or text, csv, json, yaml.",
+            f" kind {machine.kind}.",
+            f"Choose one of {', '.join(machine.controller_formats)}, or text, csv, json, yaml.",
         )

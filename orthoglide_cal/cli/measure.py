@@ -135,8 +135,8 @@ def measure(
     known = common.given_machine(machine) or (
         None if resume or then else common.remembered_machine()
     )
-    if known is not None and known.kind.probes:
-        raise UsageError("A printer measures itself.", known.kind.speech.probing)
+    if known is not None and known.machine.probes:
+        raise UsageError("A printer measures itself.", known.machine.vocabulary.probing)
     request = guided.Request(
         path=session,
         resume=resume,

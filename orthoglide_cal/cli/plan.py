@@ -103,7 +103,7 @@ def plan(
     model = given.model if given else common.given_machine(machine) or common.folder_machine()
     diagnosis = diagnose(given.measured, model) if given and program is None else None
     following = () if diagnosis is None else ranked(diagnosis)
-    if model.kind.layouts(model.machine):
+    if model.machine.layouts():
         beside = (way, cycles, target, template, order, approach, travel)
         if beside != (None,) * 7 or gauges != 2:
             raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")

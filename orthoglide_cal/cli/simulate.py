@@ -141,7 +141,7 @@ def simulate(
 
     plan: Any
     record = None
-    if known.kind.probes:
+    if known.machine.probes:
         if protocol is not Protocol.DOUBLE or gauge_at != _MIDDLE:
             raise UsageError("--protocol and --gauge-at are for gauges.", "Leave them out.")
         if json or yaml:
@@ -198,7 +198,7 @@ def _effect_named(text: str, plan: Any, machine: Machine, rng: np.random.Generat
 
     head, _, tail = text.partition("=")
     name, _, place = (part.strip() for part in head.partition("@"))
-    possible = [id for id, each in CAUSES.items() if machine.kind in each.sizes]
+    possible = [id for id, each in CAUSES.items() if type(machine) in each.sizes]
     if name not in possible:
         where = f" of kind {machine.kind}" if name in CAUSES else ""
         raise UsageError(
@@ -211,10 +211,9 @@ def _effect_named(text: str, plan: Any, machine: Machine, rng: np.random.Generat
 def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Generator) -> np.ndarray:
     import numpy as np
 
-    from orthoglide_cal.model.model import parameter_names
     from orthoglide_cal.schema import parse_number
 
-    names = list(parameter_names(cause, machine.kind).values())
+    names = list(machine.named(cause.names).values())
     try:
         values = [parse_number(part) for part in text.split(",")] if text.strip() else []
     except InputError as error:

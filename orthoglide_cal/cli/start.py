@@ -29,8 +29,8 @@ def start() -> None:
         if path:
             model = common.read_machine_file(path).model
             size = f"L = {model.machine.leg_length_mm:g} mm"
-            if model.kind.absolute:
-                size = model.kind.geometry_words(model.machine)
+            if model.machine.absolute:
+                size = model.machine.geometry_words
             known += f": {model.machine.name}, {size}"
     except OrthocalError as error:
         known = str(error)
@@ -70,7 +70,7 @@ def _next(
         name = str(waiting[0].with_suffix(".yaml"))
         return (Instruction("Go on measuring.", command("measure", name, options="--resume")),)
     if not sessions:
-        if model.kind.probes if model else printers:
+        if model.machine.probes if model else printers:
             return _probed(str(printers[-1]) if printers else "printer.cfg")
         first = () if model else (Instruction("Say what machine it is.", "orthocal machine new"),)
         practice = command("measure", "practice.yaml", options="--gauge simulated")

@@ -271,8 +271,8 @@ class Assessment:
             open_ += self.posterior.rivals()
         elif verdict is Verdict.CONSISTENT:
             # What no reading shows is uncertain in each of them already.
-            kind = self.at.white.problem.model.kind
-            hidden = (*kind.unseen, *kind.held)
+            machine = self.at.white.problem.model.machine
+            hidden = (*machine.unobservable, *machine.fixed_parameters)
             unseen = [(id,) for id in self.posterior.unseen() if id not in hidden]
             open_ += [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
         weights = np.array([listed[ids] for ids in open_])
@@ -349,7 +349,7 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     order = sorted(weight, key=lambda ids: -weight[ids])
     remedies = {ids: score.remedy for ids, score in scores.items()}
     patterns = {found.what: found.log_evidence + found.log_prior for found in unlisted}
-    odds = ODDS_TO_NAME * white.problem.model.kind.caution
+    odds = ODDS_TO_NAME * white.problem.model.machine.caution
     fits: dict[Ids, Fitted] = {}
 
     def weighed(chosen: Iterable[Ids]) -> Posterior:

@@ -68,7 +68,7 @@ class Candidates:
         )
         broad = tuple(cause for cause in usable if cause not in extras)
         contact = [cause for cause in broad if cause.stage is Stage.CONTACT]
-        beside = [cause for cause in broad if cause.id in model.kind.companions]
+        beside = [cause for cause in broad if cause.id in model.machine.companions]
         pairs = tuple((a, b) for a in broad if a.in_machine for b in contact)
         pairs += tuple((a, b) for a in broad if a.in_machine and a not in beside for b in beside)
         both = [*pairs, *((cause, extra) for cause in broad for extra in extras)]

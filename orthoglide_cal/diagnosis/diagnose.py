@@ -54,10 +54,10 @@ def diagnose(
     """
     with _weighable(model):
         white = Whitened.of(measured, model)
-        anew = then is not None and model.kind.recalibrated(model.machine, then.machine)
+        anew = then is not None and model.machine.recalibrated(then.machine)
         known = then if then is not None and anew else model
         later = None if holdout is None else Whitened.of(holdout, known)
-        entered = np.zeros(len(model.calibrated))
+        entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
         found = assess(white)
@@ -187,7 +187,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
 
     What acts beside any other comes behind it.
     """
-    kind = found.at.white.problem.model.kind
+    machine = found.at.white.problem.model.machine
     white, accepted = found.at.white, found.accepted
     falls = after.rms_mm < LOWER * before.rms_mm
     named = [
@@ -202,7 +202,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
             heldout_after_mm=after.rms_mm,
             heldout_ratio=after.ratio,
             aliases=_aliases(found, effect),
-            recommended=(effect.cause.compensable or effect.cause.id in kind.beside)
+            recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
             and falls
             and _sure(found, effect),
         )
@@ -212,7 +212,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
         sorted(
             named,
             key=lambda cause: (
-                cause.id in kind.companions,
+                cause.id in machine.companions,
                 -found.scores[(cause.id,)].log_evidence,
             ),
         )
@@ -295,7 +295,7 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
     white, accepted = found.at.white, found.accepted
     if white.spectrum is None:
         return
-    companions = white.problem.model.kind.companions
+    companions = white.problem.model.machine.companions
     yield from (companions[e.cause.id] for e in accepted.effects if e.cause.id in companions)
     unknowns = accepted.offsets.size + sum(e.cause.unknowns for e in accepted.effects)
     if len(white) <= unknowns:
@@ -312,7 +312,7 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
 
 def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
     notes, raw = list(measured.remarks), found.at.white.raw
-    speech = found.at.white.problem.model.kind.speech
+    vocabulary = found.at.white.problem.model.machine.vocabulary
     judgement, causes = found.judgement, [effect.cause for effect in found.accepted.effects]
     listed, unlisted = found.posterior.listed, found.posterior.unlisted
     if judgement.verdict is Verdict.CONSISTENT and judgement.ambiguous_with:
@@ -322,13 +322,13 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         )
     if judgement.verdict is Verdict.UNEXPLAINED:
         pattern = max(unlisted, key=unlisted.__getitem__)
-        said = speech.said(pattern)
+        said = vocabulary.said(pattern)
         notes.append(f"No listed cause explains the residuals. Their pattern: {said}.")
-        notes.append(f"Its size is part of the uncertainty of the {speech.many}.")
+        notes.append(f"Its size is part of the uncertainty of the {vocabulary.many}.")
         best = found.posterior.best
         if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
             notes.append(
-                speech.said(
+                vocabulary.said(
                     f"{' with '.join(best)} would follow it, too, but two causes follow nearly any"
                     " pattern. To check them, repeat with two more postures of each leg between"
                     " the isotropic one and its limits."

@@ -96,7 +96,7 @@ class Whitened(ReadOnly):
                 model = _scaled(model, UNKNOWN_PACE, rates)
             # Zero-free contrasts are orthonormal.
             matrix, root, spectrum = zero_free(measured.plan), None, None
-            local = model.kind.local(model.machine, measured.plan)
+            local = model.machine.local_shape(measured.plan)
             if local is not None:
                 shared = matrix @ local.columns
                 spectrum, independent = np.linalg.eigh(shared @ shared.T)
@@ -186,7 +186,7 @@ class Whitened(ReadOnly):
         found = influences(self.problem.model, offsets, self.plan)
         return tuple(each.reduced(self.matrix) for each in found)
 
-    def undone(self, cause: RelabelCause, place: Place) -> Floats | None:
+    def inverted(self, cause: RelabelCause, place: Place) -> Floats | None:
         """The data with a fault of the record put right, shape (k,) [mm].
 
         None where they cannot express it, or the gauge does not show such readings in that unit.
@@ -205,7 +205,7 @@ class Whitened(ReadOnly):
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
     """The model with the plausible sizes of these causes multiplied."""
     machine = model.machine
-    own = (cause for cause in causes if machine.kind in cause.sizes)
+    own = (cause for cause in causes if type(machine) in cause.sizes)
     sizes = {cause.id: factor * cause.size(machine) for cause in own}
     return replace(model, machine=replace(machine, tolerances={**machine.tolerances, **sizes}))
 
@@ -280,7 +280,7 @@ def _weights(
     if isinstance(cause, PatternCause):
         return dict.fromkeys(places, -math.log(max(len(places), 1)))
     total = sum(cause.share(place) for place in places)
-    spare = len(white) - len(white.problem.model.calibrated)
+    spare = len(white) - len(white.problem.model.machine.parameter_names)
     return {
         place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
         for place in places
@@ -337,7 +337,7 @@ class Linearised:
             for cause, own in places.items()
             if isinstance(cause, RelabelCause)
             for place in own
-            if (data := white.undone(cause, place)) is not None
+            if (data := white.inverted(cause, place)) is not None
         }
         versions = np.stack([white.data, *undone.values()])
         problem, precision = white.problem, np.ones(len(white))
@@ -348,7 +348,7 @@ class Linearised:
         fit = fit_offsets(problem, precision * versions)
         if not fit.converged[0]:
             require_determined(white.problem)
-            many = white.problem.model.kind.speech.many
+            many = white.problem.model.machine.vocabulary.many
             raise NotConvergedError(
                 f"No {many} fit these data: the search does not settle.",
                 "Check the machine file and the readings; validate names every fault.",
@@ -400,7 +400,7 @@ class Linearised:
     @property
     def scales(self) -> Mapping[float, float]:
         """Of the sizes of a base, as multiples of its tolerances, and the share of each."""
-        scales: Mapping[float, float] = self.white.problem.model.kind.scales
+        scales: Mapping[float, float] = self.white.problem.model.machine.tolerance_scales
         return scales
 
     @cached_property

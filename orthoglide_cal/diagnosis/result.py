@@ -214,7 +214,7 @@ class Diagnosis(ReadOnly):
         value, machine = measured.value, self.model.machine
         for effect in (cause.effect for cause in self.causes):
             if not effect.cause.lasting:
-                value = effect.cause.undone(
+                value = effect.cause.inverted(
                     value, effect.theta, effect.place, measured.plan, machine
                 )
         return replace(measured, value=value)
@@ -227,12 +227,12 @@ class Diagnosis(ReadOnly):
         """
         for cause in self.causes:
             if cause.id == id and cause.effect.cause.lasting and not cause.recommended:
-                many = self.model.kind.speech.many
+                many = self.model.machine.vocabulary.many
                 raise UnusableResultError(
                     f"Making {id} part of the machine's model is not recommended: it does not"
                     f" last as it is, does not predict better than {many} only, or something else"
                     " explains these data as well.",
-                    self.model.kind.speech.said(cause.advice),
+                    self.model.machine.vocabulary.said(cause.advice),
                 )
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:

@@ -116,7 +116,7 @@ def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
         model: the machine.
         expanded: expanded uncertainties of what is calibrated, shape (p,).
     """
-    limits = np.array(model.kind.told_within(model.machine))
+    limits = np.array(model.machine.max_reportable_u)
     return tuple((expanded < limits).tolist())
 
 
@@ -143,7 +143,7 @@ def require_rank(problem: Problem) -> None:
         return
     axes = [
         axis
-        for i, axis in enumerate(problem.model.calibrated)
+        for i, axis in enumerate(problem.model.machine.parameter_names)
         if np.abs(free[:, i]).max() > NEGLIGIBLE
     ]
     raise _undetermined(problem, axes)
@@ -161,16 +161,16 @@ def require_determined(problem: Problem) -> None:
     std = model.machine.gauge.noise_mm * np.sqrt(np.diag(unit_covariance(problem, slope)))
     known = determined(model, half_width(math.inf) * std)
     if not all(known):
-        pairs = zip(model.calibrated, known, strict=True)
+        pairs = zip(model.machine.parameter_names, known, strict=True)
         raise _undetermined(problem, [name for name, told in pairs if not told])
 
 
 def _undetermined(problem: Problem, names: Sequence[str]) -> RankDeficientError:
-    kind = problem.model.kind
-    listed = " and ".join(names if kind.absolute else (f"Δρ_{axis}" for axis in names))
+    machine = problem.model.machine
+    listed = " and ".join(names if machine.absolute else (f"Δρ_{axis}" for axis in names))
     return RankDeficientError(
         f"These readings do not determine {listed}.",
-        kind.speech.fewest or f"Add readings of {_mend(problem, problem.at_zero[1])}.",
+        machine.vocabulary.fewest or f"Add readings of {_mend(problem, problem.at_zero[1])}.",
         names,
     )
 

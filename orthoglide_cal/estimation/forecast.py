@@ -143,7 +143,7 @@ class Outlook:
             plan: n readings; their set-ups and times are those that a forecast names.
         """
         self._model, self._plan, machine = model, plan, model.machine
-        self._zero = np.zeros(len(model.calibrated))
+        self._zero = np.zeros(len(model.machine.parameter_names))
         self._base, slope = simulate_with_jacobian(Model(machine), self._zero, plan)
         if model.accepted:
             self._base = simulate(model, self._zero, plan)

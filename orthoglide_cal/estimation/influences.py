@@ -31,9 +31,8 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
         offsets: Δρ, shape (3,) [mm].
         plan: n readings.
     """
-    machine = model.machine
-    found = list(model.kind.uncertain(machine, plan, lambda other: simulate(model, offsets, other)))
-    found += _of_causes(model.kind.unseen, model, offsets, plan)
+    found = list(model.machine.uncertain(plan, lambda other: simulate(model, offsets, other)))
+    found += _of_causes(model.machine.unobservable, model, offsets, plan)
     carried = carried_uncertainty(model, offsets, plan)
     found += [
         Influence(effect.cause.id, None, "", False, columns)
@@ -48,15 +47,14 @@ def held(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     A diagnosis asks whether the readings speak against it; what is found of the parameters is as
     unsure as it is, whatever they say. Arguments as of `influences`.
     """
-    return tuple(_of_causes(model.kind.held, model, offsets, plan))
+    return tuple(_of_causes(model.machine.fixed_parameters, model, offsets, plan))
 
 
 def _of_causes(
     ids: Iterable[str], model: Model, offsets: Floats, plan: Plan
 ) -> Iterator[Influence]:
     """Causes at their plausible size; not those that the model knows of."""
-    machine = model.machine
-    known = {effect.cause.id for effect in model.accepted}
+    machine, known = model.machine, {effect.cause.id for effect in model.accepted}
     for cause in (CAUSES[id] for id in ids if id not in known):
         size = cause.size(machine)
         if size > 0.0:

@@ -83,7 +83,9 @@ class Problem(ReadOnly):
     @cached_property
     def at_zero(self) -> tuple[Floats, Floats]:
         """`predict_with_jacobian` at zero offsets, read-only: (k,) [mm], (k, 3)."""
-        predicted, slope = self.predict_with_jacobian(np.zeros(len(self.model.calibrated)))
+        predicted, slope = self.predict_with_jacobian(
+            np.zeros(len(self.model.machine.parameter_names))
+        )
         predicted.setflags(write=False)
         slope.setflags(write=False)
         return predicted, slope
@@ -285,7 +287,7 @@ def _chosen(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
 def _fit_block(
     problem: Problem, data: Floats, start: Floats | None
 ) -> tuple[Floats, Floats, Floats, Ints]:
-    n, width = len(data), len(problem.model.calibrated)
+    n, width = len(data), len(problem.model.machine.parameter_names)
     offsets = np.empty((n, width))
     residuals = np.empty(data.shape)
     remaining = np.empty(n)

@@ -211,8 +211,8 @@ class Solution(Budgeted, ReadOnly):
         if found is None or found >= floor:
             return said
         limit = (
-            f"The residuals are smaller than the {self.model.kind.speech.noise}'s resolution allows"
-            f" ({floor:.2g} mm);"
+            f"The residuals are smaller than the {self.model.machine.vocabulary.noise}'s"
+            f" resolution allows ({floor:.2g} mm);"
             " the intervals use the resolution."
         )
         return (*said, limit)
@@ -262,7 +262,7 @@ class Solution(Budgeted, ReadOnly):
     @property
     def judgement(self) -> str:
         """One sentence: are the residuals what this gauge's noise would give?"""
-        noise, beside = self.model.kind.speech.noise, self.model.kind.speech.beside
+        noise, beside = self.model.machine.vocabulary.noise, self.model.machine.vocabulary.also
         if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
             return (
                 "There are no spare readings: whether the model fits this machine cannot be told,"

@@ -113,7 +113,7 @@ def _require_plausible(offsets: Floats, problem: Problem) -> None:
     largest = float(np.abs(offsets).max())
     if largest > (high - low) / 2.0:
         require_determined(problem)
-        many = problem.model.kind.speech.many
+        many = problem.model.machine.vocabulary.many
         raise UnusableResultError(
             f"The {many} would be as large as {largest:.0f} mm, more than half of the travel.",
             "Check the unit and the decimal marks of the readings, and the machine file.",
@@ -139,7 +139,7 @@ def _estimate(posed: Posed, method: Method, start: Floats | None = None) -> _Est
     if not fit.converged:
         require_determined(problem)
         raise NotConvergedError(
-            f"No {problem.model.kind.speech.many} fit these data: the search ended where the"
+            f"No {problem.model.machine.vocabulary.many} fit these data: the search ended where the"
             " residuals can still fall"
             f" (a step of {remaining:.2g} mm is left after {int(fit.iterations)} iterations).",
             "Check the machine file and the readings; validate names every fault.",

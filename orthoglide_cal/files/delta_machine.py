@@ -8,7 +8,7 @@ from typing import Any
 
 from orthoglide_cal.files.groups import Group, between, not_negative, positive
 from orthoglide_cal.model import Gauge
-from orthoglide_cal.model.kinds.linear_delta import TOWERS, DeltaMachine
+from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
 
 # A calliper shows hundredths, but it is put to edges that were printed.
 CALLIPER_MM = 0.06
@@ -21,7 +21,7 @@ _STEP = between(0.0, 10.0, not_negative)
 
 
 def delta_values(file: Group) -> dict[str, Any]:
-    """Fields of a `DeltaMachine` from the keys of its file; faults are noted in the group."""
+    """Fields of a `LinearDelta` from the keys of its file; faults are noted in the group."""
     arms, radius = _arms(file), file.take("delta_radius_mm", _LENGTH)
     angles, probe = file.numbers("tower_angles_deg", 3), file.group("probe")
     bed = file.take("bed_radius_mm", _LENGTH)
@@ -50,7 +50,7 @@ def delta_values(file: Group) -> dict[str, Any]:
     if angles is None or not (file.sound and probe.sound and ends.sound):
         return {}
     return {
-        **DeltaMachine.dimensions(arms, radius, angles, endstops, bed),
+        **LinearDelta.dimensions(arms, radius, angles, endstops, bed),
         "gauge": Gauge(resolution, max(arms), None, repeatability),
         "calliper_mm": calliper,
         "texture_mm": texture,

@@ -40,7 +40,7 @@ from orthoglide_cal.files.table import Table, read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Measured, Model, Source, gauge_doubts
-from orthoglide_cal.model.kinds import DeltaMachine
+from orthoglide_cal.model.linear_delta import LinearDelta
 
 _CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
@@ -268,7 +268,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     if columns & set(PLACE_COLUMNS) and not columns & {"leg", "difference"}:
         return _touches(table, judge)
     check_header(table, _CODED)
-    if isinstance(judge.machine, DeltaMachine):
+    if isinstance(judge.machine, LinearDelta):
         raise InputError(
             "These are readings of gauges; the machine is a linear delta.",
             "Give the machine file of what was measured: --machine FILE",
@@ -291,7 +291,7 @@ def _printer(document: FileText, model: Model | None, stored: str | None = None)
     """
     file = read_printer_file(document)
     known = model or Model(machine_of_printer(file))
-    if not isinstance(known.machine, DeltaMachine):
+    if not isinstance(known.machine, LinearDelta):
         raise UsageError(
             f"{document.path} is of a linear delta; the machine given is an {known.machine.kind}.",
             "Leave --machine out, or give a file of kind linear_delta.",
@@ -305,7 +305,7 @@ def _printer(document: FileText, model: Model | None, stored: str | None = None)
 
 def _touches(table: Table, judge: Model) -> Input:
     """Touches of a bed, on a machine that has one."""
-    if not isinstance(judge.machine, DeltaMachine):
+    if not isinstance(judge.machine, LinearDelta):
         raise InputError(
             "These are touches of a bed; the machine is no linear delta.",
             "Give its machine file: --machine FILE, see configs/linear_delta.yaml.",

@@ -38,9 +38,9 @@ from orthoglide_cal.files.text import (
 )
 from orthoglide_cal.files.yaml_tree import Tree, load_tree, yaml_text
 from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Machine, Model
-from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, Orthoglide
-from orthoglide_cal.model.kinds.linear_delta import TOWERS
-from orthoglide_cal.model.model import KINDS, parameter_names
+from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
+from orthoglide_cal.model.machines import MACHINES
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -61,7 +61,7 @@ _WIDTH = between(0.0, 1e6, not_negative)
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
 
-_kind = one_of(KINDS, "This kind of machine is not known.")
+_kind = one_of(MACHINES, "This kind of machine is not known.")
 
 
 @dataclass(frozen=True)
@@ -175,12 +175,11 @@ def machine_in(file: Group) -> Model | None:
     file.take("schema_version", version)
     likely = _likeliest(file)
     kind = file.take("kind", _kind, likely)
-    if kind != Machine.kind and "kind" not in file.content:
+    if kind != Orthoglide.kind and "kind" not in file.content:
         remedy = f"Add a line `kind: {kind}`."
         file.tree.faults.add("The key is missing.", remedy, line=1, column="kind")
     shape = _SHAPES[kind or likely]
     values = {
-        "kind": kind,
         "name": file.take("name", word),
         **shape.read(file),
         "homing_mm": file.take("homing_mm", _TRAVEL, None),
@@ -209,16 +208,16 @@ class _Shape(NamedTuple):
 
 
 _SHAPES = {
-    Orthoglide.id: _Shape(
-        Machine,
+    Orthoglide.kind: _Shape(
+        Orthoglide,
         orthoglide_values,
         orthoglide_keys,
         AXES,
         ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm"),
         DEFAULT_NAME,
     ),
-    LinearDelta.id: _Shape(
-        DeltaMachine,
+    LinearDelta.kind: _Shape(
+        LinearDelta,
         delta_values,
         delta_keys,
         TOWERS,
@@ -328,14 +327,14 @@ def _tolerances(group: Group, kind: str | None) -> dict[str, float | None]:
 
 def _cause_of(kind: str | None) -> Callable[[Any], str]:
     """The rule for ids of the causes that a machine of this kind can have."""
-    known = [id for id, cause in CAUSES.items() if kind is None or kind in cause.sizes]
+    known = [id for id, cause in CAUSES.items() if kind is None or MACHINES[kind] in cause.sizes]
     return one_of(known, "This is not a cause id of this kind of machine.")
 
 
 def _tolerance(id: str, kind: str | None, value: Any) -> float:
     """A plausible size; one that nothing could have is a slip."""
     size = _TOLERANCE(value)
-    usual = CAUSES[id].sizes.get(kind or "", float("inf"))
+    usual = CAUSES[id].sizes[MACHINES[kind]] if kind else float("inf")
     if size > _LARGEST_TOLERANCE * usual:
         raise InputError(
             f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}.",
@@ -373,7 +372,7 @@ def _identified(entry: Group, kind: str | None) -> Effect | None:
     date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
     correlation = entry.rows("correlation")
     if entry.sound:
-        names = parameter_names(CAUSES[id], kind or Machine.kind)
+        names = MACHINES[kind or Orthoglide.kind].named(CAUSES[id].names)
         if named.keys() != set(names.values()):
             what = f"{id} has the parameters {', '.join(names.values())}."
             entry.note(what, "Give each of them once.", "parameters")
@@ -399,7 +398,9 @@ def _lasting(kind: str | None, value: Any) -> str:
     """Id of a cause that the same machine still has in the next session."""
     id = _cause_of(kind)(value)
     if not CAUSES[id].lasting:
-        own = (cause for cause in CAUSES.values() if kind is None or kind in cause.sizes)
+        own = (
+            CAUSES[each] for each in CAUSES if kind is None or MACHINES[kind] in CAUSES[each].sizes
+        )
         lasting = ", ".join(cause.id for cause in own if cause.lasting)
         raise InputError("This cause cannot be part of a machine.", f"Use one of {lasting}.")
     return id

@@ -17,9 +17,10 @@ from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.readings import LATEST_MINUTES, check_order
 from orthoglide_cal.files.table import Cells, Table
 from orthoglide_cal.model import Excerpt, Floats, Gauge, Ints, Machine, Readings
-from orthoglide_cal.model.kinds import DeltaMachine, LinearDelta, ProbePlan
-from orthoglide_cal.model.kinds.layouts import MINUTES_PER_TOUCH
-from orthoglide_cal.model.machine import trilaterate
+from orthoglide_cal.model.kinematics import trilaterate
+from orthoglide_cal.model.layouts import MINUTES_PER_TOUCH
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_readings
 from orthoglide_cal.schema import parse_count
 
@@ -38,7 +39,7 @@ _ARMS = "leg_length"
 _TRIMMED_MM = 0.02
 
 
-def probe_readings_from_table(table: Table, machine: DeltaMachine) -> Readings:
+def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     """The touches of a CSV. Raises InvalidFileError with everything that is wrong."""
     faults = table.faults
     for name in (*PLACE_COLUMNS, "reading_mm"):
@@ -112,7 +113,7 @@ def touches_csv(readings: Readings) -> str:
     return "\n".join(("seq,minutes,x_mm,y_mm,z_mm,reading_mm", *rows)) + "\n"
 
 
-def _check_places(cells: Cells, x: Floats, y: Floats, machine: DeltaMachine) -> None:
+def _check_places(cells: Cells, x: Floats, y: Floats, machine: LinearDelta) -> None:
     for index, away in enumerate(np.hypot(x, y).tolist()):
         if away > BEYOND * machine.bed_radius_mm:
             cells.note(
@@ -123,18 +124,17 @@ def _check_places(cells: Cells, x: Floats, y: Floats, machine: DeltaMachine) -> 
             )
 
 
-def machine_of_printer(file: PrinterFile) -> DeltaMachine:
+def machine_of_printer(file: PrinterFile) -> LinearDelta:
     """The machine with the parameters that a printer.cfg has in force, and what is usual else."""
-    return DeltaMachine(
+    return LinearDelta(
         name=PurePath(file.source.path).name,
-        kind=LinearDelta.id,
         gauge=Gauge(0.0, float(file.arms.max()), None, REPEATABILITY_MM),
         calliper_mm=CALLIPER_MM,
         **_in_force(file),
     )
 
 
-def known_printer(file: PrinterFile, known: DeltaMachine) -> tuple[DeltaMachine, tuple[str, ...]]:
+def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, tuple[str, ...]]:
     """A machine of which more is known, with the parameters that its printer.cfg has in force.
 
     The firmware reckons with its own arms: how far they are from those that are known is part of
@@ -165,12 +165,12 @@ def known_printer(file: PrinterFile, known: DeltaMachine) -> tuple[DeltaMachine,
 def _in_force(file: PrinterFile) -> dict[str, Any]:
     """Fields of the machine that a printer.cfg states."""
     arms, angles, endstops = (v.tolist() for v in (file.arms, file.angles, file.endstops))
-    return DeltaMachine.dimensions(arms, file.radius, angles, endstops, file.print_radius)
+    return LinearDelta.dimensions(arms, file.radius, angles, endstops, file.print_radius)
 
 
 def check_same_printer(before: Machine, after: Machine) -> None:
     """Raises UsageError for two linear deltas that no calibration makes one of the other."""
-    if not (isinstance(before, DeltaMachine) and isinstance(after, DeltaMachine)):
+    if not (isinstance(before, LinearDelta) and isinstance(after, LinearDelta)):
         return
     sizes = np.array([(*each.arm_lengths_mm, each.delta_radius_mm) for each in (before, after)])
     if np.abs(sizes[1] - sizes[0]).max() > LinearDelta.radius_mm:
@@ -183,7 +183,7 @@ def check_same_printer(before: Machine, after: Machine) -> None:
         )
 
 
-def printer_readings(file: PrinterFile, stored: str | None, machine: DeltaMachine) -> Readings:
+def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta) -> Readings:
     """What a printer.cfg stores, as readings.
 
     Args:
@@ -205,7 +205,7 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: DeltaMachin
     return (_mesh if chosen == "mesh" else _calibration)(file, machine)
 
 
-def _mesh(file: PrinterFile, machine: DeltaMachine) -> Readings:
+def _mesh(file: PrinterFile, machine: LinearDelta) -> Readings:
     mesh = file.mesh
     if mesh is None:
         raise InputError(
@@ -237,7 +237,7 @@ def _mesh(file: PrinterFile, machine: DeltaMachine) -> Readings:
     )
 
 
-def _calibration(file: PrinterFile, machine: DeltaMachine) -> Readings:
+def _calibration(file: PrinterFile, machine: LinearDelta) -> Readings:
     """Heights and distances, at the places where the machine's parameters put the nozzle."""
     heights, distances = file.heights, file.distances
     if heights is None:
@@ -246,7 +246,7 @@ def _calibration(file: PrinterFile, machine: DeltaMachine) -> Readings:
             "Run DELTA_CALIBRATE and SAVE_CONFIG, or take --data mesh.",
             file=file.source.path,
         )
-    rails = LinearDelta().rails(machine)
+    rails = machine.nominal_rails
 
     def reached(carriages: Floats) -> Floats:
         return np.asarray(trilaterate(rails.carriages(carriages), rails.lengths, strict=False))
@@ -310,7 +310,7 @@ def _check_stored(file: PrinterFile, line: Ints, apart: Floats, what: str, remed
 
 
 def _plan(
-    machine: DeltaMachine,
+    machine: LinearDelta,
     place: Floats,
     surface: Floats,
     order: Ints,

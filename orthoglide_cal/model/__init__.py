@@ -9,7 +9,6 @@ from orthoglide_cal.model.gauge_doubts import (
     other_unit,
     too_steady,
 )
-from orthoglide_cal.model.kinds import double_posture, single_posture, visiting
 from orthoglide_cal.model.machine import Details, Entered, Gauge, Machine
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
@@ -40,6 +39,7 @@ from orthoglide_cal.model.plan import (
     without_zeros,
     zero_free,
 )
+from orthoglide_cal.model.protocols import double_posture, single_posture, visiting
 from orthoglide_cal.model.readings import (
     AXES,
     Contact,

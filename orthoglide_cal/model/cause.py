@@ -11,14 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.machine import Geometry, Machine
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, ReadOnly, read_only
+from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, ReadOnly
+from orthoglide_cal.model.real import Command
 
 
 class Stage(StrEnum):
@@ -48,67 +49,6 @@ class Estimate(NamedTuple):
     unit: str
 
 
-@dataclass(frozen=True, eq=False)
-class Command:
-    """Where the controller sends the carriages, for n readings or positions.
-
-    Attributes:
-        joints: indicated joint positions ρ, shape (n, 3) [mm].
-        home: joint position from which travel counts [mm].
-        hours: since the session began, shape (n,) [h].
-        in_time: indices from first to last of those that follow each other, shape (m,); None for
-            carriages without a past.
-        entered: offsets entered in the controller since the first of them, shape (n, 3) [mm].
-        along: between which joint positions they travelled, shape (n, 3) [mm]; None for `sent`.
-    """
-
-    joints: Floats
-    home: float
-    hours: Floats
-    in_time: Ints | None
-    entered: Floats
-    along: Floats | None = None
-
-    @classmethod
-    def standing(cls, joints: Floats, home: float) -> Command:
-        """Carriages that stand at `joints` (n, 3) [mm], without a past and at time zero."""
-        nothing = read_only(np.zeros(joints.shape))
-        return cls(read_only(joints), home, nothing[:, 0], None, nothing)
-
-    @cached_property
-    def sent(self) -> Floats:
-        """Where the joints would indicate to be had nothing been entered, shape (n, 3) [mm]."""
-        return read_only(self.joints - self.entered)
-
-    @cached_property
-    def approach(self) -> Floats:
-        """Sign of each carriage's last motion, shape (n, 3); 0 before its first, or without."""
-        if self.in_time is None:
-            return read_only(np.zeros_like(self.joints))
-        along = self.sent if self.along is None else self.along
-        approach, moves = np.zeros_like(self.joints), np.zeros((len(self.in_time), 3))
-        moves[1:] = np.sign(np.diff(along[self.in_time], axis=0))
-        moments = np.arange(len(moves))[:, None]
-        last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
-        approach[self.in_time] = np.take_along_axis(moves, last, axis=0)
-        return read_only(approach)
-
-
-class Sensed(NamedTuple):
-    """What n gauges or probes are pushed to, on a machine of any kind.
-
-    Attributes:
-        readings: shape (..., n) [mm].
-        where: what they touch then, as the kind of machine has it: the place along the leg, from
-            carriage joint (0) to tool (1), shape (..., n); or the tool, shape (..., n, 3) [mm].
-        slope: derivative by the parameters, shape (..., n, p); None where it was not computed.
-    """
-
-    readings: Numbers
-    where: Numbers
-    slope: Floats | None
-
-
 class Cause:
     """Base of all causes; overrides exactly one of geometry, motion, contact and record.
 
@@ -117,7 +57,7 @@ class Cause:
         title: in words.
         stage: where it acts.
         unit: of its parameters and of its size in the machine file.
-        sizes: id of a kind of machine → plausible size of a parameter (one standard deviation, in
+        sizes: kind of machine → plausible size of a parameter (one standard deviation, in
             `unit`) where the machine file gives none; it does not happen on other kinds.
         size_reason: why that is its size, in a few words.
         scale: one unit in internal units (mm, rad, mm/h, 1).
@@ -139,7 +79,7 @@ class Cause:
     title: str
     stage: Stage
     unit: str
-    sizes: Mapping[str, float] = MappingProxyType({})
+    sizes: Mapping[type[Machine], float] = MappingProxyType({})
     size_reason: str
     scale: float = 1.0
     names: tuple[str, ...] = ()
@@ -155,11 +95,11 @@ class Cause:
 
     def size(self, machine: Machine) -> float:
         """Plausible size of a parameter (one standard deviation), in `unit`; 0 rules it out."""
-        return machine.tolerances.get(self.id, self.sizes.get(machine.kind, 0.0))
+        return machine.tolerances.get(self.id, self.sizes.get(type(machine), 0.0))
 
     def assumed(self, machine: Machine) -> bool:
         """Whether that size is the default of its kind: the machine file gives none."""
-        return machine.kind in self.sizes and self.id not in machine.tolerances
+        return type(machine) in self.sizes and self.id not in machine.tolerances
 
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
@@ -244,10 +184,10 @@ class Cause:
         plan: Any,
         machine: Any,
     ) -> Numbers:
-        """Gauge positions (..., n) [mm]; `where` as in `Sensed`."""
+        """Gauge positions (..., n) [mm]; `where` as in `GaugeResponse`."""
         return heights
 
-    def undone(
+    def inverted(
         self, readings: Floats, theta: Floats, place: Place, plan: Any, machine: Machine
     ) -> Floats:
         """Readings (n,) as they would be without a fault of the contact or the record [mm].
@@ -314,6 +254,10 @@ class Effect(ReadOnly):
         )
         np.fill_diagonal(matrix, 1.0)
         return matrix
+
+    def motion(self, joints: Numbers, command: Command) -> Numbers:
+        """`Cause.motion` with these parameters."""
+        return self.cause.motion(joints, self.theta, command)
 
     def accepted(self, date: str, data_sha256: str) -> Effect:
         """The same, as part of the machine from this day on; where it started is forgotten."""

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.kinds import double_posture, single_posture
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind, Difference
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.protocols import double_posture, single_posture
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
 
 

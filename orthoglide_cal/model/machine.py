@@ -1,35 +1,29 @@
-"""The machine: what is known of it before it is measured, and the kinematics of its rails.
+"""The machine: what is known of it before it is measured; each kind of machine is a class of it.
 
-The general machine has three straight rails in any position and direction, and any leg lengths:
-
-    carriage centre   b_i = a_i + q_i u_i          (q_i: true joint position)
-    leg               |p − b_i| = L_i              (eq. 1 for any rails)
-
-Direct kinematics is the intersection of three spheres in closed form; inverse kinematics is
-the intersection of a sphere and a line. Everything is batched and stays valid for complex
-input, so that derivatives can be taken by a complex step. Lengths are mm; nothing reads files.
-
-Functions named `…_components` take matrix and vector indices as the first axes and the batch
-as the last ones, (3, 3, ...): many small vectors are then handled as few long arrays.
+Everything that one kind does differently from another is an attribute or a method here: where the
+nominal rails are, how the controller turns a wanted place into joints, which parameters a
+calibration determines, what a gauge reads, how such a machine is measured, and the words for it.
+The rest of the program does not ask which kind it has.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
-import numpy as np
-
-from orthoglide_cal.errors import SingularError, UnreachableError
-from orthoglide_cal.model.plan import Numbers, ReadOnly
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.model.influence import Influence
+from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.layouts import Layout
+from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import AXES, Posture
+from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
+from orthoglide_cal.model.vocabulary import Vocabulary
 
-# Sine of the angle between the legs below which a posture counts as singular.
-SINGULAR = 1e-9
 # Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
 # millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
 # reads 0.06 % short.
@@ -129,11 +123,54 @@ class Machine:
         offsets_mm: joint offsets already active in the controller (x, y, z).
         tolerances: cause id → plausible size (one standard deviation, contract's unit), 0 for a
             cause that is ruled out; `Cause.size` says what holds for the others.
-        kind: id of the kind of machine, see `model.kinds`.
         homing_mm: how far a home switch can plausibly be off; None for what is usual of its kind.
         history: what was entered in the controller, oldest first.
-        report: what its reports say of it beside the numbers.
+        report: what its reports say of it besides the numbers.
+
+    Each kind of machine says:
+        kind: its id in the machine file.
+        parameter_names, parameter_units: of what a calibration determines.
+        linearization_points: offsets at which what is expected of readings is taken, (k, p).
+        rivals: ids of two causes that hide behind each other in the usual measurement; or ().
+        unobservable: ids of causes that no reading distinguishes from the parameters.
+        fixed_parameters: ids of causes for which the controller's value is taken as it stands;
+            the calibrated parameters make up for its error, and are as uncertain as it is.
+        usual_homing_mm: `homing_mm` where the file gives none.
+        tolerance_scales: a tolerance is a standard deviation, yet some faults are several times
+            as large: scale of the sizes of a fault → its share.
+        caution: how many times more must speak for a fault than elsewhere before it is named.
+        companions: id of a cause in the machine that may act together with any other one → what
+            is not claimed with it.
+        recommended: ids of causes that no controller compensates, but that are worth knowing for
+            what is calibrated.
+        absolute: the values themselves are told, not their excess over what the controller has.
+        recorded: what was entered is kept in the machine file.
+        probes: it measures itself.
+        decimals: of what is entered; None for as many as the uncertainty asks for.
+        has_cube: the error of its tool is shown over a cube of its workspace.
+        controller_formats: which of its controllers' formats there are.
+        vocabulary: its words.
     """
+
+    kind: ClassVar[str]
+    parameter_names: ClassVar[tuple[str, ...]]
+    parameter_units: ClassVar[tuple[str, ...]]
+    linearization_points: ClassVar[Floats]
+    rivals: ClassVar[tuple[str, ...]] = ()
+    unobservable: ClassVar[tuple[str, ...]] = ()
+    fixed_parameters: ClassVar[tuple[str, ...]] = ()
+    usual_homing_mm: ClassVar[float]
+    tolerance_scales: ClassVar[Mapping[float, float]]
+    caution: ClassVar[float] = 1.0
+    companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    recommended: ClassVar[tuple[str, ...]] = ()
+    absolute: ClassVar[bool]
+    recorded: ClassVar[bool]
+    probes: ClassVar[bool]
+    decimals: ClassVar[int | None] = None
+    has_cube: ClassVar[bool]
+    controller_formats: ClassVar[tuple[str, ...]]
+    vocabulary: ClassVar[Vocabulary]
 
     name: str
     leg_length_mm: float
@@ -144,7 +181,6 @@ class Machine:
     gauge: Gauge
     offsets_mm: tuple[float, ...] = (0.0, 0.0, 0.0)
     tolerances: Mapping[str, float] = field(default_factory=dict, hash=False)
-    kind: str = "orthoglide"
     homing_mm: float | None = None
     history: tuple[Entered, ...] = ()
     report: Details = Details()
@@ -152,227 +188,126 @@ class Machine:
     def __post_init__(self) -> None:
         object.__setattr__(self, "tolerances", MappingProxyType(dict(self.tolerances)))
 
+    @classmethod
+    def require(cls, machine: Machine) -> Self:
+        """The machine, if it is of this kind.
+
+        Raises:
+            UsageError: it is of another one.
+        """
+        if not isinstance(machine, cls):
+            raise UsageError(
+                f"{machine.name} is a machine of kind {machine.kind}, not {cls.kind}.",
+                f"Give the machine file of a machine of kind {cls.kind}.",
+            )
+        return machine
+
+    @classmethod
+    def named(cls, names: Sequence[str]) -> dict[str, str]:
+        """Each parameter of a cause → its name on this kind of machine.
+
+        Causes of several kinds count the rails x, y and z; a kind calls them as its joint offsets.
+        """
+        rails = dict(zip(AXES, cls.parameter_names, strict=False))
+        return {name: rails.get(name, name) for name in names}
+
     def displacement_mm(self, posture: Posture) -> float:
         """Displacement of the leg's own carriage at a posture [mm]."""
         low, high = self.joint_limits_mm
         return {Posture.ISO: 0.0, Posture.MAX: high, Posture.MIN: low}[posture]
 
-    def entered_from(self, sha256: str) -> Entered | None:
-        """What was entered from the measurement with this digest; None if nothing was."""
-        return next((each for each in self.history if each.data_sha256 == sha256), None)
-
     def posture_at(self, displacement: float) -> Posture | None:
         """The named posture at a displacement [mm]; None for any other."""
         return next((p for p in Posture if self.displacement_mm(p) == displacement), None)
 
+    def entered_from(self, sha256: str) -> Entered | None:
+        """What was entered from the measurement with this digest; None if nothing was."""
+        return next((each for each in self.history if each.data_sha256 == sha256), None)
 
-@dataclass(frozen=True, eq=False)
-class Geometry(ReadOnly):
-    """Where the rails are and how long the legs are.
+    @property
+    def homing_std_mm(self) -> float:
+        """`homing_mm`, or what is usual of its kind."""
+        return self.usual_homing_mm if self.homing_mm is None else self.homing_mm
 
-    Attributes:
-        points: a_i, one point of each rail, shape (..., 3, 3), row i for rail i [mm].
-        directions: u_i, unit vectors, shape (..., 3, 3), row i for rail i.
-        lengths: L_i, shape (..., 3) [mm].
-    """
+    @property
+    def active(self) -> tuple[float, ...]:
+        """What the controller has of each calibrated parameter, in its unit."""
+        raise NotImplementedError
 
-    points: Numbers
-    directions: Numbers
-    lengths: Numbers
+    @property
+    def plausible(self) -> tuple[float, ...]:
+        """The largest size of each calibrated parameter that a machine can have, in its unit."""
+        raise NotImplementedError
 
-    def carriages(self, joints: Numbers) -> Numbers:
-        """Carriage centres b_i for true joint positions (..., 3) → (..., 3, 3), row per leg."""
-        return np.asarray(self.points + joints[..., None] * self.directions)
+    @property
+    def max_reportable_u(self) -> tuple[float, ...]:
+        """The largest U with which each parameter counts as determined, in its unit."""
+        raise NotImplementedError
 
+    @property
+    def geometry_words(self) -> str:
+        """Its nominal geometry in one line."""
+        raise NotImplementedError
 
-class Points(NamedTuple):
-    """The machine's points at m moments; components first, then moments, then the batch.
+    @cached_property
+    def nominal_rails(self) -> Geometry:
+        """Rails and legs as the controller has them."""
+        raise NotImplementedError
 
-    Attributes:
-        directions: u_i, shape (3, 3, 1, ...).
-        centres: b_i, shape (3, 3, m, ...) [mm].
-        tool: p, shape (3, m, ...) [mm].
-    """
+    @property
+    def home_mm(self) -> float:
+        """Joint value from which displacements count [mm]."""
+        raise NotImplementedError
 
-    directions: Numbers
-    centres: Numbers
-    tool: Numbers
+    def joints_for(self, tool: Floats) -> Floats:
+        """What the controller commands for tool positions (..., 3) → (..., 3) [mm].
 
-    @classmethod
-    def of(cls, geometry: Geometry, joints: Numbers, batch: int, strict: bool) -> Points:
-        """Direct kinematics for joints with components first, (3, m, ...), `batch` axes in all."""
-        points, directions = (
-            components(values, 2, batch + 1) for values in (geometry.points, geometry.directions)
-        )
-        lengths = components(geometry.lengths, 1, batch + 1)
-        joints = joints.reshape(
-            joints.shape[:2] + (1,) * (batch + 2 - joints.ndim) + joints.shape[2:]
-        )
-        centres = points + joints[:, None] * directions
-        return cls(directions, centres, trilaterate_components(centres, lengths, strict=strict))
+        Raises:
+            UnreachableError: a point that a leg is too short for.
+        """
+        raise NotImplementedError
 
+    def command(self, plan: Any) -> Command:
+        """Where the controller sends the carriages for each reading of a plan.
 
-def batch_of(joints: Numbers, geometry: Geometry) -> int:
-    """Number of batch axes of joints with components first, (3, m, ...), on rails of a batch."""
-    own = geometry.points.ndim - 2, geometry.directions.ndim - 2, geometry.lengths.ndim - 1
-    return max(joints.ndim - 2, *own)
+        Raises:
+            UnreachableError: a posture outside the machine's reach.
+        """
+        raise NotImplementedError
 
+    def sensed(
+        self, real: RealMachine, parameters: Numbers, plan: Any, strict: bool, derivative: bool
+    ) -> GaugeResponse:
+        """What gauges or probes are pushed to, and its derivative where that is asked for and
+        known in closed form; arguments and errors as of `simulate`."""
+        raise NotImplementedError
 
-def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
-    """Move the last `axes` axes to the front, with axes of length 1 up to `batch` behind them."""
-    own = values.ndim - axes
-    moved = values.transpose(*range(own, values.ndim), *range(own)).copy()
-    missing = 0 if batch is None else batch - own
-    return moved.reshape(moved.shape[:axes] + (1,) * missing + moved.shape[axes:])
+    def recalibrated(self, after: Machine) -> bool:
+        """Whether the controller of the same machine has other parameters later, under which it
+        was homed anew: what the real ones exceed them by is then unknown again."""
+        return False
 
+    def further(self, plan: Any) -> Iterator[tuple[str, Any, float]]:
+        """What can be measured next besides its protocols: in words, its plan, its minutes."""
+        return iter(())
 
-def behind_batch(values: Numbers, axes: int) -> Numbers:
-    """Undo `components`: move the first `axes` axes to the end."""
-    return values.transpose(*range(axes, values.ndim), *range(axes))
+    def layouts(self) -> tuple[Layout, ...]:
+        """Ways to measure that are worth comparing; none where readings follow a protocol."""
+        return ()
 
+    def distinguishing_layouts(self) -> tuple[Layout, ...]:
+        """Ways to measure that distinguish its rivals more or less, quickest first."""
+        return ()
 
-def column(values: Numbers, batch: int) -> Numbers:
-    """Append `batch` axes of length 1."""
-    array = np.asarray(values)
-    return array.reshape(array.shape + (1,) * batch)
+    def local_shape(self, plan: Any) -> Influence | None:
+        """What neighbouring readings share, and what nobody calls an error; None for nothing."""
+        return None
 
+    def uncertain(self, plan: Any, predict: Callable[[Any], Floats]) -> Iterator[Influence]:
+        """What nobody knows exactly of the gauges or of what they touch.
 
-def _cross(a: Numbers, b: Numbers) -> Numbers:
-    """Cross product over the first axis, (3, ...)."""
-    product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[j], b[k], out=product[i, ...])
-        product[i] -= a[k] * b[j]
-    return product
-
-
-def _dot(a: Numbers, b: Numbers) -> Numbers:
-    """Scalar product over the first axis, (3, ...) → (...)."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numbers:
-    """The point at distance `lengths` from three centres, on the side of the prototype's assembly.
-
-    That is p = 0 at the isotropic posture, m = −1 in eq. (4) (errata, sec. 2.4): the three centres
-    run clockwise as seen from p.
-
-    Args:
-        centres: shape (..., 3, 3), row i is b_i [mm].
-        lengths: shape (..., 3) [mm].
-        strict: raise if any of the batch has no solution; otherwise its entry is NaN.
-
-    Returns:
-        p, shape (..., 3) [mm].
-
-    Raises:
-        UnreachableError: the three spheres have no common point.
-        SingularError: the three centres lie on a line.
-    """
-    point = trilaterate_components(components(centres, 2), components(lengths, 1), strict)
-    return behind_batch(point, 1)
-
-
-def trilaterate_components(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numbers:
-    """`trilaterate` with components first: (3, 3, ...), (3, ...) → (3, ...)."""
-    first = centres[0]
-    to_second = centres[1] - first
-    to_third = centres[2] - first
-    normal = _cross(to_second, to_third)
-    area2 = _dot(normal, normal)
-    second2, third2 = _dot(to_second, to_second), _dot(to_third, to_third)
-    on_a_line = area2.real <= SINGULAR**2 * np.abs(second2 * third2)
-    if strict and np.any(on_a_line):
-        raise SingularError(
-            "The three carriage joints lie on a line: the tool position is not determined.",
-            "Change the joint positions.",
-        )
-    area2 = np.where(on_a_line, np.nan, area2)
-    squares = lengths**2
-    half_second = 0.5 * (second2 + squares[0] - squares[1])
-    half_third = 0.5 * (third2 + squares[0] - squares[2])
-    in_plane = _cross(half_second * to_third - half_third * to_second, normal) / area2
-    height2 = squares[0] - _dot(in_plane, in_plane)
-    apart = height2.real < 0.0
-    if strict and np.any(apart):
-        missing = float(np.sqrt(-height2.real.min()))
-        raise UnreachableError(
-            "The legs do not reach each other at these joint positions"
-            f" (the spheres miss by {missing:.3g} mm).",
-            "Use joint positions inside the limits of the machine.",
-        )
-    height = np.sqrt(np.where(apart, np.nan, height2) / area2)
-    return np.asarray(first + in_plane - height * normal)
-
-
-def rail_position(geometry: Geometry, tool: Numbers) -> Numbers:
-    """Inverse kinematics: true joint positions that put the tool centre point at `tool`.
-
-    The carriages stand ahead of the tool: all signs of eq. (3) are +, the prototype's.
-
-    Args:
-        geometry: the rails and legs.
-        tool: p, shape (..., 3) [mm].
-
-    Returns:
-        q, shape (..., 3) [mm].
-
-    Raises:
-        UnreachableError: a leg is too short to reach the point from its rail.
-    """
-    from_rail = tool[..., None, :] - geometry.points
-    along = (from_rail * geometry.directions).sum(axis=-1)
-    root2 = geometry.lengths**2 - (from_rail**2).sum(axis=-1) + along**2
-    if np.any(root2.real < 0.0):
-        *place, leg = (int(k) for k in np.argwhere(root2.real < 0.0)[0])
-        batch = np.broadcast_to(tool, (*root2.shape[:-1], 3))
-        at = ", ".join(f"{c:.3f}" for c in batch[tuple(place)].real)
-        raise UnreachableError(
-            f"Leg {AXES[leg]} is too short to reach the point ({at}) mm from its rail.",
-            "Choose a point inside the workspace.",
-        )
-    return np.asarray(along + np.sqrt(root2))
-
-
-def tool_derivative(geometry: Geometry, joints: Numbers, tool: Numbers) -> Numbers:
-    """Jacobian ∂p/∂q of the general machine (eq. 5 inverted), shape (..., 3, 3).
-
-    Args:
-        geometry: the rails and legs.
-        joints: true joint positions q, shape (..., 3) [mm].
-        tool: p at these joints, shape (..., 3) [mm].
-
-    Raises:
-        SingularError: the three legs lie in one plane.
-    """
-    centres = geometry.carriages(joints)
-    matrix = tool_derivative_components(
-        components(centres, 2), components(geometry.directions, 2), components(tool, 1)
-    )
-    if not np.all(np.isfinite(matrix)):
-        raise SingularError(
-            "The three legs lie in one plane: the machine is singular at this posture.",
-            "Choose a posture inside the workspace.",
-        )
-    return behind_batch(matrix, 2)
-
-
-def tool_derivative_components(centres: Numbers, directions: Numbers, tool: Numbers) -> Numbers:
-    """∂p/∂q with components first, (3, 3, ...); NaN where the machine is singular.
-
-    From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
-    """
-    legs = tool - centres
-    columns = (
-        _cross(legs[1], legs[2]),
-        _cross(legs[2], legs[0]),
-        _cross(legs[0], legs[1]),
-    )
-    volume = _dot(legs[0], columns[0])
-    size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
-    flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))
-    inverse = 1.0 / np.where(flat, np.nan, volume)
-    matrix = np.empty((3, *columns[0].shape), columns[0].dtype)
-    for k in range(3):
-        np.multiply(columns[k], _dot(legs[k], directions[k]) * inverse, out=matrix[:, k, ...])
-    return matrix
+        Args:
+            plan: n readings.
+            predict: readings of a plan, (n,) [mm].
+        """
+        raise NotImplementedError

@@ -22,22 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Command, Effect, Estimate, Stage
-from orthoglide_cal.model.kinds import LinearDelta, Orthoglide
-from orthoglide_cal.model.machine import Geometry, Machine
+from orthoglide_cal.model.cause import Effect, Estimate, Stage
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
-from orthoglide_cal.model.readings import AXES
-
-KINDS: Mapping[str, Any] = {kind.id: kind for kind in (Orthoglide(), LinearDelta())}
-
-
-def parameter_names(cause: Cause, kind: str) -> dict[str, str]:
-    """Each parameter of a cause → its name on a kind of machine, by its id.
-
-    Causes of several kinds count the rails x, y and z; a kind calls them as its joint offsets.
-    """
-    rails = dict(zip(AXES, KINDS[kind].calibrated, strict=False))
-    return {name: rails.get(name, name) for name in cause.names}
+from orthoglide_cal.model.real import RealMachine
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +41,14 @@ class Model:
     machine: Machine
     accepted: tuple[Effect, ...] = ()
 
-    @cached_property
-    def kind(self) -> Any:
-        """What kind of machine it is: one of `KINDS`."""
-        return KINDS[self.machine.kind]
+    @property
+    def orthoglide(self) -> Orthoglide:
+        """The machine, where gauges are read on legs.
 
-    @cached_property
-    def calibrated(self) -> tuple[str, ...]:
-        """Names of the parameters that a calibration determines: the joint offsets first."""
-        return tuple(self.kind.calibrated)
+        Raises:
+            UsageError: it is of another kind.
+        """
+        return Orthoglide.require(self.machine)
 
     def extended(self, effects: Iterable[Effect]) -> Model:
         """The model with more causes, after those that it has."""
@@ -72,7 +60,7 @@ class Model:
 
     def called(self, effect: Effect) -> Mapping[str, Estimate]:
         """Parameters of an effect by the names that they have on this kind of machine."""
-        names = parameter_names(effect.cause, self.machine.kind)
+        names = self.machine.named(effect.cause.names)
         return {names[own]: estimate for own, estimate in effect.estimates.items()}
 
     @cached_property
@@ -81,37 +69,14 @@ class Model:
         return all(effect.cause.repeats for effect in self.accepted)
 
     @cached_property
-    def still(self) -> bool:
-        """Whether only rails and legs are wrong: the offsets alone then move the carriages."""
-        return all(effect.cause.stage is Stage.GEOMETRY for effect in self.accepted)
-
-    @cached_property
-    def geometry(self) -> Geometry:
-        """Rails and legs as they really are."""
-        geometry: Geometry = self.kind.rails(self.machine)
+    def real(self) -> RealMachine:
+        """Its rails and the motions of its carriages, as they really are."""
+        geometry = self.machine.nominal_rails
         for effect in self.accepted:
             geometry = effect.cause.geometry(geometry, effect.theta)
-        return geometry
-
-    def true_joints(self, command: Command, offsets: Numbers) -> Numbers:
-        """Where the carriages really stand, shape (..., n, 3) [mm].
-
-        Args:
-            command: where the controller sends them.
-            offsets: Δρ, shape (..., 3) [mm]; true joint position = indicated + Δρ − entered.
-        """
-        joints: Numbers = command.sent + offsets[..., None, :]
-        for effect in self.accepted:
-            joints = effect.cause.motion(joints, effect.theta, command)
-        return joints
-
-    def joints_for(self, tool: Floats) -> Floats:
-        """What the controller commands for tool positions (..., 3) → (..., 3) [mm].
-
-        Raises:
-            UnreachableError: a point outside the workspace.
-        """
-        return np.asarray(self.kind.indicated(self.machine, tool))
+        motions = tuple(effect.motion for effect in self.accepted)
+        still = all(effect.cause.stage is Stage.GEOMETRY for effect in self.accepted)
+        return RealMachine(geometry, motions, still)
 
 
 # Step of complex-step derivatives: its square vanishes beside 1, so they are exact.
@@ -150,9 +115,9 @@ def simulate_with_jacobian(
         Readings (..., n) [mm] and ∂readings/∂Δρ (..., n, 3).
     """
     point = np.asarray(offsets, dtype=np.float64)
-    if model.kind.closed_form(model):
-        return _simulate(model, point, plan, strict, derivative=True)
-    readings, _ = _simulate(model, point, plan, strict)
+    readings, jacobian = _simulate(model, point, plan, strict, derivative=True)
+    if jacobian is not None:
+        return readings, jacobian
     steps = point[..., None, :] + 1j * STEP * np.eye(point.shape[-1])
     # Real NaN divides in silence, complex NaN does not.
     with np.errstate(invalid="ignore"):
@@ -205,12 +170,12 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
 
 def _simulate(
     model: Model, parameters: Numbers, plan: Any, strict: bool, derivative: bool = False
-) -> tuple[Numbers, Numbers]:
-    """Readings, and their derivative by the parameters if it is wanted (else the readings)."""
+) -> tuple[Numbers, Floats | None]:
+    """Readings; if it is wanted and known in closed form, their derivative by the parameters."""
     machine = model.machine
-    readings, where, slope = model.kind.sensed(model, parameters, plan, strict, derivative)
+    readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
     for effect in model.accepted:
         readings = effect.cause.contact(readings, effect.theta, effect.place, where, plan, machine)
     for effect in model.accepted:
         readings = effect.cause.record(readings, effect.theta, effect.place, plan, machine)
-    return readings, slope if derivative else readings
+    return readings, jacobian

@@ -7,20 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.model.kinds.layouts import REACH, layout_of, mixed, rings
-from orthoglide_cal.model.kinds.linear_delta import DeltaMachine
-from orthoglide_cal.model.kinds.probe_plan import ProbePlan
+from orthoglide_cal.model.layouts import REACH, layout_of, mixed, rings
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Gauge
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.probe_plan import ProbePlan
 
 # The gap closes by all but some per cent in each step.
 _STEPS = 8
 
 
 def bed_plan(
-    machine: DeltaMachine, places: int, heights: Sequence[float] = (0.0,), cycles: int = 1
+    machine: LinearDelta, places: int, heights: Sequence[float] = (0.0,), cycles: int = 1
 ) -> ProbePlan:
     """Touches spread evenly over the bed in a mixed order; all of one height, then the next.
 
@@ -51,8 +51,8 @@ def synthetic_touches(
     Raises:
         UnreachableError, SingularError: a place that this machine cannot reach.
     """
-    machine, n = model.machine, len(plan)
-    local = model.kind.local(machine, plan).columns @ rng.standard_normal(n)
+    n = len(plan)
+    local = LinearDelta.require(model.machine).local_shape(plan).columns @ rng.standard_normal(n)
     touched = plan
     for _ in range(_STEPS):
         # The nozzle is sent lower or higher until it touches.

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.model.cause import Command
-from orthoglide_cal.model.machine import rail_position, tool_derivative, trilaterate
+from orthoglide_cal.model.kinematics import rail_position, tool_derivative, trilaterate
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.model.real import Command
 
 SAMPLES = 17  # along each edge of the cube
 MOST_POINTS = 51  # of a compensation table, along each edge
@@ -55,7 +55,7 @@ class WorkspaceError(ReadOnly):
 
 def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
     """Points along each edge of the reachable cube, (n,), and all of them, (n³, 3) [mm]."""
-    low, high = model.kind.reachable_cube(model.machine)
+    low, high = model.orthoglide.reachable_cube
     axis = np.linspace(low, high, points)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     return axis, np.stack((x, y, z), axis=-1).reshape(-1, 3)
@@ -63,8 +63,8 @@ def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
 
 def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
     """Where carriages really stand that were sent to `indicated` (n, 3) [mm]."""
-    command = Command.standing(indicated, model.kind.home(model.machine))
-    return np.asarray(model.true_joints(command, offsets))
+    command = Command.standing(indicated, model.machine.home_mm)
+    return np.asarray(model.real.joints(command, offsets))
 
 
 def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> WorkspaceError:
@@ -80,7 +80,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         PostureError: a corner of the cube that the machine cannot reach.
     """
     axis, points = _grid(model, SAMPLES)
-    indicated, geometry = model.joints_for(points), model.geometry
+    indicated, geometry = model.machine.joints_for(points), model.real.geometry
 
     def reached(remaining: Floats) -> tuple[Floats, Floats]:
         joints = _standing(model, indicated, remaining)
@@ -162,7 +162,7 @@ def compensation(model: Model, points: int) -> Compensation:
         causes=tuple(effect.cause.id for effect in chosen),
         left_out=tuple(id for id in ids if id not in [e.cause.id for e in chosen]),
         points_mm=grid,
-        corrections_mm=_required_joints(known, grid) - model.joints_for(grid),
+        corrections_mm=_required_joints(known, grid) - model.machine.joints_for(grid),
     )
 
 
@@ -171,7 +171,7 @@ def _required_joints(model: Model, points: Floats) -> Floats:
 
     Causes of the motion are nearly the identity, so that a fixed-point iteration converges.
     """
-    wanted = rail_position(model.geometry, points)
+    wanted = rail_position(model.real.geometry, points)
     indicated = wanted
     for _ in range(50):
         missing = wanted - _standing(model, indicated, np.zeros(3))

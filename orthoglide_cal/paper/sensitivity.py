@@ -23,7 +23,7 @@ from orthoglide_cal.model import (
     simulate_with_jacobian,
     zero_free,
 )
-from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.model.protocols import PlannedReading, plan_of
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,7 @@ def design_of(machine: Machine) -> Design:
         raise RankDeficientError(
             "No postures within the joint limits let the gauges see the joint offsets.",
             "Check joint_limits_mm and leg_length_mm in the machine file.",
-            model.calibrated,
+            model.machine.parameter_names,
         )
     return best
 
@@ -124,7 +124,7 @@ def _cost(model: Model, postures: Floats, place: float, count: Ints) -> Floats:
         count: readings of each gauge at each posture in a cycle, shape (c, p).
     """
     plan = visiting(tuple(postures.tolist()), place)
-    slope = simulate_with_jacobian(model, np.zeros(len(model.calibrated)), plan)[1]
+    slope = simulate_with_jacobian(model, np.zeros(len(model.machine.parameter_names)), plan)[1]
     slope = np.stack([slope[plan.setup == setup] for setup in range(plan.setups)])
     total = count.sum(axis=1)
     # Σ w J Jᵀ − (Σ w J)(Σ w J)ᵀ/Σ w, summed over the gauges.

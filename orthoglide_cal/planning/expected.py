@@ -23,7 +23,7 @@ from orthoglide_cal.estimation.influences import held, influences
 from orthoglide_cal.estimation.solve import budget_of_readings
 from orthoglide_cal.model import Floats, GaugePlan, Model
 from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
@@ -167,9 +167,9 @@ def expected_budget(model: Model, plan: Any, method: Method = Method.READINGS) -
     """
     gauge, uncertain = model.machine.gauge, _plausible_influences(model, plan)
     estimator = estimator_for(model, plan, uncertain, method)
-    dof = len(plan) - plan.setups - len(model.calibrated)
+    dof = len(plan) - plan.setups - len(model.machine.parameter_names)
     scatter = Scatter(gauge.noise_mm, float(dof)) if dof > 0 else None
-    taken = held(model, np.zeros(len(model.calibrated)), plan)
+    taken = held(model, np.zeros(len(model.machine.parameter_names)), plan)
     return budget_of_readings(estimator, plan, gauge, scatter, (*uncertain, *taken))
 
 
@@ -198,7 +198,7 @@ def estimator_for(
 @functools.lru_cache(maxsize=128)
 def _plausible_influences(model: Model, plan: Any) -> tuple[Influence, ...]:
     """Influences on these readings: their squares are the means over plausible offsets."""
-    alike = [influences(model, offsets, plan) for offsets in model.kind.supposed]
+    alike = [influences(model, offsets, plan) for offsets in model.machine.linearization_points]
     share = 1.0 / np.sqrt(len(alike))
     return tuple(
         replace(each[0], columns=share * np.hstack([one.columns for one in each]))

@@ -14,7 +14,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Cause, Model
-from orthoglide_cal.model.kinds import Layout
+from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.planning.expected import Foreseen, expected_budget
 from orthoglide_cal.planning.separation import Separations, separations
 
@@ -47,14 +47,14 @@ class Laid(Foreseen):
     @cached_property
     def held(self) -> Budget | None:
         """Of the budget what is taken as the controller has it; None if that is nothing."""
-        ids = self.model.kind.held
+        ids = self.model.machine.fixed_parameters
         parts = tuple(each for each in self.budget.contributions if each.source in ids)
         return Budget(parts) if parts else None
 
     @cached_property
     def seen(self) -> Budget:
         """The rest of the budget: what the layout can lessen."""
-        ids = self.model.kind.held
+        ids = self.model.machine.fixed_parameters
         return Budget(tuple(each for each in self.budget.contributions if each.source not in ids))
 
     @cached_property
@@ -88,7 +88,7 @@ class LayoutProspect:
     @property
     def rivals(self) -> tuple[str, str]:
         """Ids of the causes that hide behind each other."""
-        first, second = self.model.kind.rivals
+        first, second = self.model.machine.rivals
         return first, second
 
     @cached_property
@@ -113,7 +113,7 @@ def layout_prospect(model: Model, name: str | None = None) -> LayoutProspect:
     Raises:
         UsageError: there is no layout of this name.
     """
-    compared = tuple(Laid.of(model, layout) for layout in model.kind.layouts(model.machine))
+    compared = tuple(Laid.of(model, layout) for layout in model.machine.layouts())
     telling = _telling(model)
     every = compared if telling is None else (telling, *compared)
     names = [each.layout.name for each in every]
@@ -127,7 +127,7 @@ def layout_prospect(model: Model, name: str | None = None) -> LayoutProspect:
 def _telling(model: Model) -> Laid | None:
     """The quickest layout that tells the rivals apart, or the one that tells them best."""
     best, most = None, 0.0
-    for layout in model.kind.telling(model.machine):
+    for layout in model.machine.distinguishing_layouts():
         sigma = _apart(model, layout)
         if sigma is None:
             return None
@@ -141,5 +141,5 @@ def _telling(model: Model) -> Laid | None:
 def _apart(model: Model, layout: Layout) -> float | None:
     """How far the rivals are apart; None where one of the two cannot be."""
     pairs: tuple[tuple[Cause, Cause, float], ...]
-    pairs = separations(model, layout.plan, model.kind.rivals).pairs
+    pairs = separations(model, layout.plan, model.machine.rivals).pairs
     return pairs[0][2] if pairs else None

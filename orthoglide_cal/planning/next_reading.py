@@ -266,7 +266,7 @@ def _given(model: Model, plan: Plan, answer: Fitted) -> Floats:
 
     No reading tells it, so no diagnosis counts it either, unless it is the answer; `solve` does.
     """
-    nominal = np.zeros(len(model.calibrated))
+    nominal = np.zeros(len(model.machine.parameter_names))
     taken = held(model, nominal, plan)
     columns = [each.columns for each in taken if each.source not in _ids(answer, again=False)]
     if not columns:

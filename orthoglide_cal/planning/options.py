@@ -24,7 +24,8 @@ from orthoglide_cal.model import (
     double_posture,
     other_axes,
 )
-from orthoglide_cal.model.kinds import (
+from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.protocols import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
     PlannedReading,
@@ -105,7 +106,7 @@ def beyond(first: Plan | None, model: Model) -> tuple[Option, ...]:
     if first is None:
         return ()
     found = []
-    for what, plan, minutes in model.kind.further(first):
+    for what, plan, minutes in model.machine.further(first):
         later = replace(
             plan,
             order=plan.order + int(first.order.max()) + 1,
@@ -177,8 +178,8 @@ def _going_on(here: _Stands, machine: Machine) -> Iterator[Option]:
 
 def _step(machine: Machine, leg: int, axis: int, stops: Sequence[float]) -> float | None:
     """How much short a carriage can be commanded at all stops of a leg [mm]; None if it cannot."""
-    kind, (low, high) = Model(machine).kind, machine.joint_limits_mm
-    moved = kind.joints_at(machine, leg, np.array(stops))[:, axis] - kind.home(machine)
+    low, high = machine.joint_limits_mm
+    moved = Orthoglide.require(machine).joints_at(leg, np.array(stops))[:, axis] - machine.home_mm
     for step in (STEP_MM, -STEP_MM):
         if low <= (moved - step).min() and (moved - step).max() <= high:
             return step

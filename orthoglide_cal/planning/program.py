@@ -20,7 +20,7 @@ import numpy as np
 
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.model import AXES, Floats, Machine, Model, ReadOnly
-from orthoglide_cal.model.machine import trilaterate
+from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.planning.steps import SessionStep
 
 APPROACH_MM = 1.0  # far more than any lost motion, little enough for every plunger
@@ -45,7 +45,7 @@ class Point(ReadOnly):
     @classmethod
     def of(cls, model: Model, joints: Floats) -> Point:
         """The point of the nominal machine with these joints."""
-        geometry = model.kind.rails(model.machine)
+        geometry = model.machine.nominal_rails
         return cls(joints, trilaterate(geometry.carriages(joints), geometry.lengths))
 
 
@@ -123,7 +123,7 @@ def posture_program(
             f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
             "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
         )
-    home = model.kind.home(model.machine)
+    home = model.machine.home_mm
     limits = _Limits(home, (low, high))
     blocks: list[Block] = []
     leg, here, stands = 0, 0.0, None
@@ -197,4 +197,4 @@ def _way(model: Model, leg: int, start: float, end: float) -> tuple[Point, ...]:
 
 def _at(model: Model, leg: int, displacement: float) -> Point:
     """The posture of a displaced leg."""
-    return Point.of(model, model.kind.joints_at(model.machine, leg, displacement))
+    return Point.of(model, model.orthoglide.joints_at(leg, displacement))

@@ -81,7 +81,7 @@ def separations(model: Model, plan: Any, among: Collection[str] | None = None) -
         plan: n readings that determine the offsets.
         among: ids of those to look at; None for all.
     """
-    every, supposed = _candidates(model, plan), model.kind.supposed
+    every, supposed = _candidates(model, plan), model.machine.linearization_points
     causes = tuple(cause for cause in every if among is None or cause.id in among)
     total = np.zeros((len(causes), len(causes) + 1))
     for offsets in supposed if causes else ():

@@ -22,7 +22,7 @@ from orthoglide_cal.model import (
     double_posture,
     single_posture,
 )
-from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
+from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
 from orthoglide_cal.planning.design import design_of
 
 # Pace assumed for what else is done between readings [min].

@@ -92,7 +92,7 @@ def verify_command(
     """
     applied = " ".join(plain(change, adjustment.decimals) for change in adjustment.applied_mm)
     before = calibration.input.measured.source
-    recorded = adjustment.kind.recorded
+    recorded = adjustment.machine.recorded
     unknown = recorded and recording(calibration.input) is Recording.NOWHERE
     options = f"--applied {applied}" if unknown else ""
     return about("verify", before, "AFTER", machine=machine_file, options=options)
@@ -162,7 +162,7 @@ def head(export: Export) -> list[str]:
     found = export.calibration
     identity, source = found.identity, found.input.measured.source
     lines = [
-        f"{export.adjustment.kind.speech.title} for {found.input.model.machine.name},"
+        f"{export.adjustment.machine.vocabulary.title} for {found.input.model.machine.name},"
         f" {identity.number}",
         f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
         f"From {file_words(source.path)}, SHA-256 {source.sha256}",
@@ -175,7 +175,7 @@ def head(export: Export) -> list[str]:
 
 def after_entering(export: Export, machine_file: Path | None) -> list[str]:
     """Re-home, check posture, verification."""
-    restart = export.adjustment.kind.speech.restart
+    restart = export.adjustment.machine.vocabulary.restart
     lines = [f"After entering: {restart[0].lower()}{restart[1:]}"]
     check = export.adjustment.check
     if check is not None:
@@ -195,7 +195,7 @@ def after_entering(export: Export, machine_file: Path | None) -> list[str]:
 def as_text(export: Export, machine_file: Path | None = None) -> str:
     """A page of plain text for any controller: "the controller says X, truly Y"."""
     adjustment, says = export.adjustment, export.calibration.input.model.machine.leg_length_mm
-    decimals, absolute = adjustment.decimals, adjustment.kind.absolute
+    decimals, absolute = adjustment.decimals, adjustment.machine.absolute
     value = plain if absolute else signed
     rows = [("parameter" if absolute else "axis", "previous", "change", "U", "enter")] + [
         (
@@ -209,7 +209,7 @@ def as_text(export: Export, machine_file: Path | None = None) -> str:
     ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     meaning = (
-        f"Parameters ({adjustment.kind.speech.relation};"
+        f"Parameters ({adjustment.machine.vocabulary.relation};"
         if absolute
         else "Joint offsets, mm (true joint position = indicated + offset;"
     )
@@ -276,7 +276,7 @@ def _values(export: Export, machine_file: Path | None) -> dict[str, Any]:
         "forced": bool(export.forced),
         "reasons_against": list(export.forced),
         "cautions": list(cautions(found)),
-        "parameters" if adjustment.kind.absolute else "joints": joints_data(adjustment),
+        "parameters" if adjustment.machine.absolute else "joints": joints_data(adjustment),
         "coverage_factor": adjustment.budget.k,
         "confidence": adjustment.confidence,
         "rehome": True,
@@ -287,7 +287,7 @@ def _values(export: Export, machine_file: Path | None) -> dict[str, Any]:
 
 def joints_data(adjustment: Adjustment) -> dict[str, Any]:
     """What to enter; parameters that are no joint offsets with their units."""
-    if adjustment.kind.absolute:
+    if adjustment.machine.absolute:
         every = {
             joint.axis: {
                 "unit": joint.unit,
@@ -343,7 +343,7 @@ def as_csv(export: Export) -> str:
     found, adjustment = export.calibration, export.adjustment
     decimals, source = adjustment.decimals, found.input.measured.source
     # Of parameters in several units the columns have none in their names.
-    unit, name = ("", "parameter") if adjustment.kind.absolute else ("_mm", "axis")
+    unit, name = ("", "parameter") if adjustment.machine.absolute else ("_mm", "axis")
     rows = [
         {
             name: joint.axis,

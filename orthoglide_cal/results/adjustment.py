@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, Scatter, determined
 from orthoglide_cal.estimation.budget import Budget, Budgeted, warmth
-from orthoglide_cal.model import Difference, Floats, Measured, Posture, ReadOnly
+from orthoglide_cal.model import Difference, Floats, Machine, Measured, Posture, ReadOnly
 from orthoglide_cal.words import entered_decimals
 
 
@@ -67,7 +67,7 @@ class Adjustment(Budgeted, ReadOnly):
             another kind of machine, in its units, (p,).
         budget: where their uncertainty comes from.
         previous_mm: what is active in the controller so far, shape (3,) or (p,).
-        kind: of machine; it knows names, units and words.
+        machine: it knows names, units and words.
         determined: which of them the readings determine.
         decimals: of what is entered.
         promised: each difference as measured, modelled, and expected once these offsets are
@@ -79,7 +79,7 @@ class Adjustment(Budgeted, ReadOnly):
     offsets_mm: Floats
     budget: Budget
     previous_mm: Floats
-    kind: Any
+    machine: Machine
     determined: tuple[bool, ...]
     decimals: int
     promised: tuple[PromisedDifference, ...]
@@ -98,7 +98,7 @@ class Adjustment(Budgeted, ReadOnly):
 
         What the readings do not determine stays as it is.
         """
-        names, units = self.kind.calibrated, self.kind.units
+        names, units = self.machine.parameter_names, self.machine.parameter_units
         columns = (self.previous_mm.tolist(), self.applied_mm, self.expanded_mm.tolist())
         every = zip(names, *columns, units, self.determined, strict=True)
         return tuple(
@@ -111,7 +111,7 @@ class Adjustment(Budgeted, ReadOnly):
     @property
     def values(self) -> Floats:
         """What is told as the result, shape (p,): the parameters themselves, or the excess."""
-        return self.offsets_mm + self.previous_mm if self.kind.absolute else self.offsets_mm
+        return self.offsets_mm + self.previous_mm if self.machine.absolute else self.offsets_mm
 
     @property
     def limits(self) -> Floats:
@@ -149,7 +149,7 @@ def as_diagnosed(
         mean_c: mean temperature of the readings [°C]; None if unknown.
     """
     causes = tuple(cause.id for cause in diagnosis.causes)
-    held = set(real.model.kind.held) - set(causes)
+    held = set(real.model.machine.fixed_parameters) - set(causes)
     given = [each for each in solution.budget.contributions if each.source in held]
     budget = diagnosis.budget.extended(given)
     budget = budget.extended(warmth(mean_c, real.model.machine.leg_length_mm))
@@ -167,9 +167,9 @@ def _adjustment(
     right: Measured,
     noise: Scatter,
 ) -> Adjustment:
-    kind, machine = real.model.kind, real.model.machine
-    previous = kind.active(machine)
-    decimals = kind.decimals or entered_decimals(budget.expanded_mm.tolist(), previous)
+    machine = real.model.machine
+    previous = machine.active
+    decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), previous)
     entered = np.array([_rounded(value, decimals) for value in offsets.tolist()])
     promised = promise(solution.measured, real, entered, noise, right)
     return Adjustment(
@@ -177,7 +177,7 @@ def _adjustment(
         offsets_mm=offsets,
         budget=budget,
         previous_mm=np.array(previous),
-        kind=kind,
+        machine=machine,
         determined=determined(real.model, budget.expanded_mm),
         decimals=decimals,
         promised=promised,
@@ -197,12 +197,12 @@ def _check(
     if not promised:
         return None
     row = max(promised, key=lambda each: abs(each.measured_mm - each.expected_mm))
-    machine, kind = solution.model.machine, solution.model.kind
+    machine = solution.model.orthoglide
     leg, posture = row.difference.series.leg, row.difference.posture
     ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
     moved = [machine.displacement_mm(end) for end in ends]
     tools = [tuple(value if k == leg else 0.0 for k in range(3)) for value in moved]
-    joints = [tuple(kind.joints_at(machine, leg, value).tolist()) for value in moved]
+    joints = [tuple(machine.joints_at(leg, value).tolist()) for value in moved]
     sigma = max(solution.sigma_mm, machine.gauge.noise_mm)
     return CheckPosture(
         difference=row.difference,

@@ -85,7 +85,7 @@ def apply(
 def recording(given: Input) -> Recording:
     """Whether what is entered from this measurement can be recorded, or was."""
     file = given.keeper
-    if file is None or not given.model.kind.recorded:
+    if file is None or not given.model.machine.recorded:
         return Recording.NOWHERE
     if file.model.machine.entered_from(given.measured.source.sha256):
         return Recording.DONE

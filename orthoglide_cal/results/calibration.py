@@ -168,11 +168,11 @@ class Calibration:
         Never of joint offsets, which are told as an excess.
         """
         solution, model = self.solution, self.input.model
-        if solution is None or not (model.kind.absolute and self.release.usable):
+        if solution is None or not (model.machine.absolute and self.release.usable):
             return False
         if any(effect.cause.compensable for effect in model.accepted):
             return False  # it is to be entered, too
-        known, change = solution.budget.without(model.kind.held), solution.offsets_mm
+        known, change = solution.budget.without(model.machine.fixed_parameters), solution.offsets_mm
         if np.any(np.abs(change) > known.expanded_mm):
             return False
         apart = float(change @ np.linalg.solve(known.covariance_mm2, change))
@@ -205,7 +205,7 @@ class Calibration:
         """Step → r.m.s. of the data that it leaves, from "as found" on; empty without a result."""
         if self.solution is None:
             return {}
-        solution, many = self.solution, self.solution.model.kind.speech.many
+        solution, many = self.solution, self.solution.model.machine.vocabulary.many
         left = {"as found": solution.rms_before_mm, many: solution.rms_after_mm}
         diagnosis, parts = self.diagnosis, self.explained
         if diagnosis is not None and parts is not None and diagnosis.verdict is Verdict.NAMED:
@@ -231,7 +231,7 @@ class Calibration:
     def workspace(self) -> WorkspaceError | None:
         """Tool-position error before and after the adjustment; None if it cannot be computed."""
         found = self.adjustment
-        if found is None or not found.kind.has_cube:
+        if found is None or not found.machine.has_cube:
             return None
         try:
             budget = found.budget

@@ -133,8 +133,10 @@ def answer_to(
         chosen, known = found, found.budget
     settled = decision.usable and _settled(model, chosen, known)
     decision = decision.model_copy(update={"settled": settled})
-    active = model.kind.active(model.machine)
-    decimals = model.kind.decimals or entered_decimals(chosen.budget.expanded_mm.tolist(), active)
+    active = model.machine.active
+    decimals = model.machine.decimals or entered_decimals(
+        chosen.budget.expanded_mm.tolist(), active
+    )
     parameters = tuple(_parameters(model, chosen, decimals, enter=decision.usable))
     entered = np.array([each.changed(decimals) for each in parameters])
     promised = promise(
@@ -231,7 +233,7 @@ def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Fo
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Found:
     """The parameters under what the diagnosis found."""
     model = with_causes(given.model, diagnosis)
-    held = set(model.kind.held) - {cause.id for cause in diagnosis.causes}
+    held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [each for each in solution.budget.contributions if each.source in held]
     budget = diagnosis.budget.extended(taken).extended(
         warmth(given.conditions.mean_temperature_c, model.machine.leg_length_mm)
@@ -260,11 +262,11 @@ def _settled(model: Model, found: _Found, known: Budget) -> bool:
     else may be wrong, and what is taken as the controller has it, would be the same again.
     Never of joint offsets, which are told as an excess.
     """
-    if not model.kind.absolute:
+    if not model.machine.absolute:
         return False
     if any(effect.cause.compensable for effect in model.accepted):
         return False  # it is to be entered, too
-    budget, change = known.without(model.kind.held), found.values
+    budget, change = known.without(model.machine.fixed_parameters), found.values
     if np.any(np.abs(change) > budget.expanded_mm):
         return False
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
@@ -275,9 +277,9 @@ def _settled(model: Model, found: _Found, known: Budget) -> bool:
 def _parameters(
     model: Model, found: _Found, decimals: int, enter: bool
 ) -> Iterator[schema.Parameter]:
-    kind, budget = model.kind, found.budget
+    machine, budget = model.machine, found.budget
     columns = (
-        *(kind.calibrated, kind.units, kind.active(model.machine), found.values.tolist()),
+        *(machine.parameter_names, machine.parameter_units, machine.active, found.values.tolist()),
         *(budget.std_mm.tolist(), budget.expanded_mm.tolist()),
         determined(model, budget.expanded_mm),
     )
@@ -302,7 +304,7 @@ def _correlation(budget: Budget) -> Floats:
 
 def _sigma_rho(model: Model, budget: Budget) -> float | None:
     """σ_ρ = √(trace V / 3) (eq. 33) of joint offsets."""
-    return None if model.kind.absolute else rms(budget.std_mm)
+    return None if model.machine.absolute else rms(budget.std_mm)
 
 
 def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
@@ -407,7 +409,7 @@ def _undetermined(
         if not each.determined:
             yield schema.Undetermined(name=each.name, within=each.expanded, unit=each.unit)
     known = {effect.cause.id for effect in model.accepted}
-    for cause in (CAUSES[id] for id in model.kind.held if id not in known):
+    for cause in (CAUSES[id] for id in model.machine.fixed_parameters if id not in known):
         yield schema.Undetermined(name=cause.id, within=cause.size(model.machine), unit=cause.unit)
 
 
@@ -418,12 +420,12 @@ def _check(
     if not promised:
         return None
     row = max(promised, key=lambda each: abs(each.measured_mm - each.expected_mm))
-    machine, kind = given.model.machine, given.model.kind
+    machine = given.model.orthoglide
     series, posture = row.difference
     ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
     moved = [machine.displacement_mm(end) for end in ends]
     tools = [tuple(value if axis == series.leg else 0.0 for axis in range(3)) for value in moved]
-    joints = [tuple(kind.joints_at(machine, series.leg, value).tolist()) for value in moved]
+    joints = [tuple(machine.joints_at(series.leg, value).tolist()) for value in moved]
     sigma = max(solution.sigma_mm, machine.gauge.noise_mm)
     return schema.CheckReading(
         what=row.difference.name,
@@ -443,7 +445,7 @@ def _check(
 
 def _workspace(found: _Found, model: Model) -> schema.Workspace | None:
     """Tool-position error before and after the adjustment; None if it cannot be computed."""
-    if not model.kind.has_cube:
+    if not model.machine.has_cube:
         return None
     budget = found.budget
     try:
@@ -531,7 +533,7 @@ def _apart(one: schema.Ids, other: schema.Ids) -> schema.Ids:
 
 
 def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:
-    machine, kind = diagnosis.model.machine, diagnosis.model.kind
+    machine = diagnosis.model.machine
     size = cause.effect.cause.size(machine)
     largest = max((abs(each.value) for each in cause.parameters.values()), default=0.0)
     return schema.FoundCause(
@@ -549,7 +551,7 @@ def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:
         heldout_ratio=cause.heldout_ratio,
         aliases=cause.aliases,
         times_stated=largest / size if size > 0.0 and cause.parameters else None,
-        remedy=kind.speech.said(cause.advice),
+        remedy=machine.vocabulary.said(cause.advice),
         recommended=cause.recommended,
         in_machine=cause.in_machine,
     )
@@ -559,7 +561,7 @@ def _explanations(
     diagnosis: Diagnosis, solution: Solution, alone: _Found
 ) -> Iterator[schema.PossibleExplanation]:
     """Those not dismissed, with the parameters of those that were fitted."""
-    names = diagnosis.model.kind.calibrated
+    names = diagnosis.model.machine.parameter_names
     fits = {tuple(effect.cause.id for effect in fit.effects): fit for _, fit in diagnosis.left_open}
     most = max(diagnosis.ranking.values(), default=0.0)
     for tried, probability in diagnosis.ranking.items():

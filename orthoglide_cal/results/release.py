@@ -58,40 +58,47 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
 def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[str, Remedy]]:
     """What the solution's own check has against it, each with what to do."""
     if not solution.converged:
-        many = solution.model.kind.speech.many
+        many = solution.model.machine.vocabulary.many
         yield (
             f"The search for the {many} did not converge.",
             Remedy(sentence="Check the file:", verb="validate"),
         )
         return
-    kind, speech = solution.model.kind, solution.model.kind.speech
-    limits = kind.plausible(solution.model.machine)
-    columns = (kind.calibrated, kind.units, solution.offsets_mm.tolist(), limits)
+    machine, vocabulary = solution.model.machine, solution.model.machine.vocabulary
+    limits = machine.plausible
+    columns = (
+        machine.parameter_names,
+        machine.parameter_units,
+        solution.offsets_mm.tolist(),
+        limits,
+    )
     parameters = tuple(zip(*columns, strict=True))
     beyond = [each for each in parameters if abs(each[2]) > each[3]]
     if beyond:
         listed = ", ".join(f"{name} {value:+.1f} {unit}" for name, unit, value, _ in beyond)
         limit = ", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in beyond))
-        why = speech.beyond.format(limit=limit)
-        yield f"{speech.one.capitalize()} {listed}: {why}", Remedy(sentence=speech.recheck)
+        why = vocabulary.beyond.format(limit=limit)
+        yield f"{vocabulary.one.capitalize()} {listed}: {why}", Remedy(sentence=vocabulary.recheck)
     open_ = [
-        name for name, known in zip(kind.calibrated, solution.determined, strict=True) if not known
+        name
+        for name, known in zip(machine.parameter_names, solution.determined, strict=True)
+        if not known
     ]
     if open_:
         yield (
             f"These readings do not determine {' and '.join(open_)}: no better than what is known"
             " without them.",
-            Remedy(sentence=speech.more),
+            Remedy(sentence=vocabulary.more),
         )
     for doubt in gauge_doubts(solution.measured, solution.model.machine.gauge):
         yield doubt.what, Remedy(sentence=doubt.remedy)
     if diagnosis is None and solution.suspicious:
-        yield solution.judgement, Remedy(sentence=speech.more)
+        yield solution.judgement, Remedy(sentence=vocabulary.more)
 
 
 def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
     """What the diagnosis has against the offsets."""
-    speech = solution.model.kind.speech
+    vocabulary = solution.model.machine.vocabulary
     if diagnosis.verdict is Verdict.CONSISTENT:
         return Release()
     if diagnosis.verdict is Verdict.NAMED:
@@ -101,38 +108,38 @@ def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) ->
     return Release(
         reasons=(
             "The model leaves out something that no known cause explains:"
-            f" {diagnosis.left_mm:.3f} mm r.m.s., where the {speech.noise}'s noise{speech.beside}"
-            f" would leave {diagnosis.expected_mm:.3f} mm.",
+            f" {diagnosis.left_mm:.3f} mm r.m.s., where the {vocabulary.noise}'s"
+            f" noise{vocabulary.also} would leave {diagnosis.expected_mm:.3f} mm.",
         ),
-        remedies=(Remedy(sentence=speech.again),),
+        remedies=(Remedy(sentence=vocabulary.again),),
     )
 
 
 def _ambiguous(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
-    speech = solution.model.kind.speech
+    vocabulary = solution.model.machine.vocabulary
     first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
     rivals = ", ".join(map(" with ".join, diagnosis.rivals)) or "another cause"
-    beside, apart = f"beside the {speech.many}", f"these data cannot tell {first} from {rivals}"
+    beside, apart = f"beside the {vocabulary.many}", f"these data cannot tell {first} from {rivals}"
     if diagnosis.nothing_wrong is None:
         reasons = [f"Something is wrong {beside}, and {apart}."]
     else:
         reasons = [f"Something may be wrong {beside}: {apart}, nor from a sound machine."]
-    advice = [speech.said(cause.advice) for cause in diagnosis.causes] or [speech.more]
+    advice = [vocabulary.said(cause.advice) for cause in diagnosis.causes] or [vocabulary.more]
     if following is not None:
         advice = [following.option.what]
     if diagnosis.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append("They are so few that nearly anything fits.")
-        advice = [speech.more]
+        advice = [vocabulary.more]
     remedies = tuple(Remedy(sentence=each) for each in dict.fromkeys(advice))
     return Release(reasons=tuple(reasons), remedies=remedies)
 
 
 def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
     names = " and ".join(cause.id for cause in diagnosis.causes)
-    kind = solution.model.kind
-    one, many = kind.speech.one, kind.speech.many
+    machine = solution.model.machine
+    one, many = machine.vocabulary.one, machine.vocabulary.many
     shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
-    largest = f"{float(shift.max()):.3f} {kind.units[int(np.argmax(shift))]}"
+    largest = f"{float(shift.max()):.3f} {machine.parameter_units[int(np.argmax(shift))]}"
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
         return Release(
             cautions=(
@@ -148,7 +155,7 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
             options=f"--accept {cause.id}",
         )
         if cause.recommended
-        else Remedy(sentence=kind.speech.said(cause.advice))
+        else Remedy(sentence=machine.vocabulary.said(cause.advice))
         for cause in diagnosis.causes
     ]
     return Release(

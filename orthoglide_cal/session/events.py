@@ -22,7 +22,7 @@ from pydantic import (
 
 from orthoglide_cal.files import FileText
 from orthoglide_cal.model import Model
-from orthoglide_cal.model.kinds import PlannedReading
+from orthoglide_cal.model.protocols import PlannedReading
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 
 VERSION = 1

@@ -25,7 +25,7 @@ from orthoglide_cal.files import (
 )
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import AXES, Floats, Model, Readings, Series
-from orthoglide_cal.model.kinds import PlannedReading
+from orthoglide_cal.model.protocols import PlannedReading
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
 from orthoglide_cal.session.events import Following

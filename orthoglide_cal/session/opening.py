@@ -18,7 +18,7 @@ from orthoglide_cal.files import (
     machine_values,
 )
 from orthoglide_cal.model import GaugePlan, Model
-from orthoglide_cal.model.kinds import plan_of
+from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,

@@ -28,7 +28,7 @@ from orthoglide_cal.model import (
     number_setups,
     places_of,
 )
-from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned
 from orthoglide_cal.session.following import First

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.model import AXES, Contact, Floats, Model, Posture, other_axes
-from orthoglide_cal.model.kinds import PlannedReading
+from orthoglide_cal.model.protocols import PlannedReading
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.program import Point
 from orthoglide_cal.planning.steps import (
@@ -204,7 +204,7 @@ def block_lines(step: SessionStep, setting: Setting) -> list[str]:
 
 def place_lines(step: SessionStep, setting: Setting, columns: int) -> list[str]:
     """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
-    posture = setting.model.kind.joints_at(setting.machine, step.leg, step.displacement_mm)
+    posture = setting.model.orthoglide.joints_at(step.leg, step.displacement_mm)
     point = Point.of(setting.model, posture - setting.short_mm(step))
     narrow = columns < NARROW
     head, indent = ("Drive to, in mm:\n", "") if narrow else ("Drive to  ", " " * 10)

@@ -13,7 +13,7 @@ from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, rms
 from orthoglide_cal.files import Input, check_same_printer
 from orthoglide_cal.model import Floats, Model, Readings, Source, View
-from orthoglide_cal.model.kinds import ProbePlan
+from orthoglide_cal.model.probe_plan import ProbePlan
 
 # Firmwares print parameters to this many of their units.
 _SAME = 1e-3
@@ -105,13 +105,18 @@ def remeasure(before: Input, after: Input) -> Remeasured:
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     check_same_printer(before.model.machine, after.model.machine)
     first, second = (solve(each.measured, each.model) for each in (before, after))
-    kind = first.model.kind
-    old, new = (np.array(kind.active(each.model.machine)) for each in (first, second))
+    machine = first.model.machine
+    old, new = (np.array(machine.active) for each in (first, second))
     # A table says nothing of the firmware: with one machine file for both nobody knows.
     stated = before.model.machine != after.model.machine
     entered = (new - old).round(9).tolist() if stated else [None] * len(old)
     columns = (
-        *(kind.calibrated, kind.units, first.offsets_mm.tolist(), first.expanded_mm.tolist()),
+        *(
+            machine.parameter_names,
+            machine.parameter_units,
+            first.offsets_mm.tolist(),
+            first.expanded_mm.tolist(),
+        ),
         *(entered, second.offsets_mm.tolist(), second.expanded_mm.tolist()),
     )
     heights = (

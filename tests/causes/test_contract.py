@@ -10,6 +10,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import Cause, Stage, simulate
+from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.machines import ROOT
 from tests.subjects import SUBJECTS, Subject, every_cause, every_subject
 
@@ -44,7 +45,7 @@ def test_ids_are_those_of_the_contract() -> None:
 
 @every_subject
 def test_a_machine_file_that_ships_sizes_what_its_kind_can_have(subject: Subject) -> None:
-    own = {id for id, cause in CAUSES.items() if subject.machine.kind in cause.sizes}
+    own = {id for id, cause in CAUSES.items() if type(subject.machine) in cause.sizes}
     assert set(subject.machine.tolerances) == own
     assert own < set(CAUSES)
 
@@ -52,15 +53,15 @@ def test_a_machine_file_that_ships_sizes_what_its_kind_can_have(subject: Subject
 def test_every_cause_belongs_to_a_kind() -> None:
     for cause in CAUSES.values():
         assert cause.sizes
-        assert set(cause.sizes) <= set(SUBJECTS)
+        assert {kind.kind for kind in cause.sizes} <= set(SUBJECTS)
 
 
 @every_cause
 def test_it_does_not_happen_on_other_kinds(cause: Cause, subject: Subject) -> None:
-    for kind, other in SUBJECTS.items():
+    for other in SUBJECTS.values():
         silent = replace(other.machine, tolerances={})
-        assert cause.possible(silent) == (kind in cause.sizes)
-        assert cause.assumed(silent) == (kind in cause.sizes)
+        assert cause.possible(silent) == (type(silent) in cause.sizes)
+        assert cause.assumed(silent) == (type(silent) in cause.sizes)
     assert cause.possible(subject.machine)
     assert not cause.assumed(subject.machine)
 
@@ -79,10 +80,10 @@ def test_each_acts_in_its_own_stage_alone(cause: Cause, subject: Subject) -> Non
     theta = cause.scale * np.linspace(1.0, 2.0, cause.unknowns)
     model, plan, machine = subject.model, subject.plan, subject.machine
     place = cause.places(plan, machine)[-1]
-    geometry, command = model.geometry, model.kind.command(machine, plan)
+    geometry, command = model.real.geometry, model.machine.command(plan)
     rng = np.random.default_rng(3)
     joints, heights = command.joints + 0.1, rng.normal(0.0, 1.0, len(plan))
-    where = model.kind.sensed(model, subject.values, plan, True, False).where
+    where = model.machine.sensed(model.real, subject.values, plan, True, False).where
     where = where + rng.uniform(-0.3, 0.3, where.shape)
     bent = cause.geometry(geometry, theta)
     given = {
@@ -132,7 +133,7 @@ def test_each_takes_its_size_from_the_tolerances(cause: Cause, subject: Subject)
 
 @every_cause
 def test_its_default_is_what_the_file_that_ships_states(cause: Cause, subject: Subject) -> None:
-    kind = subject.machine.kind
+    kind = type(subject.machine)
     assert cause.sizes[kind] == subject.machine.tolerances[cause.id]
     file = (ROOT / "configs" / subject.file).read_text(encoding="utf-8")
     unit = f"{cause.unit}; " if cause.unit else ""
@@ -166,6 +167,6 @@ def test_each_is_in_the_file_of_its_stage(cause: Cause) -> None:
     assert path is not None
     assert Path(path).stem == (
         cause.stage
-        if "orthoglide" in cause.sizes
+        if Orthoglide in cause.sizes
         else {Stage.GEOMETRY: "towers", Stage.CONTACT: "probing"}[cause.stage]
     )

@@ -86,7 +86,7 @@ def test_where_the_stands_differ_it_is_by_the_lean_of_the_leg(
 @both_machines
 def test_carriages_approach_from_where_the_truth_says(model: Model, hidden: truth.Machine) -> None:
     plan = standard(hidden)
-    approach = model.kind.command(model.machine, as_plan(plan)).approach
+    approach = model.machine.command(as_plan(plan)).approach
     assert np.array_equal(approach, plan.approach)
     assert set(np.unique(approach)) == {-1.0, 0.0, 1.0}
 

@@ -13,7 +13,7 @@ from orthoglide_cal.model import (
     simulate,
     zero_free,
 )
-from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.kinematics import Geometry
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, nominal_rails, on_rails
 
@@ -132,7 +132,7 @@ def test_gaps_and_angles_add_to_rails_that_are_bent_already() -> None:
 
 def test_an_angle_between_two_rails_is_what_the_parameter_says() -> None:
     angles = np.array([2.1e-3, -0.9e-3, 1.4e-3])
-    rails = CAUSES["axis_squareness"].geometry(NOMINAL.geometry, angles)
+    rails = CAUSES["axis_squareness"].geometry(NOMINAL.real.geometry, angles)
     for angle, (i, j) in zip(angles, PAIRS, strict=True):
         between = np.arccos(rails.directions[i] @ rails.directions[j])
         assert between == pytest.approx(np.pi / 2 - angle, abs=1e-5)
@@ -141,7 +141,7 @@ def test_an_angle_between_two_rails_is_what_the_parameter_says() -> None:
 
 def test_a_gap_is_the_distance_between_two_rails() -> None:
     gaps = np.array([0.41, -0.27, 0.63])
-    rails = CAUSES["axis_gap"].geometry(NOMINAL.geometry, gaps)
+    rails = CAUSES["axis_gap"].geometry(NOMINAL.real.geometry, gaps)
     for gap, (i, j) in zip(gaps, PAIRS, strict=True):
         normal = np.cross(rails.directions[i], rails.directions[j])
         apart = abs((rails.points[i] - rails.points[j]) @ normal)

@@ -21,6 +21,7 @@ SAG = '''
 """A leg bends with the square of its displacement."""
 
 from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 
 class LegSag(Cause):
@@ -30,7 +31,7 @@ class LegSag(Cause):
     title = "a leg sags"
     stage = Stage.CONTACT
     unit = "mm"
-    sizes = {"orthoglide": 0.1}
+    sizes = {Orthoglide: 0.1}
     names = ("x", "y", "z")
     lasting = True
     instrument = "a second gauge on the leg"

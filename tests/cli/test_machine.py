@@ -7,6 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import default_machine, read_machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.session.terminal import Terminal
 
 from .program import SESSION, SIX, lines, run
@@ -75,7 +76,7 @@ def test_tolerances_of_nothing_are_refused(given: str, words: str) -> None:
 
 
 def test_tolerances_are_asked_for_with_their_reasons(tmp_path: Path) -> None:
-    own = [cause for cause in CAUSES.values() if "orthoglide" in cause.sizes]
+    own = [cause for cause in CAUSES.values() if Orthoglide in cause.sizes]
     sized = [cause for cause in own if cause.unit]
     given = ("--tolerance", "backlash=0.01", *ANSWERS)
     with Terminal(tmp_path, command=("machine", "new", *given), agreed=False) as terminal:

@@ -11,11 +11,12 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.design import GIVES_UP
 from tests.cli.program import lines, modules_after, process, run
 from tests.machines import ROOT
 
-OWN = [id for id, cause in CAUSES.items() if "orthoglide" in cause.sizes]
+OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
 
 SHIPPED = ROOT / "configs" / "orthoglide_prototype.yaml"
 SESSION = str(ROOT / "sample_data" / "double_posture_session.csv")

@@ -13,6 +13,7 @@ import yaml
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import read_machine
 from orthoglide_cal.model import Model
+from orthoglide_cal.model.linear_delta import LinearDelta
 from tests.cli.program import SIX, lines, run
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, machine_yaml, printer_cfg
@@ -332,10 +333,10 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
     foreign = re.compile(
         r"\b(postures?|nut|stands?|(?<!feeler )gauges?|legs?|cycles?)\b", re.IGNORECASE
     )
-    speech = Model(read_machine("v400.yaml").machine).kind.speech
+    vocabulary = Model(read_machine("v400.yaml").machine).machine.vocabulary
     for cause in CAUSES.values():
-        if "linear_delta" in cause.sizes:
-            text = speech.said(f"{cause.title} {cause.advice} {cause.instrument}")
+        if LinearDelta in cause.sizes:
+            text = vocabulary.said(f"{cause.title} {cause.advice} {cause.instrument}")
             assert not foreign.search(text), text
     file, known = stretched(), ("--machine", "v400.yaml")
     noisy = Path(touches(41)).read_text().splitlines()

@@ -14,7 +14,7 @@ from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import predict_later
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import Input, read_input, read_machine_file
-from orthoglide_cal.model.kinds import DeltaMachine
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning import best_next
 from orthoglide_cal.results import calibrate
 from tests.printer_files import OFF, printer_cfg
@@ -293,7 +293,7 @@ def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
     assert found.explained is not None
     left = found.diagnosis.measured_mm - found.diagnosis.nominal_mm
     calliper = found.input.model.machine
-    assert isinstance(calliper, DeltaMachine)
+    assert isinstance(calliper, LinearDelta)
     weight = np.array([1.0] * 7 + [calliper.gauge.noise_mm / calliper.calliper_mm] * 3)
     expected = float(np.sqrt(np.mean((weight * left) ** 2)))
     assert found.solution.rms_after_mm == pytest.approx(expected, rel=1e-6)

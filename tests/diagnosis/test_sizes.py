@@ -7,6 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import diagnose as judge
+from orthoglide_cal.model.orthoglide import Orthoglide
 from tests import truth
 from tests.diagnosis.command import HEALTHY, SECOND, Ran, diagnose, written
 from tests.diagnosis.sessions import known
@@ -15,7 +16,7 @@ from tests.diagnosis.sessions import known
 RECORD = {"misread": 1, "gauge_slip": 3, "sign_flip": 2, "swapped_gauges": 37}
 
 # What an Orthoglide can have.
-OWN = [id for id, cause in CAUSES.items() if "orthoglide" in cause.sizes]
+OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
 
 
 def hidden(cause: str) -> truth.Session:

@@ -9,6 +9,7 @@ from orthoglide_cal.causes import CAUSES, RelabelCause
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.files import read_input
 from orthoglide_cal.model import DIFFERENCES, DataKind, Model, Series, double_posture, simulate
+from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import readings_of
 
@@ -59,7 +60,7 @@ def test_undoing_it_in_the_data_is_undoing_it_in_the_readings(cause: RelabelCaus
         zeros = rng.uniform(-4.0, 4.0, 6)[plan.setup]
         written = cause.record(clean + zeros, np.zeros(0), place, plan, PROTOTYPE)
         white = Whitened.of(readings_of(PROTOTYPE, plan, written), NOMINAL)
-        undone, unit = white.undone(cause, place), cause.unit_mm(place)
+        undone, unit = white.inverted(cause, place), cause.unit_mm(place)
         if undone is None:  # no gauge has noise of 0.1 mm, in no unit
             assert unit != 1.0
             continue
@@ -87,7 +88,7 @@ def test_defaults_are_scaled_like_what_is_given() -> None:
     for id, cause in CAUSES.items():
         factor = 3.0 if cause.unit == "mm/h" else 1.0
         assert cause.size(white.machine) == factor * cause.size(silent.machine), id
-        assert (cause.size(white.machine) > 0.0) == ("orthoglide" in cause.sizes), id
+        assert (cause.size(white.machine) > 0.0) == (Orthoglide in cause.sizes), id
         assert cause.size(doubled) == 2.0 * cause.size(white.machine), id
 
 

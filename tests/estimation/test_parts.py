@@ -79,7 +79,7 @@ def test_what_depends_on_time_and_motion_runs_on_through_the_parts() -> None:
         part=np.ones(21, dtype=int), entered=np.outer(np.arange(21) > 13, [0.0, 0.4, -0.6]),
     )  # fmt: skip
     measured, model = known(both)
-    command = model.kind.command(model.machine, measured.plan)
+    command = model.machine.command(measured.plan)
     assert command.approach.tolist() == both.plan.approach.tolist()
     drift, lost = (np.array(effect.parameters) for effect in both.effects)
     causes = (

@@ -40,7 +40,7 @@ from tests.subjects import Subject, on_each_kind
 
 def explicit(session: Readings, model: Model) -> tuple[Floats, Floats]:
     """Offsets and covariance/σ² by Gauss–Newton on offsets and zeros together, the long way."""
-    many = len(model.calibrated)
+    many = len(model.machine.parameter_names)
     offsets = np.zeros(many)
     weight = session.plan.precision[:, None]
     for _ in range(20):

@@ -10,7 +10,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import machine_from_text, machine_text, machine_values
 from orthoglide_cal.files.probe_readings import CALLIPER_MM
 from orthoglide_cal.model import Gauge, Model
-from orthoglide_cal.model.kinds import DeltaMachine
+from orthoglide_cal.model.linear_delta import LinearDelta
 from tests.printers import CONFIG, UNEVEN
 from tests.truth.delta import TOLERANCES, delta_yaml
 
@@ -31,8 +31,8 @@ def line_of(start: str) -> int:
 def test_the_file_that_ships() -> None:
     model = read(TEXT)
     machine = model.machine
-    assert isinstance(machine, DeltaMachine)
-    assert machine.kind == model.kind.id == "linear_delta"
+    assert isinstance(machine, LinearDelta)
+    assert machine.kind == model.machine.kind == "linear_delta"
     assert machine.arm_lengths_mm == (344.1,) * 3
     assert machine.delta_radius_mm == 161.8
     assert machine.tower_angles_deg == (210.0, 330.0, 90.0)
@@ -46,7 +46,7 @@ def test_the_file_that_ships() -> None:
 def test_the_file_of_an_independent_program_with_three_arms() -> None:
     text = delta_yaml(UNEVEN)
     machine = read(text).machine
-    assert isinstance(machine, DeltaMachine)
+    assert isinstance(machine, LinearDelta)
     assert machine.arm_lengths_mm == UNEVEN.arms
     assert machine.leg_length_mm == pytest.approx(np.mean(UNEVEN.arms))
     assert machine.tower_angles_deg == UNEVEN.angles
@@ -69,7 +69,7 @@ def test_it_is_read_as_it_was_written() -> None:
         ]
         model = read(text).extended(found)
         again = read(machine_text(model))
-        for field in fields(DeltaMachine):
+        for field in fields(LinearDelta):
             mine, theirs = (getattr(each.machine, field.name) for each in (again, model))
             assert mine == theirs, field.name
         assert machine_values(again) == machine_values(model)
@@ -84,7 +84,7 @@ def test_what_is_optional() -> None:
     del content["tolerances"], content["identified"]
     del content["probe"]["texture_mm"], content["probe"]["calliper_mm"]
     machine = read(yaml.safe_dump(content)).machine
-    assert isinstance(machine, DeltaMachine)
+    assert isinstance(machine, LinearDelta)
     assert (machine.calliper_mm, machine.texture_mm) == (CALLIPER_MM, None)
     assert dict(machine.tolerances) == {}
     # Towers may be counted from any angle on.

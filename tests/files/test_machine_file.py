@@ -20,6 +20,7 @@ from orthoglide_cal.files import (
     write_text,
 )
 from orthoglide_cal.model import Effect, Estimate, Gauge, Model
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 from .helpers import MACHINE, MODEL, PROTOTYPE, places, problems
 
@@ -34,7 +35,7 @@ def test_the_prototype_is_the_default():
     assert machine.tool_offset_mm == 31.0
     assert machine.joint_limits_mm == (-100.0, 60.0)
     assert machine.gauge == Gauge(0.01, 10.0, 1.0, 0.006)
-    own = {id for id, cause in CAUSES.items() if machine.kind in cause.sizes}
+    own = {id for id, cause in CAUSES.items() if type(machine) in cause.sizes}
     assert set(machine.tolerances) == own
     for model in (read_machine(PROTOTYPE), read_machine(None)):
         assert (model.machine, model.accepted) == (machine, ())
@@ -155,7 +156,7 @@ def test_optional_parts(tmp_path):
     assert machine.gauge.revolution_mm is None
     assert machine.offsets_mm == (0.0, 0.0, 0.0)
     assert machine.homing_mm is None
-    assert model.kind.plausible(machine) == (5.0, 5.0, 5.0)
+    assert model.machine.plausible == (5.0, 5.0, 5.0)
     assert dict(machine.tolerances) == {}
     assert model.accepted == ()
 
@@ -341,7 +342,7 @@ def test_only_lasting_causes_are_part_of_a_machine():
     fault, line = wrong(text, "cause: axis_gap", "cause: misread")
     assert places([fault]) == [(line, "identified[1].cause", "misread")]
     assert "cannot be part of a machine" in fault.what
-    own = {id: cause for id, cause in CAUSES.items() if "orthoglide" in cause.sizes}
+    own = {id: cause for id, cause in CAUSES.items() if Orthoglide in cause.sizes}
     lasting = [id for id, cause in own.items() if cause.lasting]
     assert fault.remedy == f"Use one of {', '.join(lasting)}."
     assert "axis_gap" in lasting

@@ -16,7 +16,7 @@ from orthoglide_cal.files import (
 )
 from orthoglide_cal.files.probe_readings import CALLIPER_MM, MINUTES_PER_TOUCH, REPEATABILITY_MM
 from orthoglide_cal.model import Floats, Model, Readings
-from orthoglide_cal.model.kinds import DeltaMachine
+from orthoglide_cal.model.linear_delta import LinearDelta
 from tests.printers import CONFIG, UNEVEN, printer, true_values
 from tests.truth.delta import (
     Delta,
@@ -227,7 +227,7 @@ def test_what_a_printer_saved_gives_its_true_parameters(tmp_path: Path, data: st
 def test_the_machine_is_the_one_that_the_file_describes(tmp_path: Path) -> None:
     given = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg"))
     machine = given.model.machine
-    assert isinstance(machine, DeltaMachine)
+    assert isinstance(machine, LinearDelta)
     assert machine.arm_lengths_mm == UNEVEN.arms
     assert machine.offsets_mm == UNEVEN.endstops
     assert machine.tower_angles_deg == UNEVEN.angles
@@ -265,7 +265,7 @@ def test_what_else_is_known_comes_from_the_machine_file(tmp_path: Path) -> None:
     own = replace(printer(UNEVEN, {"leg_length": 0.1}), name="mine", calliper_mm=0.02)
     known = Model(replace(own, offsets_mm=(1.0, 2.0, 3.0), texture_mm=0.02))
     machine = read_input(path, known).model.machine
-    assert isinstance(machine, DeltaMachine)
+    assert isinstance(machine, LinearDelta)
     assert (machine.name, machine.calliper_mm, machine.texture_mm) == ("mine", 0.02, 0.02)
     assert machine.tolerances == {"leg_length": 0.1}
     assert machine.offsets_mm == UNEVEN.endstops

@@ -9,6 +9,8 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.words import unit_words
 from tests.cli.program import DOUBLE, lines, run
 from tests.machines import ROOT
@@ -39,10 +41,10 @@ def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
         assert size[1].startswith(f"{usual:g} {unit_words(cause.unit)}")
     # Another kind of machine may have another size.
     for kind, usual in cause.sizes.items():
-        if "orthoglide" in cause.sizes and usual != cause.sizes["orthoglide"]:
+        if Orthoglide in cause.sizes and usual != cause.sizes[Orthoglide]:
             said = rf"{usual:g} {re.escape(unit_words(cause.unit))}.*{kind.replace('_', ' ')}"
             assert re.search(said, " ".join(page.split())), f"its size on a {kind}"
-    if list(cause.sizes) == ["linear_delta"]:
+    if list(cause.sizes) == [LinearDelta]:
         assert "Of a linear delta." in page
 
 

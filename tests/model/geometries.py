@@ -15,7 +15,7 @@ from orthoglide_cal.model import (
     Stage,
     double_posture,
 )
-from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.kinematics import Geometry
 
 
 class GivenRails(Cause):
@@ -41,7 +41,7 @@ def on_rails(machine: Machine, rails: Geometry) -> Model:
 
 def nominal_rails(machine: Machine) -> Geometry:
     """Those that the model has without causes."""
-    return Model(machine).geometry
+    return machine.nominal_rails
 
 
 def bent_rails(machine: Machine, seed: int = 8) -> Geometry:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from orthoglide_cal.model import Floats
-from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.kinematics import Geometry
 
 NONE = np.zeros(3)
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from orthoglide_cal.model import Contact, Floats, GaugePlan, Machine
-from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.kinematics import Geometry
 from tests.model.paper_kinematics import tool_near
 
 

@@ -15,18 +15,19 @@ from orthoglide_cal.model import (
     Effect,
     Estimate,
     Floats,
-    Model,
     Place,
     Source,
     Stage,
     double_posture,
     simulate,
 )
-from orthoglide_cal.model.cause import EVERYWHERE, Command
+from orthoglide_cal.model.cause import EVERYWHERE
+from orthoglide_cal.model.real import Command
 from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.model.workspace import compensation, workspace_error
 from tests.machines import LARGE, NOMINAL, PROTOTYPE, extended
 from tests.model.geometries import bent_rails, on_rails
+from tests.printers import PRINTER
 from tests.subjects import Subject, every_cause
 
 OFFSETS = np.array([0.7, -1.1, 0.4])
@@ -51,7 +52,7 @@ def test_a_model_keeps_its_causes_in_order() -> None:
     assert moved.machine is LARGE
     assert moved.accepted == (gap, lean)
     assert NOMINAL.accepted == ()
-    assert model.calibrated == AXES
+    assert model.machine.parameter_names == AXES
 
 
 def test_causes_of_the_geometry_act_one_on_the_other() -> None:
@@ -60,10 +61,10 @@ def test_causes_of_the_geometry_act_one_on_the_other() -> None:
     longer = CAUSES["leg_length"].at(np.array([0.1, -0.2, 0.3]))
     given = on_rails(PROTOTYPE, rails).accepted
     before, after = (NOMINAL.extended(order) for order in ((longer, *given), (*given, longer)))
-    assert before.geometry.lengths == pytest.approx(rails.lengths, abs=0.0)
-    assert after.geometry.lengths == pytest.approx(rails.lengths + longer.theta, abs=1e-12)
-    assert after.geometry.points == pytest.approx(rails.points, abs=0.0)
-    nominal = NOMINAL.geometry
+    assert before.real.geometry.lengths == pytest.approx(rails.lengths, abs=0.0)
+    assert after.real.geometry.lengths == pytest.approx(rails.lengths + longer.theta, abs=1e-12)
+    assert after.real.geometry.points == pytest.approx(rails.points, abs=0.0)
+    nominal = NOMINAL.real.geometry
     assert np.array_equal(nominal.directions, np.eye(3))
     assert not nominal.points.any()
     assert np.array_equal(nominal.lengths, [PROTOTYPE.leg_length_mm] * 3)
@@ -81,7 +82,7 @@ def test_true_joints_are_the_indicated_ones_with_offsets_and_motion() -> None:
     offsets = np.random.default_rng(2).normal(0.0, 1.0, (4, 3))
     length = PROTOTYPE.leg_length_mm
     expected = length + (1.0 + scales) * (joints - length) + rates * hours[:, None]
-    found = model.true_joints(command, offsets)
+    found = model.real.joints(command, offsets)
     assert found.shape == (4, 2, 3)
     assert found == pytest.approx(expected + offsets[:, None], abs=1e-12)
 
@@ -112,9 +113,9 @@ def test_what_a_cause_takes_from_the_model(cause: Cause, subject: Subject) -> No
     place = cause.places(subject.plan, subject.machine)[0]
     longer = CAUSES["leg_length"].at(np.array([0.1, 0.2, 0.3]))
     model = nominal.extended([longer, cause.at(np.zeros(cause.unknowns), place)])
-    assert model.still == (cause.stage is Stage.GEOMETRY)
+    assert model.real.still == (cause.stage is Stage.GEOMETRY)
     assert model.repeats == (cause.id in REPEATING)
-    assert nominal.still
+    assert nominal.real.still
     assert nominal.repeats
 
 
@@ -122,17 +123,17 @@ def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
     gap, silent = CAUSES["axis_gap"], replace(PROTOTYPE, tolerances={"misread": 0.2})
     stated = replace(PROTOTYPE, tolerances={"axis_gap": 0.07})
     assert (gap.size(stated), gap.assumed(stated)) == (0.07, False)
-    assert (gap.size(silent), gap.assumed(silent)) == (gap.sizes["orthoglide"], True)
+    assert (gap.size(silent), gap.assumed(silent)) == (gap.sizes[type(PROTOTYPE)], True)
     assert gap.possible(stated)
     assert gap.possible(silent)
     assert gap.prior_std(stated) == pytest.approx([0.07] * 3)
-    assert gap.prior_std(silent) == pytest.approx([gap.sizes["orthoglide"]] * 3)
+    assert gap.prior_std(silent) == pytest.approx([gap.sizes[type(PROTOTYPE)]] * 3)
 
 
 def test_what_is_ruled_out_or_has_no_size_is_not_possible() -> None:
     gap = CAUSES["axis_gap"]
     assert not gap.possible(replace(PROTOTYPE, tolerances={"axis_gap": 0.0}))
-    assert not gap.possible(replace(PROTOTYPE, tolerances={}, kind="linear_delta"))
+    assert not gap.possible(replace(PRINTER, tolerances={}))
 
 
 # --- effects ----------------------------------------------------------------------------------
@@ -246,8 +247,8 @@ def test_values_are_frozen_to_the_last_array() -> None:
         Command.standing(np.ones((2, 3)), 1.0),
         workspace_error(NOMINAL, OFFSETS, 1e-4 * np.eye(3), 2.0),
         compensation(known, 2),
-        known.geometry,
-        NOMINAL.kind.command(PROTOTYPE, PLAN),
+        known.real.geometry,
+        NOMINAL.machine.command(PLAN),
     )
     for value in values:
         arrays = 0
@@ -280,4 +281,4 @@ def test_tolerances_of_a_machine_cannot_be_changed() -> None:
     assert machine.tolerances["axis_gap"] == 0.5
     with pytest.raises(TypeError):
         machine.tolerances["axis_gap"] = 1.0  # type: ignore[index]
-    assert Model(machine).kind is NOMINAL.kind
+    assert type(machine) is type(PROTOTYPE)

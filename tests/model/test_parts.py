@@ -19,7 +19,7 @@ from orthoglide_cal.model import (
     simulate_with_jacobian,
     zero_free,
 )
-from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from tests.machines import PROTOTYPE
 
 PLAN = double_posture(PROTOTYPE, cycles=1)
@@ -148,5 +148,5 @@ def test_a_carriage_comes_from_where_it_stood_before_the_step() -> None:
         PlannedReading(0, 1, 0.0, Contact.FIXED),
         PlannedReading(0, 1, 0.0, Contact.FIXED, entered=(-0.5, 0.0, 0.0)),
     ]
-    command = Model(PROTOTYPE).kind.command(PROTOTYPE, plan_of(rows))
+    command = Model(PROTOTYPE).machine.command(plan_of(rows))
     assert command.approach[:, 0].tolist() == [0.0, -1.0, 1.0]

@@ -17,7 +17,7 @@ from orthoglide_cal.model import (
     other_axes,
     single_posture,
 )
-from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 
 
@@ -37,7 +37,7 @@ def small_plan() -> GaugePlan:
 
 def approach(plan: GaugePlan) -> Floats:
     """Sign of each carriage's last motion before each reading."""
-    return NOMINAL.kind.command(PROTOTYPE, plan).approach
+    return NOMINAL.machine.command(plan).approach
 
 
 def test_arrays_are_read_only_copies() -> None:
@@ -195,7 +195,7 @@ def test_approach_follows_time_not_the_order_of_the_rows() -> None:
 
 def test_commanded_joints_put_the_nominal_tool_on_the_axis() -> None:
     plan = small_plan()
-    command = NOMINAL.kind.command(PROTOTYPE, plan)
+    command = NOMINAL.machine.command(plan)
     length = PROTOTYPE.leg_length_mm
     assert command.joints[1].tolist() == [length] * 3
     assert command.joints[2] == pytest.approx(

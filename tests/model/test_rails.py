@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import SingularError, UnreachableError
-from orthoglide_cal.model import Floats, Machine, Model
-from orthoglide_cal.model.machine import Geometry, rail_position, tool_derivative, trilaterate
+from orthoglide_cal.model import Floats, Machine
+from orthoglide_cal.model.kinematics import Geometry, rail_position, tool_derivative, trilaterate
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, nominal_rails, tool_positions
 from tests.model.paper_kinematics import direct, displaced_jacobian, inverse, inverse_jacobian
@@ -43,7 +43,7 @@ def test_the_closed_forms_of_the_paper_satisfy_the_sphere_equations(machine: Mac
 @both_machines
 def test_the_controller_moves_the_carriages_as_eq_3_says(machine: Machine) -> None:
     tool = tool_positions(machine).reshape(4, 20, 5, 3)
-    joints = Model(machine).joints_for(tool)
+    joints = machine.joints_for(tool)
     assert joints.shape == tool.shape
     assert np.abs(joints - inverse(tool, machine.leg_length_mm)).max() < 1e-10
 
@@ -126,7 +126,7 @@ def test_derivative_is_eq_8_where_one_leg_is_displaced(machine: Machine, leg: in
 def test_tangents_of_the_prototype(moved: float, printed: float) -> None:
     """Errata, Table 1: −0.3405 at the min posture, +0.197 at the max posture (eq. 9)."""
     tool, offsets = np.array([moved, 0.0, 0.0]), 1e-4 * np.array([1.0, -2.0, 3.0])
-    joints = NOMINAL.kind.joints_at(PROTOTYPE, 0, moved)
+    joints = NOMINAL.orthoglide.joints_at(0, moved)
     error = reached(nominal_rails(PROTOTYPE), joints + offsets) - tool
     along = printed * offsets[0]
     assert error == pytest.approx([offsets[0], along + offsets[1], along + offsets[2]], abs=1e-7)
@@ -176,10 +176,10 @@ def test_carriages_on_a_line_are_singular() -> None:
 def test_a_leg_too_short_is_named(point: tuple[float, float, float], leg: str) -> None:
     at = r"\({:.3f}, {:.3f}, {:.3f}\)".format(*point)
     with pytest.raises(UnreachableError, match=f"Leg {leg} is too short .* {at}") as caught:
-        NOMINAL.joints_for(np.array([POINT, point]))
+        NOMINAL.machine.joints_for(np.array([POINT, point]))
     assert "workspace" in caught.value.remedy
     longer = replace(PROTOTYPE, leg_length_mm=400.0)
-    assert np.isfinite(replace(NOMINAL, machine=longer).joints_for(np.array([POINT, point]))).all()
+    assert np.isfinite(longer.joints_for(np.array([POINT, point]))).all()
 
 
 def test_legs_in_one_plane_are_singular() -> None:
@@ -200,14 +200,14 @@ def test_legs_in_one_plane_are_singular() -> None:
 def test_a_displaced_leg_moves_the_tool_along_its_own_axis(leg: int) -> None:
     """Sec. 2.5: ρ_leg = L + d, the others √(L² − d²)."""
     moved = np.array([-100.0, 0.0, 37.0])
-    joints = NOMINAL.kind.joints_at(PROTOTYPE, leg, moved)
+    joints = NOMINAL.orthoglide.joints_at(leg, moved)
     tool = moved[:, None] * np.eye(3)[leg]
     assert joints == pytest.approx(inverse(tool, L), abs=1e-12)
     assert joints[1].tolist() == [L, L, L]
-    assert NOMINAL.kind.joints_at(PROTOTYPE, leg, -100.0) == pytest.approx(joints[0], abs=0.0)
+    assert NOMINAL.orthoglide.joints_at(leg, -100.0) == pytest.approx(joints[0], abs=0.0)
 
 
 @pytest.mark.parametrize("moved", [L, -L, 400.0])
 def test_a_leg_displaced_by_its_length_is_named(moved: float) -> None:
     with pytest.raises(UnreachableError, match=f"Leg z cannot be displaced by {moved:g} mm"):
-        NOMINAL.kind.joints_at(PROTOTYPE, np.array([0, 2]), np.array([60.0, moved]))
+        NOMINAL.orthoglide.joints_at(np.array([0, 2]), np.array([60.0, moved]))

@@ -30,9 +30,9 @@ from orthoglide_cal.model import (
     simulate_with_jacobian,
     single_posture,
 )
-from orthoglide_cal.model.cause import Command
-from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import STEP
+from orthoglide_cal.model.real import Command
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_machines, both_models
 from tests.model import table2
 from tests.model.geometries import bent_rails, mixed_plan, on_rails
@@ -125,7 +125,7 @@ def test_the_closed_form_of_the_jacobian(machine: Machine, gauges: float | str, 
     plans = {"mixed": mixed_plan(machine), "ends": single_posture(machine, 2)}
     plan = plans.get(gauges) or double_posture(machine, cycles=2, gauge_at=gauges)
     model = on_rails(machine, bent_rails(machine)) if bent else Model(machine)
-    assert model.still
+    assert model.real.still
     readings, slope = simulate_with_jacobian(model, OFFSETS, plan)
     assert np.array_equal(readings, simulate(model, OFFSETS, plan))
     assert np.abs(slope - complex_jacobian(model, OFFSETS, plan)).max() < 1e-12
@@ -141,7 +141,7 @@ def test_the_closed_form_holds_for_accepted_causes_of_the_geometry(model: Model)
         for id, size in sizes.items()
     )
     plan = mixed_plan(model.machine)
-    assert bent.still
+    assert bent.real.still
     readings, slope = simulate_with_jacobian(bent, OFFSETS, plan)
     assert np.array_equal(readings, simulate(bent, OFFSETS, plan))
     assert np.abs(slope - complex_jacobian(bent, OFFSETS, plan)).max() < 1e-12
@@ -188,7 +188,7 @@ def test_jacobian_with_causes_of_every_stage(machine: Machine, stage: Stage) -> 
     rails, plan = bent_rails(machine), mixed_plan(machine)
     plain = on_rails(machine, rails)
     model = plain.extended([Moving(stage).at(np.zeros(0))])
-    assert not model.still
+    assert not model.real.still
     readings, slope = simulate_with_jacobian(model, OFFSETS, plan)
     assert np.array_equal(readings, simulate(model, OFFSETS, plan))
     assert np.abs(slope - difference_jacobian(model, OFFSETS, plan)).max() < 1e-8
@@ -306,7 +306,7 @@ def test_an_unreachable_session_is_an_error_or_nan() -> None:
 def test_postures_without_a_tool_position_are_named() -> None:
     """Rails along one line; legs too short for the posture at which the gauges are set up."""
     low = double_posture(PROTOTYPE, cycles=1, closing=False, postures=(Posture.MIN,))
-    nominal = NOMINAL.geometry
+    nominal = NOMINAL.real.geometry
     line = replace(nominal, directions=np.array([[1.0, 0.0, 0.0]] * 3))
     with pytest.raises(SingularError, match=r"Leg x displaced by -100 mm: .* on a line"):
         simulate(on_rails(PROTOTYPE, line), OFFSETS, low)

@@ -15,7 +15,7 @@ from orthoglide_cal.model import (
     simulate,
     zero_free,
 )
-from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.model.synthetic import synthetic_session, written_down
 from tests.machines import NOMINAL, PROTOTYPE

@@ -9,7 +9,7 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model import Floats, Machine
-from orthoglide_cal.model.machine import Geometry
+from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.workspace import SAMPLES, compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
 from tests.model.geometries import bent_rails, on_rails
@@ -34,7 +34,7 @@ def moved_rails(gaps: tuple[float, ...], longer: tuple[float, ...]) -> Geometry:
 def test_before_is_the_distance_that_the_offsets_cause() -> None:
     found = workspace_error(NOMINAL, OFFSETS, np.zeros((3, 3)), 2.0)
     axis = found.axis_mm
-    assert (axis[0], axis[-1]) == NOMINAL.kind.reachable_cube(PROTOTYPE)
+    assert (axis[0], axis[-1]) == NOMINAL.orthoglide.reachable_cube
     assert found.levels_mm == pytest.approx([axis[0], (axis[0] + axis[-1]) / 2.0, axis[-1]])
     assert found.nominal_edge_mm == PROTOTYPE.workspace_mm
     for level, row, column in PLACES:
@@ -114,18 +114,18 @@ def test_the_cube_stays_within_the_joint_limits(
     machine = replace(
         machine, joint_limits_mm=limits or machine.joint_limits_mm, workspace_mm=1000.0
     )
-    moved = displacements(machine, *NOMINAL.kind.reachable_cube(machine))
+    moved = displacements(machine, *machine.reachable_cube)
     assert moved.min() == pytest.approx(machine.joint_limits_mm[0], abs=1e-6)
     assert moved.max() == pytest.approx(machine.joint_limits_mm[1], abs=1e-6)
 
 
 def test_the_cube_is_no_larger_than_the_workspace_and_stays_where_it_was() -> None:
-    whole = NOMINAL.kind.reachable_cube(replace(PROTOTYPE, workspace_mm=1000.0))
-    small = NOMINAL.kind.reachable_cube(replace(PROTOTYPE, workspace_mm=50.0))
+    whole = replace(PROTOTYPE, workspace_mm=1000.0).reachable_cube
+    small = replace(PROTOTYPE, workspace_mm=50.0).reachable_cube
     assert small[1] - small[0] == pytest.approx(50.0)
     assert sum(small) == pytest.approx(sum(whole))
     wide = replace(PROTOTYPE, joint_limits_mm=(-300.0, 300.0), workspace_mm=1000.0)
-    low, high = NOMINAL.kind.reachable_cube(wide)
+    low, high = wide.reachable_cube
     assert (low, high) == (-LENGTH / 2.0, LENGTH / 2.0)
     assert np.isfinite(displacements(wide, low, high)).all()
 
@@ -138,7 +138,7 @@ def test_compensated_joints_put_the_tool_right() -> None:
     table = compensation(model, points=3)
     assert table.causes == ("axis_gap", "encoder_scale", "leg_length")
     assert table.left_out == ("backlash",)
-    low, high = NOMINAL.kind.reachable_cube(PROTOTYPE)
+    low, high = NOMINAL.orthoglide.reachable_cube
     axis = (low, (low + high) / 2.0, high)
     grid = [[x, y, z] for z in axis for y in axis for x in axis]
     assert table.points_mm == pytest.approx(np.array(grid), abs=1e-12)

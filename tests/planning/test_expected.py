@@ -7,7 +7,8 @@ from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, sol
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import Floats, Model, Readings
-from orthoglide_cal.model.kinds import MINUTES_PER_POSTURE, OFFSET_MM
+from orthoglide_cal.model.orthoglide import OFFSET_MM
+from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE
 from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.planning.expected import (
     MOST_CYCLES,
@@ -167,7 +168,11 @@ def test_no_number_of_cycles_reaches_below_the_floor() -> None:
 
 
 def test_plausible_offsets_are_independent_and_of_one_size() -> None:
-    mean = NOMINAL.kind.supposed.T @ NOMINAL.kind.supposed / len(NOMINAL.kind.supposed)
+    mean = (
+        NOMINAL.machine.linearization_points.T
+        @ NOMINAL.machine.linearization_points
+        / len(NOMINAL.machine.linearization_points)
+    )
     assert mean == pytest.approx(OFFSET_MM**2 * np.eye(3))
 
 

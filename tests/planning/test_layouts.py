@@ -9,8 +9,9 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import Floats, Model
-from orthoglide_cal.model.kinds import DeltaMachine, Layout, ProbePlan
-from orthoglide_cal.model.kinds.layouts import mixed, rings
+from orthoglide_cal.model.layouts import Layout, mixed, rings
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_plan
 from orthoglide_cal.planning.layouts import TOLD_SIGMA, Laid, layout_prospect
 from orthoglide_cal.planning.separation import separations
@@ -185,12 +186,12 @@ def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
     # Nothing that can be touched in less time does as well.
     quicker = [
         layout
-        for layout in V400_MODEL.kind.telling(V400_MODEL.machine)
+        for layout in V400_MODEL.machine.distinguishing_layouts()
         if layout.minutes < prospect.telling.layout.minutes
     ]
     assert len(quicker) > 5
     for layout in quicker:
-        (pair,) = separations(V400_MODEL, layout.plan, V400_MODEL.kind.rivals).pairs
+        (pair,) = separations(V400_MODEL, layout.plan, V400_MODEL.machine.rivals).pairs
         assert pair[2] < TOLD_SIGMA
     longer = [each for each in prospect.compared if (each.rivals_sigma or 0.0) >= TOLD_SIGMA]
     assert all(each.layout.minutes > prospect.telling.layout.minutes for each in longer)
@@ -202,7 +203,7 @@ def test_where_nothing_tells_the_best_is_named() -> None:
     assert prospect.telling is not None
     assert not prospect.tells
     best = max(
-        separations(Model(rough), layout.plan, V400_MODEL.kind.rivals).pairs[0][2]
+        separations(Model(rough), layout.plan, V400_MODEL.machine.rivals).pairs[0][2]
         for layout in V400_MODEL.kind.telling(rough)
     )
     assert prospect.telling.rivals_sigma == best
@@ -238,7 +239,7 @@ def test_minutes_are_those_of_touches_blocks_and_the_print() -> None:
 
 
 def test_an_orthoglide_has_no_layouts_and_an_unknown_one_is_refused() -> None:
-    assert NOMINAL.kind.layouts(NOMINAL.machine) == ()
+    assert NOMINAL.machine.layouts() == ()
     with pytest.raises(UsageError, match="There is no layout 'bed-8'"):
         layout_prospect(V400_MODEL, "bed-8")
 
@@ -276,7 +277,7 @@ def test_time_says_little_of_the_place(count: int) -> None:
 def test_a_simulated_bed_is_touched_at_the_same_places() -> None:
     """In the same mixed order at each height, one place or many."""
     machine = model_of(V400).machine
-    assert isinstance(machine, DeltaMachine)
+    assert isinstance(machine, LinearDelta)
     plan = bed_plan(machine, 25, (0.0, 40.0), cycles=2)
     places = mixed(rings(25, 0.95 * V400.bed))
     assert np.array_equal(plan.place[:, :2], np.tile(places, (4, 1)))

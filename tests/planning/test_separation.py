@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import Model
-from orthoglide_cal.model.kinds import OFFSET_MM
+from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.planning.expected import Session
 from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
@@ -20,7 +20,7 @@ from tests.truth.forward import PARTS, prior_sd
 from tests.truth.machines import TOLERANCES
 from tests.truth.plan import SETUPS, standard_plan
 
-OWN = [id for id, cause in CAUSES.items() if "orthoglide" in cause.sizes]
+OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
 
 DOUBLE, SINGLE, BEST = MeasuringProtocol
 HIDDEN = (truth.PROTOTYPE, truth.MICRON)

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from orthoglide_cal.model import Contact, Machine, Model
-from orthoglide_cal.model.kinds import PlannedReading, plan_of
+from orthoglide_cal.model import Contact, Machine
+from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from orthoglide_cal.planning.steps import (
     MINUTES_PER_TURN,
     MeasuringProtocol,
@@ -95,7 +95,7 @@ def test_one_gauge_has_six_set_ups() -> None:
 def test_where_to_drive_puts_the_tool_on_the_axis_of_the_leg() -> None:
     """The nominal legs then reach the same point: (d, 0, 0) for leg x (sec. 2.5)."""
     for step in usual(DOUBLE, 1, machine=SMALL):
-        joints = Model(SMALL).kind.joints_at(SMALL, step.leg, step.displacement_mm)
+        joints = SMALL.joints_at(step.leg, step.displacement_mm)
         tool = [0.0, 0.0, 0.0]
         tool[step.leg] = {"iso": 0.0, "max": 45.0, "min": -70.0}[step.posture]
         for axis in range(3):

@@ -209,7 +209,7 @@ def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
     if not usable:
         (reason,) = found.release.reasons
         assert f"y {offset:+.1f} mm" in reason
-        assert f"up to {model.kind.plausible(model.machine)[0]:g} mm" in reason
+        assert f"up to {model.machine.plausible[0]:g} mm" in reason
         assert "homing_mm" in found.release.remedies[0].sentence
 
 

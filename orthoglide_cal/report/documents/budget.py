@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import Budget, Contribution
+from orthoglide_cal.model import Machine
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.parameters import common_unit
@@ -59,13 +59,13 @@ _STATE = "State how well that is known under tolerances in the machine file."
 _SMALL = 0.1
 
 
-def budget_section(budget: Budget, kind: Any) -> doc.Section:
-    """Each source with its size, and what it adds to each parameter of the kind of machine."""
+def budget_section(budget: Budget, machine: Machine) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter of this kind of machine."""
     shown = [each for each in budget.contributions if np.any(each.std_mm > _SMALL * budget.std_mm)]
     rest = [each for each in budget.contributions if each not in shown]
     rows = [
         (
-            source_words(each, kind)[0],
+            source_words(each, machine)[0],
             each.evaluation.value,
             _size(each),
             *map(two_figures, each.std_mm),
@@ -78,33 +78,36 @@ def budget_section(budget: Budget, kind: Any) -> doc.Section:
     rows.append(("together, u", "", "", *map(two_figures, budget.std_mm)))
     reach = map(two_figures, budget.expanded_mm)
     rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *reach))
-    what, remedy = source_words(budget.largest, kind)
+    what, remedy = source_words(budget.largest, machine)
     return doc.Section(
-        f"Uncertainty of the {kind.speech.many}{common_unit(kind)}",
+        f"Uncertainty of the {machine.vocabulary.many}{common_unit(machine)}",
         (
-            doc.Grid(("source", "type", "size", *_heads(kind)), tuple(rows)),
+            doc.Grid(("source", "type", "size", *_heads(machine)), tuple(rows)),
             doc.Paragraph(f"Most of it: {what}. {remedy}"),
         ),
     )
 
 
-def _heads(kind: Any) -> list[str]:
+def _heads(machine: Machine) -> list[str]:
     """The parameters; with their units where these differ."""
-    if common_unit(kind):
-        return list(kind.calibrated)
-    return [f"{name}, {unit}" for name, unit in zip(kind.calibrated, kind.units, strict=True)]
+    if common_unit(machine):
+        return list(machine.parameter_names)
+    return [
+        f"{name}, {unit}"
+        for name, unit in zip(machine.parameter_names, machine.parameter_units, strict=True)
+    ]
 
 
-def source_words(each: Contribution, kind: Any) -> tuple[str, str]:
+def source_words(each: Contribution, machine: Machine) -> tuple[str, str]:
     """A source in words, and what would lessen it."""
     if each.source in _SOURCES:
         what, remedy = _SOURCES[each.source]
-        return kind.speech.said(what), kind.speech.said(remedy)
+        return machine.vocabulary.said(what), machine.vocabulary.said(remedy)
     causes = [CAUSES[id] for id in each.source.split(" and ")]
-    what = kind.speech.said(" and ".join(cause.title for cause in causes))
+    what = machine.vocabulary.said(" and ".join(cause.title for cause in causes))
     if each.possible:
-        return f"whether {what}", kind.speech.said(_OPEN)
-    return what, kind.speech.said(f"{causes[0].advice} {_STATE}")
+        return f"whether {what}", machine.vocabulary.said(_OPEN)
+    return what, machine.vocabulary.said(f"{causes[0].advice} {_STATE}")
 
 
 def _size(each: Contribution) -> str:

@@ -78,10 +78,10 @@ def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
     pages = [verification_outcome(verification)] if verification else []
     if calibration.adjustment is not None:
         sheet += _answer(calibration, calibration.adjustment)
-        if not calibration.adjustment.kind.absolute:
+        if not calibration.adjustment.machine.absolute:
             # Parameters of several units have no scale in common.
             pages.append(_intervals(calibration, calibration.adjustment))
-        pages.append(budget_section(calibration.adjustment.budget, calibration.adjustment.kind))
+        pages.append(budget_section(calibration.adjustment.budget, calibration.adjustment.machine))
     pages += evidence.evidence(calibration, machine_file)
     background = [evidence.conditions(calibration), evidence.origin(calibration)]
     # Without a result there is nothing to pin to the machine, and one sheet of paper says it all.
@@ -102,7 +102,7 @@ def _page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
         sheet=tuple(sheet),
         sections=tuple(pages),
         signatures=("Measured by", "Adjusted by", "Checked by"),
-        scope=calibration.input.model.kind.speech.said(SCOPE),
+        scope=calibration.input.model.machine.vocabulary.said(SCOPE),
     )
 
 
@@ -136,7 +136,7 @@ def calibration_data(calibration: Calibration, machine_file: Path | None = None)
 
 
 def _adjustment_data(found: Adjustment) -> dict[str, Any]:
-    if found.kind.absolute:
+    if found.machine.absolute:
         return joints_data(found)
     return {
         joint.axis: fields_of(joint, "previous_mm", "change_mm", "new_mm") for joint in found.joints
@@ -194,7 +194,7 @@ def _answer(calibration: Calibration, adjustment: Adjustment) -> list[doc.Sectio
     """The offsets, and what they mend."""
     left = calibration.verification
     if left is None:
-        draw = _parameters if adjustment.kind.absolute else _offsets
+        draw = _parameters if adjustment.machine.absolute else _offsets
         sections = [draw(calibration, adjustment)]
     else:
         sections = [entered_and_left(adjustment, left)]
@@ -254,7 +254,7 @@ def _coverage(adjustment: Adjustment) -> str:
     return (
         f"U = k·u is the expanded uncertainty with {coverage_words(adjustment.budget.k)}"
         f" ({source}), for a confidence of {100 * adjustment.confidence:.0f} %."
-        + (f" Model: {adjustment.kind.speech.many} and {causes}." if causes else "")
+        + (f" Model: {adjustment.machine.vocabulary.many} and {causes}." if causes else "")
     )
 
 

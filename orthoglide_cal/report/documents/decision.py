@@ -24,7 +24,7 @@ from orthoglide_cal.words import signed
 def decision_notice(calibration: Calibration) -> doc.Notice:
     """The decision in one box."""
     solution, decision = calibration.solution, calibration.release
-    many = calibration.input.model.kind.speech.many
+    many = calibration.input.model.machine.vocabulary.many
     if solution is None:
         return doc.Notice(doc.Tone.BAD, "There is no result", decision.reasons)
     if not decision.usable:
@@ -63,15 +63,17 @@ def _settled(calibration: Calibration, machine_file: Path | None) -> Iterator[do
 def _entering(
     calibration: Calibration, adjustment: Adjustment, machine_file: Path | None
 ) -> list[doc.Instruction]:
-    speech = adjustment.kind.speech
-    given = follow_up("export", calibration, machine_file, f"--format {adjustment.kind.formats[0]}")
+    vocabulary = adjustment.machine.vocabulary
+    given = follow_up(
+        "export", calibration, machine_file, f"--format {adjustment.machine.controller_formats[0]}"
+    )
     items = [
         doc.Instruction(
             ("The machine file says that these are in the controller: ", *_listed(adjustment))
         )
         if recording(calibration.input) is Recording.DONE
-        else doc.Instruction((speech.enter, *_listed(adjustment)), given),
-        doc.Instruction(speech.restart),
+        else doc.Instruction((vocabulary.enter, *_listed(adjustment)), given),
+        doc.Instruction(vocabulary.restart),
     ]
     record = record_command(calibration, machine_file)
     if record is not None:
@@ -99,7 +101,7 @@ def _entering(
 
 def _listed(adjustment: Adjustment) -> Iterator[doc.Inline]:
     """The new values; of many parameters they stand in the table and in the export."""
-    if adjustment.kind.absolute:
+    if adjustment.machine.absolute:
         return
     for number, joint in enumerate(adjustment.joints):
         # Each axis with its value: a narrow page must not break between the two.

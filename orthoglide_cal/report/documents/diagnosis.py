@@ -19,10 +19,11 @@ from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import (
     Cause,
     Estimate,
+    Machine,
     Series,
     other_axes,
 )
-from orthoglide_cal.model.kinds.speech import Speech
+from orthoglide_cal.model.vocabulary import Vocabulary
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import SETTLED, about
 from orthoglide_cal.report.documents.next_reading import next_blocks, told_data
@@ -113,12 +114,12 @@ def _diagnosis_page(
         *next_blocks(diagnosis, calibration.following),
     )
     release = calibration.release
-    speech = found.kind.speech
+    vocabulary = found.machine.vocabulary
     told: tuple[str, ...] = (f"{SETTLED}.",) if calibration.settled else ()
     if not release.usable:
-        told = (f"Do not enter the {speech.many}.", *release.reasons)
+        told = (f"Do not enter the {vocabulary.many}.", *release.reasons)
     title = offsets_title(found, True, short=True)
-    spread = "U" if found.kind.absolute else "std. dev."
+    spread = "U" if found.machine.absolute else "std. dev."
     return doc.Page(
         kind="Diagnosis",
         title=file_words(diagnosis.source.path),
@@ -155,9 +156,9 @@ def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
         "lack_of_fit": {
             **fields_of(lack, "statistic", "p_value", "noise_mm", "residual_mm", "dof"),
             **fields_of(lack, "repeats_mm", "repeats_p_value"),
-            **(fields_of(diagnosis, "left_mm", "expected_mm") if found.kind.absolute else {}),
+            **(fields_of(diagnosis, "left_mm", "expected_mm") if found.machine.absolute else {}),
         },
-        "causes": [_cause_data(cause, found.kind.speech) for cause in diagnosis.causes],
+        "causes": [_cause_data(cause, found.machine.vocabulary) for cause in diagnosis.causes],
         "ambiguous_with": list(diagnosis.ambiguous_with),
         "next_measurement": None if following is None else told_data(following),
         **parameters_of(found),
@@ -172,7 +173,7 @@ def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _cause_data(cause: NamedCause, speech: Speech) -> dict[str, Any]:
+def _cause_data(cause: NamedCause, vocabulary: Vocabulary) -> dict[str, Any]:
     return {
         **fields_of(cause, "id", "probability", "where"),
         "parameters": {
@@ -182,7 +183,7 @@ def _cause_data(cause: NamedCause, speech: Speech) -> dict[str, Any]:
         **fields_of(cause, "rms_before_mm", "rms_after_mm"),
         **fields_of(cause, "heldout_before_mm", "heldout_after_mm", "aliases"),
         **fields_of(cause, "heldout_ratio", "recommended"),
-        "advice": speech.said(cause.advice),
+        "advice": vocabulary.said(cause.advice),
     }
 
 
@@ -196,13 +197,13 @@ def _answer(diagnosis: Diagnosis) -> tuple[doc.Tone, str, str]:
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
-    speech = diagnosis.model.kind.speech
-    titles = " and ".join(speech.said(CAUSES[cause.id].title) for cause in diagnosis.causes)
+    vocabulary = diagnosis.model.machine.vocabulary
+    titles = " and ".join(vocabulary.said(CAUSES[cause.id].title) for cause in diagnosis.causes)
     sentence = _answer(diagnosis)[1]
     nothing, causes = diagnosis.nothing_wrong or 0.0, diagnosis.causes
     if diagnosis.verdict is Verdict.AMBIGUOUS and causes and nothing > causes[0].probability:
         sentence = "Ambiguous: these data leave open what is wrong, and whether anything is."
-    return sentence.format(causes=titles, noise=speech.noise, beside=speech.beside)
+    return sentence.format(causes=titles, noise=vocabulary.noise, beside=vocabulary.also)
 
 
 def cause_blocks(
@@ -213,7 +214,7 @@ def cause_blocks(
     if not causes:
         return ()
     blocks: list[doc.Block] = []
-    said = diagnosis.model.kind.speech.said
+    said = diagnosis.model.machine.vocabulary.said
     gain = _gain(diagnosis, held_out_file)
     for cause in causes:
         own = _cause(cause, diagnosis, machine_file)
@@ -237,9 +238,9 @@ def _cause(
     if cause.where:
         rows.append(("where", cause.where))
     if cause.parameters:
-        rows.append(("size", _size(cause.parameters, diagnosis.model.kind)))
-    rows.append(("mend", diagnosis.model.kind.speech.said(cause.advice)))
-    doubt = diagnosis.model.kind.companions.get(cause.id)
+        rows.append(("size", _size(cause.parameters, diagnosis.model.machine)))
+    rows.append(("mend", diagnosis.model.machine.vocabulary.said(cause.advice)))
+    doubt = diagnosis.model.machine.companions.get(cause.id)
     if doubt is not None:
         rows.append(("doubt", doubt))
     if cause.recommended:
@@ -255,16 +256,16 @@ def _cause(
     return tuple(rows)
 
 
-def _size(parameters: Mapping[str, Estimate], kind: Any) -> str:
+def _size(parameters: Mapping[str, Estimate], machine: Machine) -> str:
     """Parameters with what the table of this kind of machine states: U, or standard deviations."""
-    sizes, k = [], half_width(math.inf) if kind.absolute else 1.0
+    sizes, k = [], half_width(math.inf) if machine.absolute else 1.0
     for name, found in parameters.items():
         # A single parameter needs no name.
-        place = kind.speech.axes.get(name) or _PLACES.get(name, name)
+        place = machine.vocabulary.axes.get(name) or _PLACES.get(name, name)
         size = with_uncertainty(found.value, k * found.std) if found.std else f"{found.value:+g}"
         named = f"{place} {size}" if len(parameters) > 1 else size
         sizes.append(f"{named} {unit_words(found.unit)}".rstrip())
-    meant = f" (± U, {coverage_words(k)})" if kind.absolute else ""
+    meant = f" (± U, {coverage_words(k)})" if machine.absolute else ""
     return "; ".join(sizes) + meant
 
 
@@ -272,7 +273,7 @@ def _gain(diagnosis: Diagnosis, held_out_file: bool) -> tuple[tuple[str, doc.Bla
     """What all accepted causes together are worth."""
     first = diagnosis.causes[0]
     with_it = "with them" if len(diagnosis.causes) > 1 else "with it"
-    many = diagnosis.model.kind.speech.many
+    many = diagnosis.model.machine.vocabulary.many
 
     def gain(before: float, after: float, what: str) -> str:
         return f"{plain(before, 4)} mm {what}with {many} only, {plain(after, 4)} mm {with_it}"
@@ -296,9 +297,9 @@ def ranking_grid(diagnosis: Diagnosis) -> doc.Grid:
     def words(explanation: Explanation) -> str:
         ids = explanation.causes
         if len(ids) == 1:
-            return str(diagnosis.model.kind.speech.said(CAUSES[ids[0]].title))
+            return str(diagnosis.model.machine.vocabulary.said(CAUSES[ids[0]].title))
         if explanation.pattern is not None:
-            return str(diagnosis.model.kind.speech.said(explanation.pattern))
+            return str(diagnosis.model.machine.vocabulary.said(explanation.pattern))
         return " and ".join(ids) or "no cause"
 
     best = list(diagnosis.ranking.items())[:_BEST]
@@ -334,14 +335,14 @@ def _assumed(cause: Cause, size: float) -> str:
 def fit_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
     """Do the offsets alone explain the data?"""
     lack = diagnosis.lack_of_fit
-    speech, measured = diagnosis.model.kind.speech, diagnosis.measured
+    vocabulary, measured = diagnosis.model.machine.vocabulary, diagnosis.measured
     left, noise = diagnosis.left_mm, diagnosis.expected_mm
     if not lack.dof:
-        told = f"As many {speech.many} as readings: they fit exactly, whatever is wrong."
+        told = f"As many {vocabulary.many} as readings: they fit exactly, whatever is wrong."
         return (doc.Paragraph(told),)
     said = [
-        f"{speech.many.capitalize()} only leave {plain(left, 4)} mm r.m.s.{measured.weighing}; this"
-        f" {speech.noise}'s noise{speech.beside} would leave"
+        f"{vocabulary.many.capitalize()} only leave {plain(left, 4)} mm r.m.s.{measured.weighing};"
+        f" this {vocabulary.noise}'s noise{vocabulary.also} would leave"
         f" {plain(noise, 4)} mm. Noise alone leaves as much in {_sessions(lack.p_value)}"
         f" ({counted(lack.dof, 'degree')} of freedom)."
     ]
@@ -350,7 +351,9 @@ def fit_blocks(diagnosis: Diagnosis) -> tuple[doc.Block, ...]:
         if lack.repeats_p_value is not None:
             chance = _sessions(lack.repeats_p_value)
             judged = f" Judged by them, noise leaves as much in {chance}."
-        said.append(f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm.{judged} {speech.repeats}")
+        said.append(
+            f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm.{judged} {vocabulary.repeats}"
+        )
     return tuple(map(doc.Paragraph, said))
 
 

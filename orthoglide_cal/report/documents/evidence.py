@@ -99,7 +99,9 @@ def _wrong(measured: Measured, solution: Solution, found: Residuals) -> doc.Sect
 
 def _touched(measured: Readings, solution: Solution, found: Diagnosis | None) -> doc.Section:
     """What the simulation gets wrong of each touch, on a map of the bed."""
-    left = {f"{solution.model.kind.speech.many} only": measured.value - solution.predicted_mm}
+    left = {
+        f"{solution.model.machine.vocabulary.many} only": measured.value - solution.predicted_mm
+    }
     if found is not None and found.causes:
         names = " and ".join(cause.id for cause in found.causes)
         left[f"with {names}"] = measured.value - found.explained_mm
@@ -165,8 +167,8 @@ def _explained(parts: Explained, found: Diagnosis) -> doc.Figure:
     """How much of the residuals the causes explain."""
     cause = " and ".join(cause.id for cause in found.causes)
     left, before = percent(parts.unexplained), two_figures(parts.rms_before_mm)
-    speech = found.model.kind.speech
-    models, residuals = [f"{speech.many} alone"], [parts.before_mm]
+    vocabulary = found.model.machine.vocabulary
+    models, residuals = [f"{vocabulary.many} alone"], [parts.before_mm]
     finding = f"{left} of the residuals' sum of squares stays unexplained: r.m.s. {before} mm."
     if cause:
         models.append(f"with {cause}")
@@ -188,7 +190,7 @@ def _explained(parts: Explained, found: Diagnosis) -> doc.Figure:
         sketch=bar_lines(list(shares), sizes, [percent(share) for share in sizes], width=30),
         columns=2,
         key=f"{'' if parts.leg is None else 'Leg x ●, y ▲, z ■. '}"
-        f"Band: what the {speech.noise}'s noise explains (95 %).",
+        f"Band: what the {vocabulary.noise}'s noise explains (95 %).",
     )
 
 
@@ -246,7 +248,7 @@ def _workspace(found: WorkspaceError, model: Model) -> doc.Section:
 def conditions(calibration: Calibration) -> doc.Section:
     """Under which conditions, with which gauges: blank where not given."""
     given, machine = calibration.input.conditions, calibration.input.model.machine
-    stated, noise = machine.gauge, calibration.input.model.kind.speech.noise
+    stated, noise = machine.gauge, calibration.input.model.machine.vocabulary.noise
     legs = calibration.input.measured.view is View.LEGS
     rows: list[tuple[str, doc.Blank]] = [
         *method_facts(machine, given.finished or given.started),
@@ -362,7 +364,7 @@ def origin(calibration: Calibration) -> doc.Section:
         ("SHA-256", doc.Code(measured.source.sha256)),
         ("Data", data_words(measured.source, measured.kind, len(measured))),
         ("Machine", doc.Given(machine.name)),
-        ("Geometry", model.kind.geometry_words(machine)),
+        ("Geometry", model.machine.geometry_words),
     ]
     if model.accepted:
         accepted = ", ".join(effect.cause.id for effect in model.accepted)

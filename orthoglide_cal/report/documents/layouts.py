@@ -63,8 +63,13 @@ def layouts_data(plan: LayoutProspect, following: Sequence[Next] = ()) -> dict[s
 
 
 def _laid_data(each: Laid) -> dict[str, Any]:
-    kind, layout = each.model.kind, each.layout
-    columns = (kind.units, each.noise_std_mm.tolist(), each.expanded_mm.tolist(), each.determined)
+    machine, layout = each.model.machine, each.layout
+    columns = (
+        machine.parameter_units,
+        each.noise_std_mm.tolist(),
+        each.expanded_mm.tolist(),
+        each.determined,
+    )
     return {
         "layout": layout.name,
         "what": layout.what,
@@ -75,7 +80,9 @@ def _laid_data(each: Laid) -> dict[str, Any]:
         "expanded_mm": by_joint(each.model, each.expanded_mm),
         "parameters": {
             name: {"unit": unit, "noise_std": noise, "expanded": reach, "determined": known}
-            for name, unit, noise, reach, known in zip(kind.calibrated, *columns, strict=True)
+            for name, unit, noise, reach, known in zip(
+                machine.parameter_names, *columns, strict=True
+            )
         },
         "rivals_sigma": each.rivals_sigma,
     }
@@ -103,7 +110,7 @@ def _page(
     layout = ("Layout", f"{chosen.layout.name}: {chosen.layout.what}")
     facts = (
         *(() if following else (layout,)),
-        (model.kind.speech.noise.capitalize(), f"one touch scatters by {probe} mm"),
+        (model.machine.vocabulary.noise.capitalize(), f"one touch scatters by {probe} mm"),
     )
     return doc.Page(
         kind="Plan",
@@ -115,9 +122,11 @@ def _page(
             *((next_section(following),) if following else ()),
             _compared(plan),
             *_telling(plan, source, machine_file),
-            budget_section(chosen.budget, model.kind),
+            budget_section(chosen.budget, model.machine),
             separation_section(
-                chosen.separations, f"these {len(chosen.layout.plan)} readings", model.kind.speech
+                chosen.separations,
+                f"these {len(chosen.layout.plan)} readings",
+                model.machine.vocabulary,
             ),
         ),
     )
@@ -132,7 +141,7 @@ def _to_do(
     if following:
         steps = [doc.Instruction(following[0].option.what)]
     elif plan.chosen.layout.plan.distance.any():
-        steps = [doc.Instruction(plan.model.kind.speech.probing)]
+        steps = [doc.Instruction(plan.model.machine.vocabulary.probing)]
     else:
         steps = [
             doc.Instruction(
@@ -171,7 +180,11 @@ def _next_notice(plan: LayoutProspect, best: Next) -> doc.Notice:
 
 def _reach(plan: LayoutProspect, expanded: Floats) -> str:
     """U of each parameter."""
-    columns = (plan.model.kind.calibrated, expanded.tolist(), plan.model.kind.units)
+    columns = (
+        plan.model.machine.parameter_names,
+        expanded.tolist(),
+        plan.model.machine.parameter_units,
+    )
     return ", ".join(
         f"{name} ± {two_figures(value)} {unit_words(unit)}"
         for name, value, unit in zip(*columns, strict=True)
@@ -180,13 +193,15 @@ def _reach(plan: LayoutProspect, expanded: Floats) -> str:
 
 def _notice(plan: LayoutProspect) -> doc.Notice:
     """What the layout gives, what limits it, and what it leaves open."""
-    chosen, kind = plan.chosen, plan.model.kind
+    chosen, machine = plan.chosen, plan.model.machine
     lines = [f"{_reach(plan, chosen.expanded_mm)} (95 % if nothing else is wrong)."]
-    missing = [n for n, known in zip(kind.calibrated, chosen.determined, strict=True) if not known]
+    missing = [
+        n for n, known in zip(machine.parameter_names, chosen.determined, strict=True) if not known
+    ]
     if missing:
-        lines.append(f"They do not determine {' and '.join(missing)}. {kind.speech.more}")
+        lines.append(f"They do not determine {' and '.join(missing)}. {machine.vocabulary.more}")
     if chosen.floor is not None:
-        what, _ = source_words(chosen.floor.largest, plan.model.kind)
+        what, _ = source_words(chosen.floor.largest, plan.model.machine)
         lines.append(f"However often you touch, what stays of it is mostly this: {what}.")
     lines += _rivals(plan)
     title = f"{len(chosen.layout.plan)} readings, about {chosen.layout.minutes:.0f} min"
@@ -205,7 +220,7 @@ def _rivals(plan: LayoutProspect) -> list[str]:
 
 def _compared(plan: LayoutProspect) -> doc.Section:
     """Every layout with what it takes and what it gives."""
-    kind, held = plan.model.kind, plan.chosen.held
+    machine, held = plan.model.machine, plan.chosen.held
     rows = []
     for each in plan.shown:
         name, sigma = each.layout.name, each.rivals_sigma
@@ -221,7 +236,8 @@ def _compared(plan: LayoutProspect) -> doc.Section:
         )
     first, second = plan.rivals
     units = ", ".join(
-        f"{name} {unit_words(unit)}" for name, unit in zip(kind.calibrated, kind.units, strict=True)
+        f"{name} {unit_words(unit)}"
+        for name, unit in zip(machine.parameter_names, machine.parameter_units, strict=True)
     )
     caption = (
         f"U of each parameter, 95 % ({units}); – is not determined. σ: how far {first} and"
@@ -232,7 +248,7 @@ def _compared(plan: LayoutProspect) -> doc.Section:
         rows.append((ids, "", "", *map(two_figures, held.expanded_mm.tolist()), ""))
         caption += f" No layout determines {ids}, taken as stated: what it adds (by squares) is"
         caption += " the last row."
-    head = ("layout", "readings", "min", *kind.calibrated, "σ")
+    head = ("layout", "readings", "min", *machine.parameter_names, "σ")
     left_out = doc.Paragraph("What the readings cannot rule out comes on top of it in solve.")
     grid = doc.Grid(head, tuple(rows), words=(0,), caption=caption)
     return doc.Section("Ways to measure, compared", (grid, left_out))

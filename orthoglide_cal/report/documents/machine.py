@@ -22,10 +22,10 @@ def machine_document(model: Model) -> doc.Document:
 def _page(model: Model) -> doc.Page:
     machine = model.machine
     facts: list[tuple[str, doc.Blank]] = [("Kind", machine.kind)]
-    facts += _parameters(model) if model.kind.absolute else _offsets(machine)
+    facts += _parameters(model) if model.machine.absolute else _offsets(machine)
     facts += [*owner_facts(machine), *method_facts(machine)]
     sections = []
-    if model.kind.has_cube:
+    if model.machine.has_cube:
         figure = doc.Figure(None, "Leg X at its isotropic posture, not to scale but its travel.",
                             (), sketch=tuple(_drawing(machine)))  # fmt: skip
         sections.append(doc.Section("Geometry, mm", (figure,)))
@@ -70,11 +70,14 @@ def _offsets(machine: Machine) -> Iterator[tuple[str, doc.Blank]]:
 
 def _parameters(model: Model) -> Iterator[tuple[str, doc.Blank]]:
     """Geometry, probe, and what the firmware has of each calibrated parameter."""
-    kind, gauge = model.kind, model.machine.gauge
-    yield "Geometry", kind.geometry_words(model.machine)
-    yield kind.speech.noise.capitalize(), f"repeatability {short(gauge.repeatability_mm, 6)} mm"
+    machine, gauge = model.machine, model.machine.gauge
+    yield "Geometry", machine.geometry_words
+    yield (
+        machine.vocabulary.noise.capitalize(),
+        f"repeatability {short(gauge.repeatability_mm, 6)} mm",
+    )
     for name, unit, value in zip(
-        kind.calibrated, kind.units, kind.active(model.machine), strict=True
+        machine.parameter_names, machine.parameter_units, machine.active, strict=True
     ):
         yield name, f"{short(value, 6)} {unit}"
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
-from orthoglide_cal.model import Floats, Model
+from orthoglide_cal.model import Floats, Machine, Model
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.json import fields_of
 from orthoglide_cal.results import Adjustment, Calibration
@@ -32,16 +32,18 @@ UNKNOWN = "not determined"
 
 def offsets_title(found: Adjustment, usable: bool, short: bool = False) -> str:
     """Heading of the table: what it is of, in which unit, and how it is meant."""
-    speech = found.kind.speech
-    kind = speech.title if usable else f"{speech.title} as found"
+    vocabulary = found.machine.vocabulary
+    kind = vocabulary.title if usable else f"{vocabulary.title} as found"
     # Where there is little room, of "true position" the "position" goes without saying.
-    relation = speech.relation.replace("true position", "true") if short else speech.relation
-    return f"{kind}{common_unit(found.kind)} ({relation})"
+    relation = (
+        vocabulary.relation.replace("true position", "true") if short else vocabulary.relation
+    )
+    return f"{kind}{common_unit(found.machine)} ({relation})"
 
 
-def common_unit(kind: Any) -> str:
+def common_unit(machine: Machine) -> str:
     """What is written behind a title: the unit of all parameters, if they have one."""
-    units = set(kind.units)
+    units = set(machine.parameter_units)
     return f", {units.pop()}" if len(units) == 1 else ""
 
 
@@ -53,17 +55,17 @@ def offsets_grid(found: Adjustment, enters: bool, beside: Adjustment | None = No
         enters: whether it may be entered, and changes something.
         beside: the same as a cause that was found would have it.
     """
-    columns = (_values if found.kind.absolute else _changes)(found)
+    columns = (_values if found.machine.absolute else _changes)(found)
     if beside is not None:
         head = f"with {' and '.join(beside.causes)}"
         values = beside.values.tolist()
-        show = plain if found.kind.absolute else signed
+        show = plain if found.machine.absolute else signed
         columns[head] = [
             show(value, found.decimals) if known else UNKNOWN
             for value, known in zip(values, beside.determined, strict=True)
         ]
     if enters:
-        show = plain if found.kind.absolute else signed
+        show = plain if found.machine.absolute else signed
         columns["type in"] = [
             doc.Strong(show(each.new_mm, found.decimals)) for each in found.joints
         ]
@@ -74,8 +76,10 @@ def _changes(found: Adjustment) -> dict[str, Iterable[doc.Blank]]:
     """Of joint offsets: how much they exceed those that are active."""
     digits = found.decimals
     return {
-        "": found.kind.calibrated,
-        found.kind.speech.found: [signed(value, digits) for value in found.offsets_mm.tolist()],
+        "": found.machine.parameter_names,
+        found.machine.vocabulary.found: [
+            signed(value, digits) for value in found.offsets_mm.tolist()
+        ],
         "std. dev.": map(two_figures, found.std_mm.tolist()),
         "95 % interval": [
             f"{signed(low, digits)} … {signed(high, digits)}"
@@ -89,10 +93,10 @@ def _values(found: Adjustment) -> dict[str, Iterable[doc.Blank]]:
     """Of parameters that the firmware states: it, and how far each is off."""
     off = zip(found.offsets_mm.tolist(), found.joints, strict=True)
     return {
-        "": found.kind.calibrated,
-        "unit": found.kind.units,
+        "": found.machine.parameter_names,
+        "unit": found.machine.parameter_units,
         "controller": [plain(joint.previous_mm, found.decimals) for joint in found.joints],
-        f"{found.kind.speech.found} ± U": [
+        f"{found.machine.vocabulary.found} ± U": [
             with_uncertainty(value, joint.expanded_mm) if joint.determined else UNKNOWN
             for value, joint in off
         ],
@@ -104,7 +108,7 @@ def open_blocks(calibration: Calibration, found: Adjustment) -> tuple[doc.Block,
 
     Nothing for a kind of machine whose every parameter is told as an excess.
     """
-    if not found.kind.absolute:
+    if not found.machine.absolute:
         return ()
     return tuple(doc.Paragraph(line) for line in _open(calibration, found))
 
@@ -119,7 +123,7 @@ def _open(calibration: Calibration, found: Adjustment) -> Iterator[str]:
         yield f"These {len(calibration.input.measured)} readings do not determine {names}."
     machine, model = calibration.input.model.machine, calibration.input.model
     known = {effect.cause.id for effect in model.accepted}
-    for cause in (CAUSES[id] for id in found.kind.held if id not in known):
+    for cause in (CAUSES[id] for id in found.machine.fixed_parameters if id not in known):
         size = f"{cause.size(machine):g} {unit_words(cause.unit)}"
         yield (
             f"No reading of this kind determines {cause.id}: it is taken as the controller has it,"
@@ -128,7 +132,7 @@ def _open(calibration: Calibration, found: Adjustment) -> Iterator[str]:
         )
     diagnosis = calibration.diagnosis
     if diagnosis is not None and diagnosis.verdict is Verdict.CONSISTENT:
-        hidden = [id for id in diagnosis.ambiguous_with if id not in found.kind.held]
+        hidden = [id for id in diagnosis.ambiguous_with if id not in found.machine.fixed_parameters]
         if hidden:
             yield (
                 f"They show nothing else, but would hardly show it, either: {', '.join(hidden)}."
@@ -138,7 +142,7 @@ def _open(calibration: Calibration, found: Adjustment) -> Iterator[str]:
 def by_joint(found: Adjustment | Model, values: Sequence[Any] | Floats) -> dict[str, Any]:
     """Each joint's name → value, of those that all kinds of machine have: joint offsets."""
     told = list(values) if isinstance(values, Sequence) else values.tolist()
-    return dict(zip(found.kind.calibrated[:JOINTS], told, strict=False))
+    return dict(zip(found.machine.parameter_names[:JOINTS], told, strict=False))
 
 
 def result_of(found: Adjustment, *names: str) -> dict[str, Any]:
@@ -167,7 +171,7 @@ def result_of(found: Adjustment, *names: str) -> dict[str, Any]:
 
 def parameters_of(found: Adjustment) -> dict[str, Any]:
     """Every calibrated parameter with its unit, where not all of them are joint offsets."""
-    if not found.kind.absolute:
+    if not found.machine.absolute:
         return {}
     columns = (found.joints, found.values.tolist(), found.std_mm.tolist(), found.limits.tolist())
     return {
@@ -189,6 +193,6 @@ def parameters_of(found: Adjustment) -> dict[str, Any]:
 def release_of(calibration: Calibration) -> dict[str, Any]:
     """Whether the result may be used and why not, and if the controller may have it already."""
     told = fields_of(calibration.release, "usable", "reasons")
-    if not calibration.input.model.kind.absolute:
+    if not calibration.input.model.machine.absolute:
         return told
     return {**told, **fields_of(calibration, "settled")}

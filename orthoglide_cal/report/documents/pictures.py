@@ -32,7 +32,7 @@ def residual_pictures(diagnosis: Diagnosis, fit: tuple[doc.Block, ...]) -> tuple
     measured = diagnosis.measured
     if isinstance(measured, Differences):
         return (doc.Section("Differences, mm", (_differences(measured, diagnosis), *fit)),)
-    models = {f"{diagnosis.model.kind.speech.many} only": diagnosis.nominal_mm}
+    models = {f"{diagnosis.model.machine.vocabulary.many} only": diagnosis.nominal_mm}
     if diagnosis.causes:
         names = " and ".join(cause.id for cause in diagnosis.causes)
         models[f"with {names}"] = diagnosis.explained_mm

@@ -13,9 +13,9 @@ import numpy as np
 
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.model import Cause, Model
-from orthoglide_cal.model.kinds import OFFSET_MM
-from orthoglide_cal.model.kinds.speech import Speech
+from orthoglide_cal.model import Cause, Machine, Model
+from orthoglide_cal.model.orthoglide import OFFSET_MM
+from orthoglide_cal.model.vocabulary import Vocabulary
 from orthoglide_cal.planning import Next
 from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import GIVES_UP
@@ -174,12 +174,12 @@ def _page(
         sections=(
             *first,
             _by_cycles(plan),
-            budget_section(plan.chosen.budget, plan.model.kind),
+            budget_section(plan.chosen.budget, plan.model.machine),
             _compared(plan),
             separation_section(
                 plan.separations,
                 counted(min(plan.cycles, MOST_COMPARED), "cycle"),
-                plan.model.kind.speech,
+                plan.model.machine.vocabulary,
             ),
             _design(plan, machine_file),
         ),
@@ -282,15 +282,15 @@ def _unreached(plan: Prospect, target_mm: float) -> str:
     """Why the target is out of reach: what cannot be seen, or noise."""
     floor = plan.floor
     if floor is not None and float(floor.expanded_mm.max()) > target_mm:
-        return _floor_words(floor, plan.model.kind)
+        return _floor_words(floor, plan.model.machine)
     return (
         f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings: take a"
         " finer gauge or a better stand."
     )
 
 
-def _floor_words(floor: Budget, kind: Any) -> str:
-    what, remedy = source_words(floor.largest, kind)
+def _floor_words(floor: Budget, machine: Machine) -> str:
+    what, remedy = source_words(floor.largest, machine)
     left = two_figures(float(floor.expanded_mm.max()))
     return f"After {MOST_CYCLES} cycles ± {left} mm stay: {what}. {remedy}"
 
@@ -302,7 +302,7 @@ def _limit(plan: Prospect) -> str:
     if floor is None or stays < 0.6:
         return "The scatter of the readings limits it: more cycles help."
     help_ = "hardly help" if stays > 0.87 else "help little"
-    return f"More cycles {help_}. {_floor_words(floor, plan.model.kind)}"
+    return f"More cycles {help_}. {_floor_words(floor, plan.model.machine)}"
 
 
 def _by_cycles(plan: Prospect) -> doc.Section:
@@ -354,7 +354,7 @@ def _compared(plan: Prospect) -> doc.Section:
     return doc.Section("Other ways to the same uncertainty", (grid,))
 
 
-def separation_section(found: Separations, by: str, speech: Speech) -> doc.Section:
+def separation_section(found: Separations, by: str, vocabulary: Vocabulary) -> doc.Section:
     """Which causes some readings can tell apart; `by` says how many readings in words."""
     seen, hidden = found.visible, found.invisible
     names = [cause.id for cause in seen.causes]
@@ -374,7 +374,7 @@ def separation_section(found: Separations, by: str, speech: Speech) -> doc.Secti
     )
     blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
     if hidden:
-        rows = tuple((cause.id, speech.said(cause.instrument)) for cause in hidden)
+        rows = tuple((cause.id, vocabulary.said(cause.instrument)) for cause in hidden)
         caption = "At their usual size they leave hardly a trace in such readings."
         head = ("not seen", "what would show it")
         blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))

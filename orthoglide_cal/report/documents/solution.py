@@ -62,7 +62,7 @@ def _solution_page(calibration: Calibration, machine_file: Path | None) -> doc.P
         sections=(
             _offsets(calibration),
             left_after(solution, found.promised, usable=calibration.release.usable),
-            budget_section(found.budget, found.kind),
+            budget_section(found.budget, found.machine),
             _noise(calibration),
         ),
     )
@@ -110,7 +110,7 @@ def solution_data(calibration: Calibration) -> dict[str, Any]:
 def _offsets(calibration: Calibration) -> doc.Section:
     solution, found = calibration.found
     usable, diagnosis = calibration.release.usable, calibration.diagnosis
-    names, correlation = found.kind.calibrated[:JOINTS], solution.correlation
+    names, correlation = found.machine.parameter_names[:JOINTS], solution.correlation
     pairs = ", ".join(
         f"{names[i]}{names[j]} {signed(correlation[i, j], 2)}" for i, j in ((0, 1), (1, 2), (2, 0))
     )
@@ -141,7 +141,7 @@ def left_after(
     what = f"{'readings' if raw else 'differences'}{solution.measured.weighing}"
     quality = doc.Paragraph(
         f"Residual r.m.s. of the {what}: {plain(solution.rms_before_mm, 4)} before,"
-        f" {plain(solution.rms_after_mm, 4)} with the {solution.model.kind.speech.many}."
+        f" {plain(solution.rms_after_mm, 4)} with the {solution.model.machine.vocabulary.many}."
     )
     if not table:
         return doc.Section(None, (quality,))

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.kinds.probe_plan import ProbePlan
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.probe_plan import ProbePlan
 
 # Pace assumed where nobody measured the time: a touch, and putting a block under the probe [min].
 MINUTES_PER_TOUCH = 5.0 / 60.0

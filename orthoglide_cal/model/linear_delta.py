@@ -15,14 +15,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, ClassVar
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Command, Sensed
 from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.kinds.layouts import (
+from orthoglide_cal.model.kinematics import (
+    Geometry,
+    Points,
+    batch_of,
+    behind_batch,
+    components,
+    rail_position,
+)
+from orthoglide_cal.model.layouts import (
     BLOCKS_MM,
     MINUTES_PER_BLOCK,
     MINUTES_PER_TOUCH,
@@ -30,21 +38,11 @@ from orthoglide_cal.model.kinds.layouts import (
     compared,
     telling,
 )
-from orthoglide_cal.model.kinds.probe_plan import ProbePlan
-from orthoglide_cal.model.kinds.speech import FIRMWARE
-from orthoglide_cal.model.machine import (
-    Geometry,
-    Machine,
-    Points,
-    batch_of,
-    behind_batch,
-    components,
-    rail_position,
-)
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
-
-if TYPE_CHECKING:
-    from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
+from orthoglide_cal.model.vocabulary import FIRMWARE
 
 TOWERS = ("a", "b", "c")
 # To be touched once more: so many places, on blocks.
@@ -60,8 +58,12 @@ def _shares(scales: tuple[float, ...], spread: float) -> Mapping[float, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeltaMachine(Machine):
-    """The nominal linear delta, as its controller has it.
+class LinearDelta(Machine):
+    """The machine of many printers: endstops, radius and two tower angles are calibrated.
+
+    The third angle fixes the turn of the frame. Arm lengths are not: on one height they and the
+    radius are nearly the same, and only distances would tell. All fields are as the controller has
+    them.
 
     Attributes:
         arm_lengths_mm: of towers a, b, c.
@@ -74,6 +76,43 @@ class DeltaMachine(Machine):
         offsets_mm: the endstops a, b, c: height of the nozzle above the bed, in the middle, with
             all carriages where that endstop triggers.
     """
+
+    kind: ClassVar[str] = "linear_delta"
+    parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
+    parameter_units = ("mm", "mm", "mm", "mm", "deg", "deg")
+    # What is expected of readings hardly depends on how far such a machine is off.
+    linearization_points = read_only(np.zeros((1, 6)))
+    # On a flat bed these look alike.
+    rivals = ("tower_lean", "bed_shape")
+    fixed_parameters = ("leg_length",)
+    usual_homing_mm = 5.0
+    # Frames and beds of printers are good or bad by a factor of ten: a plausible size is right
+    # within a factor of three, and hardly decides between causes.
+    tolerance_scales = _shares((0.25, 0.5, 1.0, 2.0, 4.0, 8.0), math.log(3.0))
+    # On one height several causes draw nearly the same picture, and their chances add up: of 960
+    # sound machines 6 are called faulty, of 192 without it 4.
+    caution = 1.5
+    # Belts have lost motion whatever else is wrong.
+    companions = MappingProxyType(
+        {
+            "backlash": "That these touches depend on the direction from which they were come to"
+            " is established; that lost motion of the carriages is the reason, is not."
+        }
+    )
+    # No firmware has a setting for these, yet once they are known what is calibrated is found right
+    # together with them.
+    recommended = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
+    # A radius is measured with a ruler, and towers are bolted to plates: beyond this it is another
+    # machine, and readings that know a parameter no better than this do not determine it.
+    radius_mm: ClassVar[float] = 5.0
+    angle_deg: ClassVar[float] = 2.0
+    # The values themselves are told, as firmwares have them; they stay in the firmware's own file.
+    absolute, recorded = True, False
+    probes = True
+    decimals = 4
+    has_cube = False
+    controller_formats = ("klipper", "reprapfirmware", "marlin")
+    vocabulary = FIRMWARE
 
     arm_lengths_mm: tuple[float, ...]
     delta_radius_mm: float
@@ -104,144 +143,98 @@ class DeltaMachine(Machine):
             "bed_radius_mm": bed,
         }
 
+    @property
+    def active(self) -> tuple[float, ...]:
+        """Endstops, radius, angles of the towers a and b [mm, deg]."""
+        return (*self.offsets_mm, self.delta_radius_mm, *self.tower_angles_deg[:2])
 
-class LinearDelta:
-    """The kind of machine of many printers: endstops, radius and two tower angles are calibrated.
+    @property
+    def plausible(self) -> tuple[float, ...]:
+        """What a printer can have [mm, deg]."""
+        towers = [self.homing_std_mm] * len(TOWERS)
+        return (*towers, self.radius_mm, self.angle_deg, self.angle_deg)
 
-    The third angle fixes the turn of the frame. Arm lengths are not: on one height they and the
-    radius are nearly the same, and only distances would tell.
-    """
+    @property
+    def max_reportable_u(self) -> tuple[float, ...]:
+        """Any printer is known as well as what is plausible [mm, deg]."""
+        return self.plausible
 
-    id = "linear_delta"
-    calibrated = (*TOWERS, "radius", "angle_a", "angle_b")
-    units = ("mm", "mm", "mm", "mm", "deg", "deg")
-    # What is expected of readings hardly depends on how far such a machine is off.
-    supposed = read_only(np.zeros((1, 6)))
-    # What hides behind each other on a flat bed.
-    rivals = ("tower_lean", "bed_shape")
-    unseen = ()
-    # Of this the controller's value is taken as it stands; the calibrated parameters make up for
-    # its error, and are as unsure as it is.
-    held = ("leg_length",)
-    homing_mm = 5.0
-    # Frames and beds of printers are good or bad by a factor of ten: a plausible size is right
-    # within a factor of three, and hardly decides between causes.
-    scales = _shares((0.25, 0.5, 1.0, 2.0, 4.0, 8.0), math.log(3.0))
-    # On one height several causes draw nearly the same picture, and their chances add up: of 960
-    # sound machines 6 are called faulty, of 192 without it 4.
-    caution = 1.5
-    # Belts have lost motion whatever else is wrong.
-    companions = MappingProxyType(
-        {
-            "backlash": "That these touches depend on the direction from which they were come to"
-            " is established; that lost motion of the carriages is the reason, is not."
-        }
-    )
-    # No firmware has a setting for these, yet once they are known what is calibrated is found right
-    # beside them.
-    beside = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
-    # A radius is measured with a ruler, and towers are bolted to plates: beyond this it is another
-    # machine, and readings that know a parameter no better than this do not determine it.
-    radius_mm = 5.0
-    angle_deg = 2.0
-    # The values themselves are told, as firmwares have them; they stay in the firmware's own file.
-    absolute, recorded = True, False
-    probes = True  # it touches its bed by itself
-    decimals = 4
-    has_cube = False
-    formats = ("klipper", "reprapfirmware", "marlin")
-    speech = FIRMWARE
+    @property
+    def geometry_words(self) -> str:
+        """Arms and bed."""
+        arms = ", ".join(f"{arm:g}" for arm in dict.fromkeys(self.arm_lengths_mm))
+        return f"arms {arms} mm, bed of radius {self.bed_radius_mm:g} mm"
 
-    def active(self, machine: DeltaMachine) -> tuple[float, ...]:
-        """What the controller has of each calibrated parameter [mm, deg]."""
-        return (*machine.offsets_mm, machine.delta_radius_mm, *machine.tower_angles_deg[:2])
-
-    def plausible(self, machine: DeltaMachine) -> tuple[float, ...]:
-        """The largest size of each calibrated parameter that a printer can have [mm, deg]."""
-        homing = self.homing_mm if machine.homing_mm is None else machine.homing_mm
-        return (*[homing] * len(TOWERS), self.radius_mm, self.angle_deg, self.angle_deg)
-
-    def told_within(self, machine: DeltaMachine) -> tuple[float, ...]:
-        """The largest U with which a parameter is told: any printer is known that well."""
-        return self.plausible(machine)
-
-    def geometry_words(self, machine: DeltaMachine) -> str:
-        """Its nominal geometry in one line."""
-        arms = ", ".join(f"{arm:g}" for arm in dict.fromkeys(machine.arm_lengths_mm))
-        return f"arms {arms} mm, bed of radius {machine.bed_radius_mm:g} mm"
-
-    def rails(self, machine: DeltaMachine) -> Geometry:
+    @cached_property
+    def nominal_rails(self) -> Geometry:
         """Upright rails on a circle; arms as long as the controller has them."""
         points = np.zeros((3, 3))
-        points[:, :2] = _on_circle(machine.delta_radius_mm, np.radians(machine.tower_angles_deg))
+        points[:, :2] = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
         upright = np.tile([0.0, 0.0, 1.0], (3, 1))
-        return Geometry(points, upright, np.array(machine.arm_lengths_mm))
+        return Geometry(points, upright, np.array(self.arm_lengths_mm))
 
-    def home(self, machine: DeltaMachine) -> float:
+    @property
+    def home_mm(self) -> float:
         """Height of the carriages, about, with the tool in the middle of the bed [mm]."""
-        return float(np.mean(_above(machine, machine.delta_radius_mm)))
+        return float(np.mean(self._above(self.delta_radius_mm)))
 
-    def indicated(self, machine: DeltaMachine, tool: Floats) -> Floats:
+    def joints_for(self, tool: Floats) -> Floats:
         """Inverse kinematics of the controller: carriage heights (..., 3) for places (..., 3) [mm].
 
         Raises:
             UnreachableError: an arm is too short for the place.
         """
-        return np.asarray(rail_position(self.rails(machine), np.asarray(tool, dtype=np.float64)))
+        return np.asarray(rail_position(self.nominal_rails, np.asarray(tool, dtype=np.float64)))
 
-    def command(self, machine: DeltaMachine, plan: ProbePlan) -> Command:
+    def command(self, plan: ProbePlan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
         places = np.concatenate((plan.place, plan.other))
-        first, nothing = self.indicated(machine, places), read_only(np.zeros(places.shape))
+        first, nothing = self.joints_for(places), read_only(np.zeros(places.shape))
         # From touch to touch; a printed object was come to from all sides.
         touched = plan.in_time[~plan.distance[plan.in_time]]
         hours = np.tile(plan.hours, 2)
         # On the way from place to place the height does not hang on what is touched.
-        level = self.indicated(machine, np.column_stack((places[:, :2], np.tile(plan.surface, 2))))
-        home = self.home(machine)
+        level = self.joints_for(np.column_stack((places[:, :2], np.tile(plan.surface, 2))))
+        home = self.home_mm
         return Command(read_only(first), home, hours, touched, nothing, read_only(level))
 
-    def calibrated_as(
-        self, machine: DeltaMachine, geometry: Geometry, parameters: Numbers
-    ) -> tuple[Geometry, Numbers]:
+    def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
         """Rails, and offsets of the carriages, with other values of what is calibrated.
 
         Args:
-            machine: the values in the controller.
             geometry: rails and arms as they really are at these.
             parameters: what each real value exceeds them by, (..., 6) [mm, deg].
         """
-        radius = machine.delta_radius_mm + parameters[..., 3, None]
+        radius = self.delta_radius_mm + parameters[..., 3, None]
         third = 0.0 * parameters[..., :1]
         turned = np.concatenate((parameters[..., 4:], third), axis=-1)
-        angles = np.radians(machine.tower_angles_deg) + np.radians(1.0) * turned
-        nominal = _on_circle(machine.delta_radius_mm, np.radians(machine.tower_angles_deg))
+        angles = np.radians(self.tower_angles_deg) + np.radians(1.0) * turned
+        nominal = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
         moved = _on_circle(radius, angles) - nominal
         shift = np.concatenate((moved, 0.0 * moved[..., :1]), axis=-1)
         # The carriage stands where the endstop says for a tool in the middle.
-        raised = _above(machine, radius) - _above(machine, machine.delta_radius_mm)
+        raised = self._above(radius) - self._above(self.delta_radius_mm)
         real = Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
         return real, parameters[..., :3] + raised
 
-    def recalibrated(self, before: DeltaMachine, after: DeltaMachine) -> bool:
-        """Whether the controller of the same machine has other parameters now: it was homed anew
-        under them, and what the real ones exceed them by is unknown again."""
+    def recalibrated(self, after: Machine) -> bool:
+        """Whether any of these, or an arm, has another value."""
         parameters = ("offsets_mm", "delta_radius_mm", "tower_angles_deg", "arm_lengths_mm")
-        return any(getattr(before, name) != getattr(after, name) for name in parameters)
-
-    def closed_form(self, model: Model) -> bool:
-        """The derivative is taken by complex steps."""
-        return False
+        return any(getattr(self, name) != getattr(after, name) for name in parameters)
 
     def sensed(
-        self, model: Model, parameters: Numbers, plan: ProbePlan, strict: bool, derivative: bool
-    ) -> Sensed:
-        """What probe and calliper read, and where the tool is then; as of `simulate`."""
-        machine = cast(DeltaMachine, model.machine)
-        real, offsets = self.calibrated_as(machine, model.geometry, parameters)
-        joints = model.true_joints(self.command(machine, plan), offsets).swapaxes(-1, -2)
+        self,
+        real: RealMachine,
+        parameters: Numbers,
+        plan: ProbePlan,
+        strict: bool,
+        derivative: bool,
+    ) -> GaugeResponse:
+        """What probe and calliper read, and where the tool is then."""
+        geometry, offsets = self.calibrated_as(real.geometry, parameters)
+        joints = real.joints(self.command(plan), offsets).swapaxes(-1, -2)
         joints = components(joints, 2)
-        points = Points.of(real, joints, batch_of(joints, real), strict)
+        points = Points.of(geometry, joints, batch_of(joints, geometry), strict)
         tool = behind_batch(points.tool, 2).swapaxes(-1, -2)
         first, second = tool[..., : len(plan), :], tool[..., len(plan) :, :]
         readings = plan.place[:, 2] - first[..., 2]
@@ -250,13 +243,13 @@ class LinearDelta:
             apart = np.sqrt(((second - first) ** 2).sum(axis=-1) + ~plan.distance)
             wanted = np.sqrt(((plan.other - plan.place) ** 2).sum(axis=-1) + ~plan.distance)
             readings = np.where(plan.distance, apart - wanted, readings)
-        return Sensed(readings, first, None)
+        return GaugeResponse(readings, first, None)
 
     def uncertain(
-        self, machine: DeltaMachine, plan: ProbePlan, predict: Callable[[ProbePlan], Floats]
+        self, plan: ProbePlan, predict: Callable[[ProbePlan], Floats]
     ) -> Iterator[Influence]:
         """The local shape of the bed."""
-        yield self.local(machine, plan)
+        yield self.local_shape(plan)
 
     def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
         """What can be touched next: in words, its plan, and its minutes.
@@ -283,19 +276,23 @@ class LinearDelta:
                 len(some) * (MINUTES_PER_TOUCH + MINUTES_PER_BLOCK),
             )
 
-    def layouts(self, machine: DeltaMachine) -> tuple[Layout, ...]:
+    def layouts(self) -> tuple[Layout, ...]:
         """Ways to measure that are worth comparing."""
-        return compared(machine.bed_radius_mm, machine.gauge.noise_mm / machine.calliper_mm)
+        return compared(self.bed_radius_mm, self.gauge.noise_mm / self.calliper_mm)
 
-    def telling(self, machine: DeltaMachine) -> tuple[Layout, ...]:
+    def distinguishing_layouts(self) -> tuple[Layout, ...]:
         """Touches that tell a frame out of square from a bent bed more or less, quickest first."""
-        return telling(machine.bed_radius_mm)
+        return telling(self.bed_radius_mm)
 
-    def local(self, machine: DeltaMachine, plan: ProbePlan) -> Influence:
+    def local_shape(self, plan: ProbePlan) -> Influence:
         """What neighbours share, and what nobody calls an error: the local shape of the bed."""
-        assumed = machine.texture_mm is None
-        size = TEXTURE_MM if machine.texture_mm is None else machine.texture_mm
+        assumed = self.texture_mm is None
+        size = TEXTURE_MM if self.texture_mm is None else self.texture_mm
         return Influence(Origin.BED_TEXTURE, size, "mm", assumed, size * plan.texture, local=True)
+
+    def _above(self, radius: Numbers | float) -> Numbers:
+        """Height of each carriage over the tool in the middle, (..., 3) [mm]."""
+        return np.sqrt(np.array(self.arm_lengths_mm) ** 2 - radius**2)
 
 
 def _spread(place: Floats, count: int) -> Ints:
@@ -310,8 +307,3 @@ def _spread(place: Floats, count: int) -> Ints:
 def _on_circle(radius: Numbers | float, angles: Numbers) -> Numbers:
     """Places (..., 3, 2) at angles (..., 3) on a circle of radius (..., 1)."""
     return np.stack((radius * np.cos(angles), radius * np.sin(angles)), axis=-1)
-
-
-def _above(machine: DeltaMachine, radius: Numbers | float) -> Numbers:
-    """Height of each carriage over the tool in the middle, (..., 3) [mm]."""
-    return np.sqrt(np.array(machine.arm_lengths_mm) ** 2 - radius**2)

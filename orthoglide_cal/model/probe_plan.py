@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, View, alike, read_only
 
 # Side of the patches that are left out together, in radii of the bed.
@@ -120,7 +120,7 @@ class ProbePlan(Plan):
             wander -= steady @ np.linalg.lstsq(steady, wander)[0]
             yield "readings that wander with time", wander
 
-    def words(self, machine: Machine, index: int) -> str:
+    def words(self, machine: Any, index: int) -> str:
         """One reading: "x 12.5, y -30 mm (touch 12)"."""
         # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (self.place[index].round(2) + 0.0).tolist())

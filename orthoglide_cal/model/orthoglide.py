@@ -1,29 +1,24 @@
 """The Orthoglide: three orthogonal rails, gauges that touch the legs, two measuring protocols.
 
-Everything that another kind of machine does differently is here: where the nominal rails are, how
-the controller turns a wanted place into joints, which parameters a calibration determines, what a
-gauge touches, and which readings a protocol takes.
+Its joint offsets are what a calibration determines.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.errors import PostureError, UnreachableError
-from orthoglide_cal.model.cause import Command, Sensed
 from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.kinds.layouts import Layout
-from orthoglide_cal.model.kinds.speech import OFFSETS
-from orthoglide_cal.model.machine import (
+from orthoglide_cal.model.kinematics import (
     Geometry,
-    Machine,
     Points,
     batch_of,
     behind_batch,
@@ -32,11 +27,11 @@ from orthoglide_cal.model.machine import (
     rail_position,
     tool_derivative_components,
 )
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan
-
-if TYPE_CHECKING:
-    from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
+from orthoglide_cal.model.vocabulary import OFFSETS
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
 OFFSET_MM = 0.5
@@ -54,7 +49,7 @@ class Moments(NamedTuple):
     set_up: Ints
 
 
-class Touch(NamedTuple):
+class TouchedPoints(NamedTuple):
     """What n gauges touch; readings first, then the batch.
 
     Attributes:
@@ -66,83 +61,79 @@ class Touch(NamedTuple):
     fraction: Numbers
 
 
-class Orthoglide:
-    """The kind of machine of the paper; its joint offsets are what a calibration determines."""
+@dataclass(frozen=True)
+class Orthoglide(Machine):
+    """The machine of the paper."""
 
-    id = "orthoglide"
-    calibrated = AXES
-    units = ("mm", "mm", "mm")
+    kind: ClassVar[str] = "orthoglide"
+    parameter_names = AXES
+    parameter_units = ("mm", "mm", "mm")
     # Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
-    supposed = read_only(OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)]))
-    # What is calibrated is told as an excess over what the controller has, and may be recorded.
+    linearization_points = read_only(
+        OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
+    )
     absolute, recorded = False, True
-    probes = False  # somebody reads gauges
-    decimals = None
-    has_cube = True  # the error of its tool is shown over a cube of its workspace
-    formats = ("linuxcnc", "table")
-    speech = OFFSETS
-    # Causes that no reading tells from the offsets: a longer leg looks like a smaller offset.
-    unseen = ("leg_length",)
-    held = ()
+    probes = False
+    has_cube = True
+    controller_formats = ("linuxcnc", "table")
+    vocabulary = OFFSETS
+    # A longer leg looks like a smaller offset.
+    unobservable = ("leg_length",)
     # The home switch or index pulse of such a carriage is set to within a few millimetres; an
     # offset beyond that is a wrong unit, label or machine file.
-    homing_mm = 5.0
-    # A tolerance is a standard deviation, yet one fault in five is several times as large: scale of
-    # the sizes of a fault, and its share. Priced at the tolerance alone a bar skewed by three of
-    # them would be taken for a smaller skew beside a second fault.
-    scales: Mapping[float, float] = MappingProxyType({1.0: 0.8, 3.0: 0.2})
-    # How many times more must speak for a fault than elsewhere before it is named.
-    caution = 1.0
-    # Causes in the machine that may act beside any other one, and what is not claimed with them.
-    companions: Mapping[str, str] = MappingProxyType({})
-    # Causes that no controller compensates, but that are worth knowing for what is calibrated.
-    beside = ()
+    usual_homing_mm = 5.0
+    # One fault in five is several times as large as its tolerance. Priced at the tolerance alone a
+    # bar skewed by three of them would be taken for a smaller skew together with a second fault.
+    tolerance_scales: ClassVar[Mapping[float, float]] = MappingProxyType({1.0: 0.8, 3.0: 0.2})
 
-    def active(self, machine: Machine) -> tuple[float, ...]:
-        """What the controller has of each calibrated parameter: the offsets [mm]."""
-        return machine.offsets_mm
+    @property
+    def active(self) -> tuple[float, ...]:
+        """The offsets [mm]."""
+        return self.offsets_mm
 
-    def plausible(self, machine: Machine) -> tuple[float, ...]:
-        """The largest size of each calibrated parameter that a machine can have [mm]."""
-        stated = machine.homing_mm
-        return (self.homing_mm if stated is None else stated,) * len(AXES)
+    @property
+    def plausible(self) -> tuple[float, ...]:
+        """As far as a home switch can be off [mm]."""
+        return (self.homing_std_mm,) * len(AXES)
 
-    def told_within(self, machine: Machine) -> tuple[float, ...]:
-        """The largest U with which an offset is told: any, with its U beside it."""
+    @property
+    def max_reportable_u(self) -> tuple[float, ...]:
+        """An offset is told whatever its U, with its U."""
         return (math.inf,) * len(AXES)
 
-    def geometry_words(self, machine: Machine) -> str:
-        """Its nominal geometry in one line."""
-        low, high = machine.joint_limits_mm
-        return f"leg {machine.leg_length_mm:g} mm, travel {low:g} to {high:+g} mm"
+    @property
+    def geometry_words(self) -> str:
+        """Legs and travel."""
+        low, high = self.joint_limits_mm
+        return f"leg {self.leg_length_mm:g} mm, travel {low:g} to {high:+g} mm"
 
-    def rails(self, machine: Machine) -> Geometry:
+    @cached_property
+    def nominal_rails(self) -> Geometry:
         """Orthogonal rails that meet in the origin, equal legs (modelling assumption iv)."""
-        return Geometry(np.zeros((3, 3)), np.eye(3), np.full(3, machine.leg_length_mm))
+        return Geometry(np.zeros((3, 3)), np.eye(3), np.full(3, self.leg_length_mm))
 
-    def home(self, machine: Machine) -> float:
+    @property
+    def home_mm(self) -> float:
         """Joint value of the isotropic posture, from which displacements count [mm]."""
-        return machine.leg_length_mm
+        return self.leg_length_mm
 
-    def indicated(self, machine: Machine, tool: Floats) -> Floats:
+    def joints_for(self, tool: Floats) -> Floats:
         """Inverse kinematics of the controller: joints ρ for tool positions p (eq. 3, errata).
 
             ρ_i = p_i + √(L² − p_j² − p_k²)
 
         Args:
-            machine: nominal machine.
             tool: p, shape (..., 3) [mm].
 
         Raises:
             UnreachableError: the point is farther than L from a rail.
         """
-        return np.asarray(rail_position(self.rails(machine), np.asarray(tool, dtype=np.float64)))
+        return np.asarray(rail_position(self.nominal_rails, np.asarray(tool, dtype=np.float64)))
 
-    def joints_at(self, machine: Machine, leg: Ints | int, displacement: Floats | float) -> Floats:
+    def joints_at(self, leg: Ints | int, displacement: Floats | float) -> Floats:
         """Indicated joints with one leg displaced by d: ρ_i = L + d, ρ_j = √(L² − d²) (sec. 2.5).
 
         Args:
-            machine: nominal machine.
             leg: 0, 1, 2, shape (...).
             displacement: d, shape (...) [mm].
 
@@ -152,7 +143,7 @@ class Orthoglide:
         Raises:
             UnreachableError: a displacement is not shorter than the legs.
         """
-        length, moved = machine.leg_length_mm, np.asarray(displacement, dtype=np.float64)
+        length, moved = self.leg_length_mm, np.asarray(displacement, dtype=np.float64)
         if np.any(np.abs(moved) >= length):
             worst = np.argmax(np.abs(moved))
             raise UnreachableError(
@@ -163,15 +154,16 @@ class Orthoglide:
         own = np.asarray(leg)[..., None] == np.arange(3)
         return np.where(own, (length + moved)[..., None], np.sqrt(length**2 - moved**2)[..., None])
 
-    def reachable_cube(self, machine: Machine) -> tuple[float, float]:
+    @property
+    def reachable_cube(self) -> tuple[float, float]:
         """(low, high): the cube [low, high]³ within the joint limits, no larger than the workspace.
 
         The limits are displacements of the carriages: p_i + √(L² − p_j² − p_k²) − L. The largest is
         at the middle of the upper face; the smallest at the corner (low, ±m, ±m), m the larger of
         |low| and high.
         """
-        low_limit, high_limit = machine.joint_limits_mm
-        length = machine.leg_length_mm
+        low_limit, high_limit = self.joint_limits_mm
+        length = self.leg_length_mm
         # No farther than half a leg from the origin, whatever the limits: legs stay long enough.
         high = min(high_limit, length / 2.0)
 
@@ -182,75 +174,51 @@ class Orthoglide:
         for _ in range(60):
             middle = (low + outer) / 2.0
             low, outer = (middle, outer) if smallest(middle) >= low_limit else (low, middle)
-        excess = max(high - low - machine.workspace_mm, 0.0) / 2.0
+        excess = max(high - low - self.workspace_mm, 0.0) / 2.0
         return low + excess, high - excess
 
-    def command(self, machine: Machine, plan: GaugePlan) -> Command:
+    def command(self, plan: GaugePlan) -> Command:
         """Where the controller sends the carriages for each reading of a plan.
 
         Raises:
             UnreachableError: a displacement is not shorter than the legs.
         """
-        joints = self.joints_at(machine, plan.leg, plan.displacement)
-        return Command(
-            read_only(joints), self.home(machine), plan.hours, plan.in_time, plan.entered
-        )
-
-    def closed_form(self, model: Model) -> bool:
-        """Whether `sensed` knows the derivative: where the offsets alone move the carriages."""
-        return model.still
+        joints = self.joints_at(plan.leg, plan.displacement)
+        return Command(read_only(joints), self.home_mm, plan.hours, plan.in_time, plan.entered)
 
     def sensed(
-        self, model: Model, offsets: Numbers, plan: GaugePlan, strict: bool, derivative: bool
-    ) -> Sensed:
-        """What the gauges are pushed to; arguments and errors as of `simulate`."""
-        real = model.geometry
-        joints, moments = _joints(model, self.command(model.machine, plan), plan, offsets)
-        batch = batch_of(joints, real)
+        self,
+        real: RealMachine,
+        parameters: Numbers,
+        plan: GaugePlan,
+        strict: bool,
+        derivative: bool,
+    ) -> GaugeResponse:
+        """What the gauges are pushed to; the derivative where the offsets alone move carriages."""
+        joints, moments = _joints(real, self.command(plan), plan, parameters)
+        batch = batch_of(joints, real.geometry)
         try:
-            points = Points.of(real, joints, batch, strict)
+            points = Points.of(real.geometry, joints, batch, strict)
         except PostureError as error:
-            named = _which(Points.of(real, joints, batch, strict=False), plan, moments.reading)
+            inside = Points.of(real.geometry, joints, batch, strict=False)
+            named = _which(inside, plan, moments.reading)
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
         heights, fraction = self.touched(points, plan, moments)
-        slope = None
-        if derivative:
-            jacobian = self.touched_derivative(points, plan, moments, fraction)
-            slope = behind_batch(jacobian, 2)
-        return Sensed(behind_batch(heights, 1), behind_batch(fraction, 1), slope)
-
-    def recalibrated(self, before: Machine, after: Machine) -> bool:
-        """No: what was entered in between is known, see `--applied`."""
-        return False
-
-    def further(self, plan: GaugePlan) -> Iterator[tuple[str, GaugePlan, float]]:
-        """None beyond those of its protocols."""
-        return iter(())
-
-    def layouts(self, machine: Machine) -> tuple[Layout, ...]:
-        """None: its readings are taken by protocols."""
-        return ()
-
-    def local(self, machine: Machine, plan: GaugePlan) -> Influence | None:
-        """No local shape: each gauge touches one place of one bar."""
-        return None
+        jacobian = None
+        if derivative and real.still:
+            jacobian = behind_batch(self.touched_derivative(points, plan, moments, fraction), 2)
+        return GaugeResponse(behind_batch(heights, 1), behind_batch(fraction, 1), jacobian)
 
     def uncertain(
-        self, machine: Machine, plan: GaugePlan, predict: Callable[[GaugePlan], Floats]
+        self, plan: GaugePlan, predict: Callable[[GaugePlan], Floats]
     ) -> Iterator[Influence]:
-        """What nobody knows exactly of the gauges: their scale, and where they stand.
-
-        Args:
-            machine: its gauge gives the sizes.
-            plan: n readings.
-            predict: readings of a plan, (n,) [mm].
-        """
-        gauge, predicted = machine.gauge, predict(plan)
+        """What nobody knows exactly of the gauges: their scale, and where they stand."""
+        gauge, predicted = self.gauge, predict(plan)
         scale = gauge.scale_std * predicted[:, None]
         yield Influence(Origin.GAUGE_SCALE, gauge.scale_std, "", gauge.scale_u is None, scale)
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
-            along = gauge.placement_std_mm / machine.leg_length_mm
+            along = gauge.placement_std_mm / self.leg_length_mm
             shift = predict(replace(plan, gauge_at=plan.gauge_at + along)) - predicted
             yield Influence(
                 Origin.GAUGE_PLACEMENT,
@@ -260,7 +228,7 @@ class Orthoglide:
                 shift[:, None] * plan.zeros,
             )
 
-    def touched(self, points: Points, plan: GaugePlan, moments: Moments) -> Touch:
+    def touched(self, points: Points, plan: GaugePlan, moments: Moments) -> TouchedPoints:
         """The points that the gauges touch (Table 2, eqs. 18–24, errata).
 
         Args:
@@ -281,7 +249,7 @@ class Orthoglide:
         if not plan.fixed:
             fixed = column(plan.contact == Contact.FIXED, batch)
             fraction = np.where(fixed, fraction, column(plan.contact == Contact.TOOL, batch))
-        return Touch(side + fraction * across, fraction)
+        return TouchedPoints(side + fraction * across, fraction)
 
     def touched_derivative(
         self, points: Points, plan: GaugePlan, moments: Moments, fraction: Numbers
@@ -297,14 +265,14 @@ class Orthoglide:
         gauge_at = column(plan.gauge_at, batch)
         span = points.tool[leg, moment] - points.centres[leg, leg, moment]
         across = points.tool[direction, moment] - points.centres[leg, direction, moment]
-        slope = tool_derivative_components(points.centres, points.directions, points.tool)
+        tool_by_joint = tool_derivative_components(points.centres, points.directions, points.tool)
         turn = column(plan.contact == Contact.FIXED, batch) * across / span
-        jacobian = slope[direction, :, moment]
+        jacobian = tool_by_joint[direction, :, moment]
         jacobian *= fraction[:, None]
-        part = slope[leg, :, moment]
+        part = tool_by_joint[leg, :, moment]
         part *= (turn * fraction)[:, None]
         jacobian -= part
-        part[...] = slope[leg, :, set_up]
+        part[...] = tool_by_joint[leg, :, set_up]
         part *= (turn * gauge_at)[:, None]
         jacobian += part
         own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
@@ -314,7 +282,7 @@ class Orthoglide:
 
 
 def _joints(
-    model: Model, command: Command, plan: GaugePlan, offsets: Numbers
+    real: RealMachine, command: Command, plan: GaugePlan, offsets: Numbers
 ) -> tuple[Numbers, Moments]:
     """Where the carriages stand at each moment and, last, where they did for each set-up.
 
@@ -327,12 +295,12 @@ def _joints(
     """
     stood, which = plan.set_up_moments
     set_up = command.home - stood
-    if model.still:
+    if real.still:
         first, moment = plan.moments
         both = np.concatenate((command.sent[first], set_up)).T
         joints = column(both, offsets.ndim - 1) + components(offsets, 1)[:, None]
         return joints, Moments(moment, len(first) + which)
-    joints = model.true_joints(command, offsets)
+    joints = real.joints(command, offsets)
     shape = (*joints.shape[:-2], *set_up.shape)
     gauged = np.broadcast_to(set_up + offsets[..., None, :], shape)
     both = np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2)

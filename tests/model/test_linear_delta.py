@@ -8,9 +8,9 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnreachableError
 from orthoglide_cal.model import Effect, Floats, Model, differentiate, simulate
-from orthoglide_cal.model.kinds import LinearDelta, ProbePlan
-from orthoglide_cal.model.kinds.probe_plan import GRAIN_MM, texture
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.model import simulate_with_jacobian
+from orthoglide_cal.model.probe_plan import GRAIN_MM, ProbePlan, texture
 from tests.printers import (
     PRINTER,
     UNEVEN,
@@ -41,7 +41,6 @@ from tests.truth.delta import (
 from tests.truth.plan import frozen
 
 NANOMETRE = 1e-6
-KIND = LinearDelta()
 VALUES = np.array([0.7, -0.4, 0.3, 0.6, 0.2, -0.15])
 LEANS = np.array([[3.0, -2.0], [-1.5, 4.0], [2.5, 1.0]])
 RADII = np.array([0.3, -0.5, 0.2])
@@ -90,11 +89,11 @@ def missed(
 def test_inverse_kinematics_of_the_controller(machine: Delta) -> None:
     rng = np.random.default_rng(2)
     places = np.column_stack((rng.uniform(-70, 70, (50, 2)), rng.uniform(0, 100, 50)))
-    found = KIND.indicated(printer(machine), places)
+    found = printer(machine).joints_for(places)
     assert found == pytest.approx(indicated(machine, places), abs=NANOMETRE)
-    rails = KIND.rails(printer(machine))
+    rails = printer(machine).nominal_rails
     assert rails.points == pytest.approx(feet(machine, Truth()), abs=NANOMETRE)
-    many = KIND.indicated(printer(machine), np.stack((places, 0.5 * places)))
+    many = printer(machine).joints_for(np.stack((places, 0.5 * places)))
     assert many.shape == (2, 50, 3)
     assert np.array_equal(many[0], found)
 
@@ -104,7 +103,7 @@ def test_direct_kinematics_undo_the_inverse_ones(machine: Delta) -> None:
     """A perfect machine goes where it is told: every reading is zero."""
     model = Model(printer(machine))
     plan = trigger_plan(machine, Truth())
-    sensed = KIND.sensed(model, NONE, plan, True, False)
+    sensed = model.machine.sensed(model.real, NONE, plan, True, False)
     assert sensed.where == pytest.approx(plan.place, abs=NANOMETRE)
     assert simulate(model, NONE, plan) == pytest.approx(plan.surface * 0.0, abs=NANOMETRE)
 
@@ -114,7 +113,7 @@ def test_direct_kinematics_of_a_machine_that_is_wrong(machine: Delta) -> None:
     model = Model(printer(machine), (of_leans(LEANS), CAUSES["leg_length"].at(ARMS)))
     truth = truth_with(machine, VALUES, leans=LEANS, arms=ARMS)
     plan = trigger_plan(machine, Truth())
-    found = KIND.sensed(model, VALUES, plan, True, False).where
+    found = model.machine.sensed(model.real, VALUES, plan, True, False).where
     expected = tool(machine, truth, indicated(machine, np.array(plan.place)))
     assert found == pytest.approx(expected, abs=NANOMETRE)
     assert np.abs(found - plan.place).max() > 0.5
@@ -130,7 +129,7 @@ def test_a_place_beyond_the_arms_is_refused() -> None:
 
 
 @every_machine
-@pytest.mark.parametrize("index", range(6), ids=KIND.calibrated)
+@pytest.mark.parametrize("index", range(6), ids=LinearDelta.parameter_names)
 def test_each_parameter_reads_as_the_truth_says(machine: Delta, index: int) -> None:
     values = np.where(np.arange(6) == index, VALUES, 0.0)
     assert missed(machine, truth_with(machine, values), values) < NANOMETRE
@@ -245,7 +244,7 @@ def test_from_which_side_a_place_is_come_to_does_not_hang_on_what_is_read_there(
     rough = np.random.default_rng(1).normal(scale=0.05, size=len(at))
     still = np.zeros(len(at))
     level, read = (
-        KIND.command(machine, touched(np.column_stack((at, z)), still, still)).approach[:400]
+        machine.command(touched(np.column_stack((at, z)), still, still)).approach[:400]
         for z in (still, rough)
     )
     np.testing.assert_array_equal(read, level)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Speech:
+class Vocabulary:
     """Words of one kind of machine; every page takes them from here.
 
     Attributes:
@@ -23,9 +23,9 @@ class Speech:
         more: which readings would determine more.
         fewest: which readings determine all of it; None where the missing ones can be named.
         noise: whose noise the readings have: "gauge".
-        probing: how such a machine measures itself, and what to bring; None where somebody reads
+        probing: how such a machine measures itself, and what to bring; empty where somebody reads
             gauges.
-        beside: what belongs to that noise, too.
+        also: what belongs to that noise, too.
         repeats: what the scatter of repeated readings does not hold.
         again: what to do where nothing explains the readings.
         words: what this kind has other words for: those of several kinds → its own; where one is
@@ -47,8 +47,8 @@ class Speech:
     noise: str
     repeats: str
     again: str
-    probing: str | None = None
-    beside: str = ""
+    probing: str = ""
+    also: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
     axes: Mapping[str, str] = field(default_factory=dict)
 
@@ -61,7 +61,7 @@ class Speech:
 
 
 # Joint offsets that somebody measures with gauges and types in.
-OFFSETS = Speech(
+OFFSETS = Vocabulary(
     one="offset",
     many="offsets",
     title="Joint offsets",
@@ -81,7 +81,7 @@ OFFSETS = Speech(
 )
 
 # Parameters of a firmware, which probes the bed by itself.
-FIRMWARE = Speech(
+FIRMWARE = Vocabulary(
     one="parameter",
     many="parameters",
     title="Parameters",
@@ -105,7 +105,7 @@ FIRMWARE = Speech(
     " printer.cfg. Others: probe with G30 at places all over the bed, bed mesh off, and write"
     " x, y and the height at which it triggers in a CSV: orthocal template touches. Then:"
     " orthocal diagnose FILE",
-    beside=" and the bed's local shape",
+    also=" and the bed's local shape",
     words={
         "enter the mean in the machine file": "enter each in printer.cfg (arm_length), or in your"
         " firmware and the machine file; then calibrate and probe again",
