@@ -1,11 +1,13 @@
 """Programs that the tests start are those of this checkout; random examples are always the same."""
 
+import functools
 import os
 import shutil
 import signal
 from pathlib import Path
 
 import pytest
+import typer.testing
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
@@ -23,6 +25,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The same examples in every run, and no time limit on machines that are busy.
 settings.register_profile("steady", derandomize=True, database=None, deadline=None, max_examples=60)
 settings.load_profile("steady")
+
+# Options are made of the functions' signatures once, not for every command that a test runs.
+typer.testing._get_command = functools.cache(typer.testing._get_command)
 
 
 @pytest.fixture
