@@ -10,8 +10,7 @@ from orthoglide_cal.estimation.methods import (
     usable_methods,
 )
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise, stays
-from orthoglide_cal.estimation.solution import Solution
-from orthoglide_cal.estimation.solve import solve
+from orthoglide_cal.estimation.solution import Solution, solve
 
 __all__ = [
     "Fit",

@@ -33,11 +33,12 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
     """
     found = list(model.machine.uncertain(plan, lambda other: simulate(model, offsets, other)))
     found += _of_causes(model.machine.unobservable, model, offsets, plan)
-    carried = carried_uncertainty(model, offsets, plan)
-    found += [
-        Influence(effect.cause.id, None, "", False, columns)
-        for effect, columns in zip(model.accepted, carried, strict=True)
-    ]
+    if model.accepted:
+        carried = carried_uncertainty(model, offsets, plan)
+        found += [
+            Influence(effect.cause.id, None, "", False, columns)
+            for effect, columns in zip(model.accepted, carried, strict=True)
+        ]
     return tuple(found)
 
 

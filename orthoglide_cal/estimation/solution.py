@@ -1,37 +1,49 @@
-"""The result of an estimation: joint offsets, how sure they are, and whether the model fits."""
+"""From what was measured to joint offsets, how sure they are, and whether the model fits."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from orthoglide_cal.errors import NotConvergedError, UnusableResultError
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
     determined,
+    require_determined,
+    require_rank,
     rms,
     scatter_of_repeats,
     sigma_rho,
+    sum_of_squares,
 )
-from orthoglide_cal.estimation.budget import Budget, Budgeted
+from orthoglide_cal.estimation.budget import Budget, Budgeted, budget_of
 from orthoglide_cal.estimation.gaussian import unexplained
-from orthoglide_cal.estimation.least_squares import OPTIMAL_MM
-from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose_differences
+from orthoglide_cal.estimation.influences import held, influences
+from orthoglide_cal.estimation.least_squares import OPTIMAL_MM, Fit, Problem, fit_offsets
+from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose, pose_differences
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise
 from orthoglide_cal.model import (
     DataKind,
     Differences,
     Floats,
+    Gauge,
     Measured,
     Model,
+    Plan,
+    Readings,
     ReadOnly,
     Source,
     gauge_doubts,
     simulate,
+    simulate_with_jacobian,
+    without_zeros,
 )
+from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.plan import read_only
 
 # Below this chance the residuals are called larger than the gauge's noise.
@@ -287,3 +299,156 @@ class Solution(Budgeted, ReadOnly):
         return (
             f"The residuals are what this {noise}'s noise{beside} would give ({sizes}; {chance})."
         )
+
+
+def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:
+    """Identify the joint offsets.
+
+    All readings at once are weighted by what is uncertain of them beside noise, such as where
+    along its leg each gauge stands; the paper's methods are as the paper has them.
+
+    Args:
+        measured: readings or differences.
+        model: the machine, its gauge and its accepted causes.
+        method: name of an estimator; the default for this kind of data if None.
+
+    Returns:
+        Offsets with their uncertainty budget, and residuals.
+
+    Raises:
+        UsageError: the method does not exist or cannot use these data.
+        RankDeficientError: the data do not determine the offsets, or so little that no search ends;
+            says what to add.
+        NotConvergedError: no optimum was found; there is no result.
+        UnusableResultError: the offsets are larger than any machine has.
+    """
+    chosen = choose_method(measured, method)
+    plain = posed = pose(measured, model, chosen, folded=True)
+    require_rank(posed.problem)
+    iterations = 0
+    if chosen.linear:
+        # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
+        predicted, at_zero = posed.problem.at_zero
+        shifted, estimator = posed.data - predicted, chosen.estimator(posed)
+        offsets = estimator @ shifted
+        residuals = shifted - at_zero @ offsets
+    else:
+        found = _search(posed)
+        offsets = found.offsets_mm
+    _require_plausible(offsets, posed.problem)
+    plan, gauge = posed.problem.plan, model.machine.gauge
+    uncertain = influences(model, offsets, plan)
+    # Causes that were fitted to these very data are not uncertain beside their noise.
+    here = _fitted_here(measured, model)
+    columns = np.hstack([each.columns for each in uncertain if each.source not in here])
+    ratio = columns / gauge.noise_mm
+    if chosen is Method.READINGS:
+        posed = posed.weighted(posed.problem.matrix @ ratio)
+        found = _search(posed, start=offsets)
+        offsets = found.offsets_mm
+    readings, jacobian = simulate_with_jacobian(model, offsets, plan)
+    if not chosen.linear:
+        residuals, iterations = found.residuals_mm, int(found.iterations)
+        estimator = np.linalg.pinv(posed.problem.matrix @ jacobian)
+    # What was fitted to these very readings took its part of their noise away.
+    known = len(offsets) + sum(here.values())
+    scatter = _scatter(measured, plain, readings, jacobian, ratio, known)
+    return Solution(
+        measured=measured,
+        method=chosen,
+        posed=posed,
+        offsets_mm=offsets,
+        residuals_mm=residuals,
+        budget=budget_of_readings(
+            estimator @ posed.problem.matrix,
+            plan,
+            gauge,
+            scatter,
+            (*uncertain, *held(model, offsets, plan)),
+        ),
+        scatter=scatter,
+        iterations=iterations,
+    )
+
+
+def _search(posed: Posed, start: Floats | None = None) -> Fit:
+    """The offsets of one data set by least squares.
+
+    Raises:
+        NotConvergedError: the search ended where the residuals can still fall.
+    """
+    fit = fit_offsets(posed.problem, posed.data, start)
+    if not fit.converged:
+        require_determined(posed.problem)
+        raise NotConvergedError(
+            f"No {posed.problem.model.machine.vocabulary.many} fit these data: the search ended where the"
+            " residuals can still fall"
+            f" (a step of {float(fit.remaining_mm):.2g} mm is left after {int(fit.iterations)}"
+            " iterations).",
+            "Check the machine file and the readings; validate names every fault.",
+        )
+    return fit
+
+
+def _scatter(
+    measured: Measured, posed: Posed, readings: Floats, jacobian: Floats, ratio: Floats, known: int
+) -> Scatter | None:
+    """σ of one reading from what no offsets explain; None without degrees of freedom.
+
+    Of raw data from all readings, whatever the method.
+
+    Args:
+        posed: without weights.
+        readings, jacobian: predicted of the plan, (n,) [mm], and their derivative, (n, 3).
+        ratio: what the influences add to them, in standard deviations, (n, p).
+        known: parameters that were fitted to the data.
+    """
+    total, dof = 0.0, len(posed.data) - known
+    if isinstance(measured, Readings):
+        if posed.which:
+            posed = pose(measured, posed.problem.model, Method.READINGS, folded=True)
+        dof = len(measured) - measured.plan.setups - known
+    if dof <= 0:
+        return None
+    problem, matrix = posed.problem, posed.problem.matrix
+    residual = posed.data - matrix @ readings
+    if isinstance(measured, Readings):
+        # Of readings that repeat each other only the means are in the problem.
+        apart = measured.plan.precision * (measured.value - readings)
+        total = float((without_zeros(measured.plan, apart) ** 2).sum() - (residual**2).sum())
+    total += sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
+    return Scatter(float(np.sqrt(max(total, 0.0) / dof)), dof)
+
+
+def budget_of_readings(
+    estimator: Floats,
+    plan: Plan,
+    gauge: Gauge,
+    scatter: Scatter | None,
+    uncertain: Sequence[Influence],
+) -> Budget:
+    """Of parameters that a linear estimator makes of readings, (p, n): of equally precise ones."""
+    equal = [replace(each, columns=plan.precision[:, None] * each.columns) for each in uncertain]
+    return budget_of(estimator / plan.precision, gauge, scatter, equal)
+
+
+def _require_plausible(offsets: Floats, problem: Problem) -> None:
+    """No carriage stands half of its travel from where it seems to be: then it could not move."""
+    low, high = problem.model.machine.joint_limits_mm
+    largest = float(np.abs(offsets).max())
+    if largest > (high - low) / 2.0:
+        require_determined(problem)
+        many = problem.model.machine.vocabulary.many
+        raise UnusableResultError(
+            f"The {many} would be as large as {largest:.0f} mm, more than half of the travel.",
+            "Check the unit and the decimal marks of the readings, and the machine file.",
+        )
+
+
+def _fitted_here(measured: Measured, model: Model) -> dict[str, int]:
+    """Accepted causes that were fitted to these very data: id → number of parameters."""
+    return {
+        effect.cause.id: int(np.count_nonzero(effect.std))
+        for effect in model.accepted
+        if effect.data_sha256 == measured.source.sha256
+    }

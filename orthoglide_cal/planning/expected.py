@@ -20,7 +20,7 @@ from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, require_rank
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.estimation.influences import held, influences
-from orthoglide_cal.estimation.solve import budget_of_readings
+from orthoglide_cal.estimation.solution import budget_of_readings
 from orthoglide_cal.model import Floats, GaugePlan, Model
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.protocols import plan_of
