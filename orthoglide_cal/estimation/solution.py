@@ -349,7 +349,7 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     readings, jacobian = simulate_with_jacobian(model, offsets, plan)
     if not chosen.linear:
         residuals, iterations = found.residuals_mm, int(found.iterations)
-        estimator = np.linalg.pinv(posed.problem.matrix @ jacobian)
+        estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
     # What was fitted to these very readings took its part of their noise away.
     known = len(offsets) + sum(here.values())
     scatter = _scatter(measured, plain, readings, jacobian, ratio, known)
@@ -380,9 +380,9 @@ def _search(posed: Posed, start: Floats | None = None) -> Fit:
     fit = fit_offsets(posed.problem, posed.data, start)
     if not fit.converged:
         require_determined(posed.problem)
+        many = posed.problem.model.machine.vocabulary.many
         raise NotConvergedError(
-            f"No {posed.problem.model.machine.vocabulary.many} fit these data: the search ended where the"
-            " residuals can still fall"
+            f"No {many} fit these data: the search ended where the residuals can still fall"
             f" (a step of {float(fit.remaining_mm):.2g} mm is left after {int(fit.iterations)}"
             " iterations).",
             "Check the machine file and the readings; validate names every fault.",
