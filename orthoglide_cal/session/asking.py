@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
-from orthoglide_cal.errors import OrthocalError, visible
+from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.dead_time import STREAM, DeadTime
-from orthoglide_cal.session.gauges.formats import Token
+from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge
 from orthoglide_cal.session.wording import wrapped
 
 # How long the keyboard is awaited before the gauge is looked at again [s].
@@ -81,23 +81,6 @@ class Show(Protocol):
     def __call__(self, text: str, style: Style = Style.PLAIN, end: str = "\n") -> None: ...
 
 
-class GaugeLost(OrthocalError):
-    """The gauge does not answer any more: unplugged, switched off, or the port is in use."""
-
-    exit_code = 3
-
-
-class Heard(NamedTuple):
-    """Something that a gauge said at a prompt; `source` is its name for the records.
-
-    `elsewhere` is a sentence if it was not the gauge that is asked: its value is not used.
-    """
-
-    token: Token
-    source: str
-    elsewhere: str | None = None
-
-
 class Typed(NamedTuple):
     """An answer from the keyboard."""
 
@@ -108,34 +91,6 @@ class Unasked(NamedTuple):
     """No answer: a gauge sends by itself. `readings`: so many of its messages became readings."""
 
     readings: int
-
-
-class LiveGauge(Protocol):
-    """A gauge that the program listens to, besides the keyboard."""
-
-    hint: str
-    """What to do for a reading, e.g. "press its button"."""
-
-    silence: str = ""
-    """What to check where Return was pressed and nothing came."""
-
-    reads_itself: bool = False
-    """True if nobody need be there: where input from a pipe ends, Return is pressed for ever, and
-    no press of a button can come too soon."""
-
-    def begin(self, step: SessionStep, takes: int) -> None:
-        """A prompt for this step, which was read `takes` times: forget what was said before."""
-
-    def poll(self, asked: bool) -> list[Heard]:
-        """What was said since the last call; `asked`: Return was pressed. Raises GaugeLost."""
-
-    def reconnect(self) -> bool:
-        """After GaugeLost: try again; True if it is back."""
-        return True
-
-    def close(self) -> None:
-        """Let go of the port, if it has one."""
-        return
 
 
 @dataclass(eq=False)
@@ -160,7 +115,7 @@ class Asker:
 
     @property
     def hint(self) -> str | None:
-        """What to do for a reading besides typing it."""
+        """What to do for a reading in addition to typing it."""
         return self.gauge.hint if self.gauge else None
 
     @property
@@ -196,25 +151,6 @@ class Asker:
             EOFError: nobody will ever answer.
         """
         self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
-        dropped = self._clear()
-        for source in (self._keys, self._gauges):
-            if (found := self._stream(source)) is not None:
-                return found
-        gauge = self.gauge if step is not None else None
-        if gauge is not None and step is not None:
-            gauge.begin(step, takes)
-        if dropped:
-            self._redraw()
-        else:
-            self.show(prompt(self.columns).rpartition("\n")[2], Style.PROMPT, "")
-        self._line_is_open, self._shown = True, self.clock()
-        while True:
-            answer = self._look(gauge)
-            if answer is not None:
-                return answer
-
-    def _clear(self) -> bool:
-        """Drop what came before the prompt; True if something was said about it."""
         before = self._keys.unasked, self._gauges.unasked
         self.keyboard.catch_up()
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
@@ -223,7 +159,20 @@ class Asker:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
                     self._drop(item.token.raw, self.clock(), self._gauges)
-        return before != (self._keys.unasked, self._gauges.unasked)
+        for source in (self._keys, self._gauges):
+            if (found := self._stream(source)) is not None:
+                return found
+        gauge = self.gauge if step is not None else None
+        if gauge is not None and step is not None:
+            gauge.begin(step, takes)
+        if before != (self._keys.unasked, self._gauges.unasked):
+            self._redraw()
+        else:
+            self.show(prompt(self.columns).rpartition("\n")[2], Style.PROMPT, "")
+        self._line_is_open, self._shown = True, self.clock()
+        while (answer := self._look(gauge)) is None:
+            pass
+        return answer
 
     def _look(self, gauge: LiveGauge | None) -> Typed | Heard | Unasked | None:
         """One look at the keyboard, then at the gauge, if it is asked."""
@@ -264,13 +213,20 @@ class Asker:
         """One look at the gauge."""
         now = self.clock()
         if self._held is not None and now - self._answered[0] >= ALONE_S:
-            return self._let_go(self._held)
+            item, self._held = self._held, None
+            self._gauges.was_reading(self._answered[0])
+            self._end_line()
+            if self._gauges.unasked < STREAM - 1:
+                return item
+            self._sending = self._gauges
+            return Unasked(0)
         if self._lost_since is not None:
             if now - self._lost_since < RECONNECT_S:
                 return None
-            self._lost_since = None if gauge.reconnect() else now
-            if self._lost_since is not None:
+            if not gauge.reconnect():
+                self._lost_since = now
                 return None
+            self._lost_since = None
             self._break_in("The gauge is back.", Style.GOOD)
         try:
             heard = gauge.poll(asked)
@@ -286,7 +242,10 @@ class Asker:
             self._break_in(gauge.silence, Style.BAD)
         for item in heard:
             if self._strict and (readings := self._gauges.arrived(now)) is not None:
-                return self._never_stops(readings)
+                # At equal intervals: said once, and nothing of it is a reading.
+                known, self._sending, self._held = self._sending is self._gauges, self._gauges, None
+                self._end_line()
+                return None if known and not readings else Unasked(readings)
             if self._held or self._gauges.is_early(now, now, 0, self._shown):
                 self._drop(item.token.raw, now, self._gauges)
             elif item.token.value is None or item.elsewhere is not None:
@@ -296,33 +255,12 @@ class Asker:
             elif gauge.reads_itself:
                 self._end_line()
                 return item
-            else:
-                self._hold(item, now)
+            else:  # a reading, if nothing follows it at once
+                self.show(visible(item.token.raw.strip())[:40], Style.PLAIN, "")
+                self._line_is_open = True
+                self._held, self._answered = item, (now, self._gauges)
+                self._gauges.begin(now, driving=False, mine=True)
         return self._stream(self._gauges)
-
-    def _hold(self, item: Heard, now: float) -> None:
-        """A reading, if nothing follows it at once."""
-        self.show(visible(item.token.raw.strip())[:40], Style.PLAIN, "")
-        self._line_is_open = True
-        self._held, self._answered = item, (now, self._gauges)
-        self._gauges.begin(now, driving=False, mine=True)
-
-    def _never_stops(self, readings: int) -> Unasked | None:
-        """The gauge sends at equal intervals: said once, and nothing of it is a reading."""
-        known, self._sending, self._held = self._sending is self._gauges, self._gauges, None
-        self._end_line()
-        if known and not readings:
-            return None
-        return Unasked(readings)
-
-    def _let_go(self, item: Heard) -> Heard | Unasked:
-        self._held = None
-        self._gauges.was_reading(self._answered[0])
-        self._end_line()
-        if self._gauges.unasked < STREAM - 1:
-            return item
-        self._sending = self._gauges
-        return Unasked(0)
 
     def _stream(self, source: DeadTime) -> Unasked | None:
         """Whether this source sends by itself, said once."""

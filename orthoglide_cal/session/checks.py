@@ -19,7 +19,7 @@ from orthoglide_cal.estimation.forecast import Prediction
 from orthoglide_cal.model import AXES, Floats, Gauge, Ints, off_scale, too_steady
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned, Taken
-from orthoglide_cal.session.gauges.formats import Token
+from orthoglide_cal.session.gauges.interface import Token
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
 from orthoglide_cal.session.wording import in_unit, value_text
 from orthoglide_cal.words import MM_PER_INCH, Unit, with_uncertainty

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,11 +13,12 @@ from orthoglide_cal.files import session_text, write_session
 from orthoglide_cal.model import AXES, Floats
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
-from orthoglide_cal.session.asking import Asker, Heard, Prompt, Style, Typed, Unasked
+from orthoglide_cal.session.asking import Asker, Prompt, Style, Typed, Unasked
 from orthoglide_cal.session.checks import Question, judge
 from orthoglide_cal.session.events import Doubt, Event, Questioned
-from orthoglide_cal.session.gauges.formats import NotAReading, Token, is_reading, parse_typed
+from orthoglide_cal.session.gauges.interface import Heard, Token
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges.typed import NotAReading, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values, written_before
@@ -403,7 +405,10 @@ class Dialogue:
             self._skip_all(reason, step)
             return
         why = given or self._words("Why is it skipped? > ")
-        if not why or is_reading(why):
+        with suppress(NotAReading):
+            parse_typed(why)
+            why = ""  # a reading is no reason
+        if not why:
             self._say("Not skipped: a reason in words is needed.")
             return
         self.write(events.Skipped(at=self.now(), step=step.number, reason=why))

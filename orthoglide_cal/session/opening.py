@@ -31,7 +31,7 @@ from orthoglide_cal.planning.steps import (
 )
 from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import wording
-from orthoglide_cal.session.asking import Asker, Keyboard, LiveGauge, Show, Style, Typed
+from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style, Typed
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import (
     PLANNED_VERSION,
@@ -42,7 +42,8 @@ from orthoglide_cal.session.events import (
     Reopened,
 )
 from orthoglide_cal.session.following import Recommendation, first_of, recommended
-from orthoglide_cal.session.gauges.serial_line import GaugePair, SerialGauge
+from orthoglide_cal.session.gauges.interface import LiveGauge
+from orthoglide_cal.session.gauges.serial_line import SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import Setting
@@ -100,7 +101,7 @@ def open_session(
         InputError: a file cannot be used.
         GaugeLost: the gauge cannot be reached.
     """
-    lines = _serial_lines(request.source)
+    serial = _serial_gauge(request.source)
     _check_options(request)
     if request.resume:
         path = resumed_session(request.path, folder)
@@ -108,8 +109,8 @@ def open_session(
     else:
         path = new_session(request.path, folder)
         # A gauge that is not there leaves no file behind, nor does a machine that is another one.
-        for line in lines:
-            line.open()
+        if serial:
+            serial.open()
         found = None
         if request.following is not None:
             choice, stands, keeper = request.choice, request.stands or 2, request.keeper
@@ -120,7 +121,13 @@ def open_session(
     try:
         state = replay(journal.recovered.events)
         setting = _setting(request, journal, state)
-        gauge = _gauge(request, setting, state, lines)
+        source = request.source or state.source
+        gauge: LiveGauge | None = None
+        if source == (SIMULATED,):
+            gauge = SimulatedGauge(setting, state.opened.seed or 0)
+        elif serial := serial or _serial_gauge(source):
+            serial.open()
+            gauge = serial
         asker = Asker(keyboard, show, gauge)
         if request.resume:
             asker.say("\n".join(wording.machine_lines(setting.held)))
@@ -312,31 +319,16 @@ def _setting(request: Request, journal: Journal, state: State) -> Setting:
     return setting
 
 
-def _gauge(
-    request: Request, setting: Setting, state: State, lines: Sequence[SerialGauge]
-) -> LiveGauge | None:
-    """The gauge besides the keyboard; `lines` are those that the request names."""
-    source = request.source or state.source
-    if source == (TYPED,):
-        return None
-    if source == (SIMULATED,):
-        return SimulatedGauge(setting, state.opened.seed or 0)
-    lines = lines or _serial_lines(source)
-    for line in lines:
-        line.open()
-    return lines[0] if len(lines) == 1 else GaugePair(lines)
-
-
-def _serial_lines(source: Sequence[str]) -> list[SerialGauge]:
+def _serial_gauge(source: Sequence[str]) -> SerialGauge | None:
     """The serial gauges that --gauge names, not opened yet. Raises UsageError."""
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
-        return []
+        return None
     if TYPED in source or SIMULATED in source or len(source) > 2:
         raise UsageError(
             f"These gauges do not go together: {', '.join(source)}.",
             "Give typed, simulated, or one or two of FORMAT:PORT.",
         )
-    return [SerialGauge(text) for text in source]
+    return SerialGauge(source)
 
 
 def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:

@@ -13,16 +13,13 @@ from orthoglide_cal.session.asking import (
     POLL_S,
     RECONNECT_S,
     Asker,
-    GaugeLost,
-    Heard,
     Line,
-    LiveGauge,
     Style,
     Typed,
     Unasked,
 )
 from orthoglide_cal.session.dead_time import AFTER_A_DRIVE_S, BETWEEN_GAUGES_S, STREAM
-from orthoglide_cal.session.gauges.formats import Token
+from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
 
 from .virtual import Screen, a_dialogue, steps_of
 

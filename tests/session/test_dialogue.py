@@ -105,7 +105,7 @@ def test_intervals_are_shown_once_determined_and_shrink(tmp_path: Path) -> None:
 def test_a_value_ends_at_the_digit_of_its_uncertainty(
     value: float, uncertainty: float, shown: str
 ) -> None:
-    assert with_uncertainty(value, uncertainty) == shown
+    assert with_uncertainty(value, uncertainty, " +/-") == shown
 
 
 def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> None:

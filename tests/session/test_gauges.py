@@ -11,16 +11,16 @@ from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.session.asking import Heard
-from orthoglide_cal.session.gauges.formats import (
+from orthoglide_cal.session.gauges.interface import Token
+from orthoglide_cal.session.gauges.serial_line import (
+    PATIENCE_S,
     SERIAL_FORMATS,
-    NotAReading,
-    Token,
-    parse_typed,
-    serial_format,
+    SerialGauge,
+    SerialPort,
+    Splitter,
 )
-from orthoglide_cal.session.gauges.serial_line import PATIENCE_S, GaugePair, SerialGauge, Splitter
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges.typed import NotAReading, parse_typed
 from orthoglide_cal.words import Unit
 
 from .virtual import setting_of, steps_of
@@ -56,13 +56,13 @@ ERRORS = [
 def test_lines_in_use(
     name: str, line: str, value: float, unit: Unit | None, channel: str | None
 ) -> None:
-    assert serial_format(name).parse(line) == Token(line, value, unit, channel)
+    assert SERIAL_FORMATS[name].parse(line) == Token(line, value, unit, channel)
 
 
 @pytest.mark.parametrize("name", sorted(SERIAL_FORMATS))
 @pytest.mark.parametrize("line", ERRORS)
 def test_errors_never_become_values(name: str, line: str) -> None:
-    assert serial_format(name).parse(line).value is None
+    assert SERIAL_FORMATS[name].parse(line).value is None
 
 
 @pytest.mark.parametrize("name", sorted(SERIAL_FORMATS))
@@ -71,17 +71,17 @@ def test_any_rubbish_is_survived(name: str) -> None:
     letters = np.array([*string.printable, "\x00", "é", "−", "\u2028"])
     for _ in range(300):
         text = "".join(rng.choice(letters, size=int(rng.integers(0, 40))))
-        value = serial_format(name).parse(text).value
+        value = SERIAL_FORMATS[name].parse(text).value
         assert value is None or math.isfinite(value)
 
 
 def test_formats_are_found_by_name() -> None:
     assert {"cdi", "mahr", "mitutoyo", "mux", "plain", "sylvac", "uwave"} <= set(SERIAL_FORMATS)
-    sylvac = serial_format("sylvac")
+    sylvac = SERIAL_FORMATS["sylvac"]
     line = (sylvac.baud, sylvac.data_bits, sylvac.parity, sylvac.stop_bits, sylvac.request)
     assert line == (4800, 7, "E", 2, b"?\r")
     with pytest.raises(UsageError, match="sylvac"):
-        serial_format("silvac")
+        SerialPort("silvac")
 
 
 def test_inches_become_millimetres_once() -> None:
@@ -102,14 +102,14 @@ def test_inches_become_millimetres_once() -> None:
     ],
 )
 def test_ports(text: str, port: str, baud: int, channels: tuple[str, ...]) -> None:
-    gauge = SerialGauge(text)
+    gauge = SerialPort(text)
     assert (gauge.port, gauge.baud, tuple(gauge.channels)) == (port, baud, channels)
 
 
 @pytest.mark.parametrize("text", ["sylvac", "sylvac:", "nothing:/dev/ttyUSB0", "", ":", "a:b@c"])
 def test_bad_ports_are_usage_errors(text: str) -> None:
     with pytest.raises(UsageError):
-        SerialGauge(text)
+        SerialPort(text)
 
 
 @pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n", b"\t"])
@@ -247,21 +247,20 @@ def test_the_help_names_every_format() -> None:
 def test_without_pyserial_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(UsageError, match=r"pip install 'orthocal\[serial\]'"):
-        SerialGauge("plain:/dev/ttyUSB0").open()
+        SerialPort("plain:/dev/ttyUSB0").open()
 
 
 def test_of_two_gauges_the_one_that_is_wanted_is_asked_and_counts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    lines = [SerialGauge(f"sylvac:/dev/ttyUSB{number}") for number in (0, 1)]
     asked: list[tuple[str, bool]] = []
 
-    def poll(line: SerialGauge, wanted: bool) -> list[Heard]:
-        asked.append((line.port[-1], wanted))
-        return [Heard(Token("+1.0", 1.0), line.name)]
+    def read(port: SerialPort, wanted: bool) -> list[Token]:
+        asked.append((port.port[-1], wanted))
+        return [Token("+1.0", 1.0)]
 
-    monkeypatch.setattr(SerialGauge, "poll", poll)
-    pair, steps = GaugePair(lines), steps_of()
+    monkeypatch.setattr(SerialPort, "read", read)
+    pair, steps = SerialGauge([f"sylvac:/dev/ttyUSB{number}" for number in (0, 1)]), steps_of()
     for index, other in ((0, "1"), (1, "0")):
         asked.clear()
         pair.begin(steps[index], 0)

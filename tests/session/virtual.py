@@ -13,9 +13,10 @@ from orthoglide_cal.files import machine_text, session_text
 from orthoglide_cal.model import Machine, Model
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
-from orthoglide_cal.session.asking import Asker, Line, LiveGauge
+from orthoglide_cal.session.asking import Asker, Line
 from orthoglide_cal.session.checks import Question, check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Doubt, Event, Opened, Questioned, Taken
+from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting

@@ -1,4 +1,4 @@
-"""A gauge on a serial line or a USB-serial adapter, through pyserial."""
+"""Gauges on serial lines or USB-serial adapters, through pyserial."""
 
 from __future__ import annotations
 
@@ -6,22 +6,77 @@ import re
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.asking import GaugeLost, Heard, LiveGauge
-from orthoglide_cal.session.gauges.formats import Token, serial_format
+from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
 
 if TYPE_CHECKING:
     import serial
 
-_LINE = re.compile(r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>\d+))?(?:#(?P<channels>[\w,]+))?")
+_PORT = re.compile(r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>\d+))?(?:#(?P<channels>[\w,]+))?")
 _ENDS = b"\r\n\t"
 # Longer than any token in use: what exceeds it is noise on the line.
 _LONGEST = 120
 # A token whose end does not follow within this time was cut off on its way [s].
 PATIENCE_S = 1.0
+
+
+@dataclass(frozen=True)
+class SerialFormat:
+    """How one family of gauges talks over a serial line."""
+
+    name: str  # as in --gauge NAME:PORT
+    pattern: str  # of a whole token; groups `value` and optionally `unit`, `channel`
+    baud: int = 9600
+    data_bits: int = 8
+    parity: str = "N"
+    stop_bits: int = 1
+    request: bytes | None = None  # asks for a reading; None if only its button sends one
+
+    def parse(self, raw: str) -> Token:
+        """What a token says; its value is None unless every character is as expected."""
+        match = re.fullmatch(self.pattern, raw, flags=re.ASCII | re.IGNORECASE)
+        return Token(raw) if match is None else Token.of(match, raw)
+
+
+# A new gauge is one more entry here, and its name in the help of `orthocal measure --gauge`.
+SERIAL_FORMATS = {
+    item.name: item
+    for item in (
+        # Chicago Dial Indicator, Starrett: "+ 2.1380, MM", with blanks between the digits.
+        SerialFormat(
+            "cdi",
+            r"(?P<value>[+-][ 0-9]{1,9}\.[ 0-9]{1,8}?)\s*,\s*(?P<unit>MM|IN)\s*",
+            request=b"R\r",
+        ),
+        # Mahr MarCator, MarConnect RS232: "  12.345 mm".
+        SerialFormat("mahr", r"\s*(?P<value>[+-]?\s*\d{1,4}\.\d{1,6})\s+(?P<unit>mm|inch|in)\s*"),
+        # Mitutoyo MUX-10, QM-Height, USB input tools: "01A+0000.123", the gauge sets the unit.
+        SerialFormat("mitutoyo", r"(?P<channel>\d\d?)A(?P<value>[+-]\d{1,6}\.\d{1,6})"),
+        # Multiplexers MUX 2, MUX 4: "1 MW+003.4665 inch"; "3 TO 999999.99 mm" is an error.
+        SerialFormat(
+            "mux", r"(?P<channel>\d) MW\s?(?P<value>[+-]\d{1,6}\.\d{1,6}) (?P<unit>mm|inch)\s*"
+        ),
+        # Any gauge that sends only a number with a decimal mark: "-1.23", "0,456 mm".
+        SerialFormat(
+            "plain", r"\s*(?P<value>[+-]?\s?\d{0,4}[.,]\d{1,6})\s*(?P<unit>mm|inch|in|\")?\s*"
+        ),
+        # Sylvac, Tesa, Diatest over an opto cable: "+12.345" after "?".
+        SerialFormat(
+            "sylvac", r"(?P<value>[+-]\d{1,4}\.\d{1,6})",
+            baud=4800, data_bits=7, parity="E", stop_bits=2, request=b"?\r",
+        ),
+        # Mitutoyo U-WAVE radio receiver: "DT10001+0000.123M", group and channel, M or I.
+        SerialFormat(
+            "uwave",
+            r"DT1(?P<channel>\d{0,6})(?P<value>[+-]\d{1,6}\.\d{1,6})(?P<unit>[MI])",
+            baud=57600,
+        ),
+    )
+}  # fmt: skip
 
 
 class Splitter:
@@ -38,30 +93,23 @@ class Splitter:
             self._since = now
         tokens: list[str] = []
         for byte in data:
-            if byte in _ENDS:
-                token = self._take()
-                if token.strip():
-                    tokens.append(token)
-            else:
+            if byte not in _ENDS:
                 self._rest += bytes((byte,))
                 if len(self._rest) > _LONGEST:
                     self._rest, self._headless = b"", True
+            elif (token := self._take()).strip():
+                tokens.append(token)
         return tokens
 
     def discard(self, data: bytes, now: float) -> None:
         """Forget everything up to now; of a token that is under way, its rest as well."""
         self.feed(data, now)
         self._headless = self._headless or bool(self._rest)
-        self._rest = b""
-        self._since = now
+        self._rest, self._since = b"", now
 
     def stale(self, now: float) -> str:
         """An unfinished token that is too old to be completed, else ""; it is thrown away."""
-        if now - self._since <= PATIENCE_S:
-            return ""
-        token = self._take() if self._rest else ""
-        self._headless = False
-        return token
+        return "" if now - self._since <= PATIENCE_S else self._take()
 
     def _take(self) -> str:
         token = "" if self._headless else self._rest.decode("ascii", errors="replace").strip("\0")
@@ -69,8 +117,8 @@ class Splitter:
         return token
 
 
-class SerialGauge(LiveGauge):
-    """One serial line; with channels given, one of them per gauge set side by side."""
+class SerialPort:
+    """One serial line."""
 
     def __init__(self, text: str) -> None:
         """
@@ -80,28 +128,33 @@ class SerialGauge(LiveGauge):
         Raises:
             UsageError: anything else, or an unknown format.
         """
-        match = _LINE.fullmatch(text)
-        if match is None:
-            serial_format(text)  # names the formats if it is not even one of them
+        match, name = _PORT.fullmatch(text), text.partition(":")[0]
+        if match is None and text in SERIAL_FORMATS:
             raise UsageError(
                 f"The gauge {text!r} lacks its port.", f"Write it as {text}:/dev/ttyUSB0."
             )
-        self.format = serial_format(match["format"])
+        if match is None or name not in SERIAL_FORMATS:
+            raise UsageError(
+                f"There is no gauge format {(name if match else text)!r}.",
+                f"Choose typed, simulated, or FORMAT:PORT with one of {', '.join(SERIAL_FORMATS)}.",
+            )
+        self.format = SERIAL_FORMATS[name]
         self.port = match["port"]
         self.baud = int(match["baud"] or self.format.baud)
+        # Of the gauges that are read side by side; none if the line is of one gauge.
         self.channels = match["channels"].split(",") if match["channels"] else []
-        self.name = f"{self.format.name}:{self.port}"
-        asked = self.format.request is not None
-        self.hint = "press Return or the gauge's button" if asked else "press its button"
+        self.name = f"{name}:{self.port}"
         check = f"Is it on, its cable plugged in, and set to {self.baud} baud?"
-        self.silence = (
-            f"The gauge on {self.port} did not answer. {check} Or press its button."
-            if asked
-            else f"Return cannot ask the gauge on {self.port}: press its button. Nothing? {check}"
-        )
+        if self.format.request:
+            self.hint = "press Return or the gauge's button"
+            answer = f"The gauge on {self.port} did not answer."
+            self.silence = f"{answer} {check} Or press its button."
+        else:
+            self.hint = "press its button"
+            answer = f"Return cannot ask the gauge on {self.port}: press its button."
+            self.silence = f"{answer} Nothing? {check}"
         self._splitter = Splitter()
         self._line: serial.Serial | None = None
-        self._stand = 0
 
     def open(self) -> None:
         """Open the port, unless it is open.
@@ -131,16 +184,18 @@ class SerialGauge(LiveGauge):
             ) from error
         self._splitter = Splitter()
 
-    def begin(self, step: SessionStep, takes: int) -> None:
-        """Only what is sent while its prompt is shown counts."""
-        self._stand = step.stand
+    def discard(self) -> None:
+        """Forget what was sent up to now."""
         if self._line is not None:
-            with suppress(OSError, TypeError):  # the next poll reports it
+            with suppress(OSError, TypeError):  # the next look reports it
                 waiting = self._line.read(self._line.in_waiting)
                 self._splitter.discard(waiting, time.monotonic())
 
-    def poll(self, asked: bool) -> list[Heard]:
-        """Tokens that arrived completely; `asked` sends the format's request, if it has one."""
+    def read(self, asked: bool) -> list[Token]:
+        """Tokens that arrived completely, and one that never will.
+
+        `asked` sends the format's request, if it has one. Raises GaugeLost.
+        """
         try:
             if self._line is None:
                 raise OSError("it is not open")
@@ -148,19 +203,14 @@ class SerialGauge(LiveGauge):
                 self._line.write(self.format.request)
             data = self._line.read(self._line.in_waiting or 1)
         except (OSError, TypeError) as error:  # pyserial: TypeError once the port has gone
-            raise self._lost(error) from error
+            self.close()
+            raise GaugeLost(
+                f"The gauge on {self.port} does not answer: {_reason(error)}."
+            ) from error
         now = time.monotonic()
-        heard = [self._heard(raw) for raw in self._splitter.feed(data, now)]
+        tokens = [self.format.parse(raw) for raw in self._splitter.feed(data, now)]
         cut = self._splitter.stale(now)
-        if cut:
-            heard.append(Heard(Token(cut), self.name))
-        return heard
-
-    def reconnect(self) -> bool:
-        """Try to open the port again, unless it is open."""
-        with suppress(GaugeLost):
-            self.open()
-        return self._line is not None
+        return [*tokens, Token(cut)] if cut else tokens
 
     def close(self) -> None:
         """Close the port."""
@@ -169,57 +219,60 @@ class SerialGauge(LiveGauge):
                 self._line.close()
             self._line = None
 
-    def _lost(self, error: Exception) -> GaugeLost:
-        self.close()
-        return GaugeLost(f"The gauge on {self.port} does not answer: {_reason(error)}.")
 
-    def _heard(self, raw: str) -> Heard:
-        token = self.format.parse(raw)
-        if not self.channels or token.channel is None:
-            return Heard(token, self.name)
-        wanted = self.channels[min(self._stand, len(self.channels) - 1)]
-        name = f"{self.name}#{token.channel}"
-        if token.channel.lstrip("0") == wanted.lstrip("0"):
-            return Heard(token, name)
-        return Heard(token, name, f"That was channel {token.channel}; channel {wanted} is asked.")
+class SerialGauge(LiveGauge):
+    """Gauges side by side, each on a port of its own or on a channel of the same one."""
 
-
-class GaugePair(LiveGauge):
-    """One line for each of the gauges that are read side by side."""
-
-    def __init__(self, gauges: Sequence[SerialGauge]) -> None:
-        self._gauges = gauges
+    def __init__(self, source: Sequence[str]) -> None:
+        """`source` as for `SerialPort`, not opened yet. Raises UsageError."""
+        self.ports = [SerialPort(text) for text in source]
+        self.hint, self.silence = self.ports[0].hint, self.ports[0].silence
         self._stand = 0
-        self.hint, self.silence = gauges[0].hint, gauges[0].silence
+
+    def open(self) -> None:
+        """Open the ports. Raises UsageError, GaugeLost."""
+        for port in self.ports:
+            port.open()
 
     def begin(self, step: SessionStep, takes: int) -> None:
-        """A prompt for the gauge of this step appears."""
-        self._stand = min(step.stand, len(self._gauges) - 1)
-        wanted = self._gauges[self._stand]
+        """Only what is sent while its prompt is shown counts."""
+        self._stand = step.stand
+        wanted = self.ports[min(step.stand, len(self.ports) - 1)]
         self.hint, self.silence = wanted.hint, wanted.silence
-        for gauge in self._gauges:
-            gauge.begin(step, takes)
+        for port in self.ports:
+            port.discard()
 
     def poll(self, asked: bool) -> list[Heard]:
         """What all gauges said; only the one that is wanted is asked, and counts."""
         heard: list[Heard] = []
-        for number, gauge in enumerate(self._gauges):
-            said = gauge.poll(asked and number == self._stand)
-            if number != self._stand:
-                other = f"That was gauge {number + 1}; gauge {self._stand + 1} is asked."
-                said = [Heard(item.token, item.source, other) for item in said]
-            heard += said
+        wanted = min(self._stand, len(self.ports) - 1)
+        for number, port in enumerate(self.ports):
+            for token in port.read(asked and number == wanted):
+                name, elsewhere = port.name, None
+                if port.channels and token.channel is not None:
+                    channel = port.channels[min(self._stand, len(port.channels) - 1)]
+                    name += f"#{token.channel}"
+                    if token.channel.lstrip("0") != channel.lstrip("0"):
+                        elsewhere = f"That was channel {token.channel}; channel {channel} is asked."
+                if number != wanted:
+                    elsewhere = f"That was gauge {number + 1}; gauge {wanted + 1} is asked."
+                heard.append(Heard(token, name, elsewhere))
         return heard
 
     def reconnect(self) -> bool:
         """Try to open the ports that are closed."""
-        back = [gauge.reconnect() for gauge in self._gauges]
-        return all(back)
+        back = True
+        for port in self.ports:
+            try:
+                port.open()
+            except GaugeLost:
+                back = False
+        return back
 
     def close(self) -> None:
         """Close all ports."""
-        for gauge in self._gauges:
-            gauge.close()
+        for port in self.ports:
+            port.close()
 
 
 def _reason(error: Exception) -> str:

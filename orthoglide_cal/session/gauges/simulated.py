@@ -8,8 +8,7 @@ import numpy as np
 
 from orthoglide_cal.model import Floats, simulate
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.asking import Heard, LiveGauge
-from orthoglide_cal.session.gauges.formats import Token
+from orthoglide_cal.session.gauges.interface import Heard, LiveGauge, Token
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import Unit
 

@@ -1,0 +1,86 @@
+"""What every gauge is for the dialogue, and what it says."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple, Protocol
+
+from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.planning.steps import SessionStep
+from orthoglide_cal.words import MM_PER_INCH, Unit
+
+# Error messages that look like numbers: they must never become one.
+_ERROR_CODES = re.compile(r"[+-]?9{5,}(?:\.9+)?|9[0-9]{2}")
+_UNITS = {"m": Unit.MM, "mm": Unit.MM} | dict.fromkeys(("i", "in", "inch", '"'), Unit.INCH)
+
+
+class GaugeLost(OrthocalError):
+    """The gauge does not answer any more: unplugged, switched off, or the port is in use."""
+
+    exit_code = 3
+
+
+class Token(NamedTuple):
+    """One message of a gauge or one typed number, understood."""
+
+    raw: str  # the characters that arrived
+    value: float | None = None  # as shown by the gauge, in `unit`; None for an error message
+    unit: Unit | None = None  # None where the gauge does not say
+    channel: str | None = None  # of a multiplexer
+
+    @classmethod
+    def of(cls, match: re.Match[str], raw: str) -> Token:
+        """From a match with the group `value` and optionally `unit` and `channel`."""
+        found = {"unit": None, "channel": None, **match.groupdict()}
+        digits = match["value"].replace(" ", "").replace(",", ".")
+        channel = found["channel"] or None
+        if _ERROR_CODES.fullmatch(digits):
+            return cls(raw, channel=channel)
+        unit = _UNITS[found["unit"].lower()] if found["unit"] else None
+        return cls(raw, float(digits), unit, channel)
+
+    def mm(self, default: Unit) -> float | None:
+        """The value in mm; `default` is its unit where the gauge gave none."""
+        if self.value is None or (self.unit or default) is Unit.MM:
+            return self.value
+        # A gauge never shows more than a nanometre: drop the dust of the multiplication.
+        return round(self.value * MM_PER_INCH, 6)
+
+
+class Heard(NamedTuple):
+    """Something that a gauge said at a prompt.
+
+    `elsewhere` is a sentence if it was not the gauge that is asked: its value is not used.
+    """
+
+    token: Token
+    source: str  # the gauge's name for the records
+    elsewhere: str | None = None
+
+
+class LiveGauge(Protocol):
+    """A gauge that the program listens to, in addition to the keyboard."""
+
+    hint: str
+    """What to do for a reading, e.g. "press its button"."""
+
+    silence: str = ""
+    """What to check where Return was pressed and nothing came."""
+
+    reads_itself: bool = False
+    """True if nobody need be there: where input from a pipe ends, Return is pressed for ever, and
+    no press of a button can come too soon."""
+
+    def begin(self, step: SessionStep, takes: int) -> None:
+        """A prompt for this step, which was read `takes` times: forget what was said before."""
+
+    def poll(self, asked: bool) -> list[Heard]:
+        """What was said since the last call; `asked`: Return was pressed. Raises GaugeLost."""
+
+    def reconnect(self) -> bool:
+        """After GaugeLost: try again; True if it is back."""
+        return True
+
+    def close(self) -> None:
+        """Let go of the port, if it has one."""
+        return
