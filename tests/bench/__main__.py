@@ -2,22 +2,28 @@
 
 import argparse
 import sys
+from dataclasses import fields, replace
 from pathlib import Path
 
 from tests.truth import GAUGES, MACHINES
 
-from .bench import Setting, run_bench
-from .cases import Counts
+from .cases import FULL, FULL_PRINTERS, draw_gauges, draw_printers
 from .report import failures, full_report
+from .run import run_bench
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Returns 1 if a demand is missed."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument("--sessions", type=int, default=20, help="per cause and group")
-    parser.add_argument("--healthy", type=int, default=125, help="per group")
-    parser.add_argument("--outside", type=int, default=5, help="per kind and group")
-    parser.add_argument("--pairs", type=int, default=2, help="per combination and group")
+    parser.add_argument("--printers", action="store_true", help="linear deltas and their probes")
+    for name, about in (
+        ("single", "per cause"),
+        ("healthy", "without a cause"),
+        ("outside", "per effect outside the list"),
+        ("pair", "per combination"),
+        ("largest", "places of a printer's layout"),
+    ):
+        parser.add_argument(f"--{name}", type=int, help=about)
     parser.add_argument("--holdouts", type=int, default=2, help="second sessions per cause, group")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--machine", choices=MACHINES, action="append")
@@ -25,13 +31,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--by", choices=("distance", "margin"), default="distance")
     parser.add_argument("--keep", type=Path, help="folder for the records and answers")
     given = parser.parse_args(arguments)
-    counts = Counts(given.sessions, given.healthy, given.outside, given.pairs)
-    setting = Setting(counts, given.seed, given.by, given.holdouts, given.keep)
+    usual = FULL_PRINTERS if given.printers else FULL
+    asked = {item.name: getattr(given, item.name) for item in fields(usual)}
+    counts = replace(usual, **{name: value for name, value in asked.items() if value is not None})
     machines = [MACHINES[name] for name in given.machine or MACHINES]
     gauges = [GAUGES[name] for name in given.gauge or GAUGES]
-    groups = run_bench(machines, gauges, setting, lambda text: print(text, file=sys.stderr))
-    print(full_report(groups))
-    return int(bool(failures(groups)))
+    drawn = (
+        draw_printers(counts, given.seed)
+        if given.printers
+        else draw_gauges(machines, gauges, counts, given.seed)
+    )
+    bench = run_bench(
+        drawn, given.by, 0 if given.printers else given.holdouts, given.seed, given.keep
+    )
+    print(full_report(bench))
+    return int(bool(failures(bench)))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,15 @@
 """Whether the numbers behind a right name are honest: intervals, held-out errors, another day."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from tests.truth import CAUSES, PERSISTENT, expected_heldout, second_session, write_readings
+from tests.truth import CAUSES, PERSISTENT, Session, expected_heldout, second_session
 
+from .answers import Answer
 from .chance import band
-from .run import diagnose
 from .scoring import Judged
 
 NORMAL_95 = 1.959964
@@ -70,10 +70,18 @@ def coverage(judged: Sequence[Judged]) -> list[Coverage]:
         mine = [j for j in judged if j.case.session.label == label and rightly_named(j)]
         if not mine:
             continue
-        errors = np.array([np.array(j.answer.offsets) - j.case.session.offsets for j in mine])
+        errors = np.array([np.array(j.answer.found) - j.case.session.offsets for j in mine])
         inside = np.abs(errors) <= NORMAL_95 * np.array([j.answer.std for j in mine])
         out.append(Coverage(label, int(inside.sum()), len(mine), *band(len(mine), 0.93, 0.97)))
     return out
+
+
+def _pooled(
+    label: str, ratios: Sequence[tuple[float, float]], stated: Sequence[float] = ()
+) -> HeldOut:
+    before, after = np.sqrt(np.mean(np.square(ratios), axis=0))
+    own = float(np.sqrt(np.mean(np.square(stated)))) if stated else None
+    return HeldOut(label, len(ratios), float(before), float(after), own)
 
 
 def heldout(judged: Sequence[Judged]) -> list[HeldOut]:
@@ -91,39 +99,38 @@ def heldout(judged: Sequence[Judged]) -> list[HeldOut]:
                 if named.heldout_ratio is not None:
                     stated.append(named.heldout_ratio)
         if ratios:
-            before, after = np.sqrt(np.mean(np.square(ratios), axis=0))
-            own = float(np.sqrt(np.mean(np.square(stated)))) if stated else None
-            out.append(HeldOut(cause, len(ratios), float(before), float(after), own))
+            out.append(_pooled(cause, ratios, stated))
     return out
 
 
-def another_day(where: Path, judged: Sequence[Judged], per_cause: int, seed: int) -> list[HeldOut]:
+def another_day(
+    judged: Sequence[Judged], count: int, seed: int, ask: Callable[[Judged, Session], Answer]
+) -> list[HeldOut]:
     """Errors of predicting a second session of the same machine, over the gauge's sigma.
 
     Args:
-        where: folder that still holds the machine file and the records.
-        judged: answers of that folder.
-        per_cause: sessions per cause, the first rightly named and distinct ones.
+        judged: answers.
+        count: sessions per cause, machine and gauge: the first rightly named and distinct ones.
         seed: draws the second sessions.
+        ask: the answer with the second session held out.
     """
-    out = []
+    out, asked = [], Counter[tuple[str, str, str]]()
     for cause in PERSISTENT:
-        mine = [
-            j
-            for j in judged
-            if j.case.session.label == cause and j.kind == "distinct" and rightly_named(j)
-        ]
         ratios = []
-        for item in mine[:per_cause]:
-            later = second_session(item.case.session, seed)
-            name = write_readings(later, where / f"later-{item.case.name}.csv").name
-            extra = ("--holdout", name, "--applied", "0", "0", "0")
-            answer = diagnose(where, [f"{item.case.name}.csv"], extra).answers[0]
+        for item in judged:
+            session = item.case.session
+            if session.label != cause or item.kind != "distinct" or not rightly_named(item):
+                continue
+            group = (cause, session.machine.name, session.gauge.name)
+            asked[group] += 1
+            if asked[group] > count:
+                continue
+            answer = ask(item, second_session(session, seed))
             if answer.ids == (cause,):
-                named, sigma = answer.causes[0], item.case.session.gauge.sigma
+                named = answer.causes[0]
                 pair = (named.heldout_before, named.heldout_after)
-                ratios.append([np.nan if value is None else value / sigma for value in pair])
+                before, after = (np.nan if v is None else v / session.gauge.sigma for v in pair)
+                ratios.append((before, after))
         if ratios:
-            before, after = np.sqrt(np.mean(np.square(ratios), axis=0))
-            out.append(HeldOut(cause, len(ratios), float(before), float(after)))
+            out.append(_pooled(cause, ratios))
     return out

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any
 
 VERDICTS = ("consistent", "named", "ambiguous", "unexplained")
 
@@ -16,14 +15,13 @@ class NamedCause:
     """One entry of `causes`."""
 
     id: str
-    probability: float
-    aliases: tuple[str, ...]
-    heldout_before: float | None
+    aliases: tuple[str, ...] = ()
+    heldout_before: float | None = None
     """[mm]"""
-    heldout_after: float | None
+    heldout_after: float | None = None
     """[mm]"""
     heldout_ratio: float | None = None
-    """Held-out errors over what the model states for them; beyond the contract, read if given."""
+    """Held-out errors over what the model states for them."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +32,10 @@ class Answer:
     """One of `VERDICTS`, or `error`."""
     causes: tuple[NamedCause, ...] = ()
     ambiguous_with: tuple[str, ...] = ()
-    offsets: tuple[float, ...] = ()
-    """x, y, z under the accepted model, [mm]."""
+    found: tuple[float, ...] = ()
+    """Each parameter under the accepted model, [mm, deg]."""
     std: tuple[float, ...] = ()
-    """Their standard deviations, [mm]."""
-    noise: float | None = None
-    """`lack_of_fit.noise_mm`, [mm]."""
+    """Their standard deviations, [mm, deg]."""
     error: str | None = None
 
     @property
@@ -63,21 +59,6 @@ class Answer:
         return frozenset((*self.ids, *aliases, *self.ambiguous_with))
 
 
-def _take(entry: dict[str, Any], field: str, where: str) -> Any:
-    if field not in entry:
-        raise ContractError(f"{where}{field} is missing")
-    return entry[field]
-
-
-def _numbers(entry: dict[str, Any], field: str) -> tuple[float, ...]:
-    values = _take(entry, field, "")
-    return tuple(float(_take(values, axis, f"{field}.")) for axis in "xyz")
-
-
-def _optional(value: object) -> float | None:
-    return None if value is None else float(str(value))
-
-
 def parse_answer(line: str) -> Answer:
     """Read one line of `diagnose --json`.
 
@@ -87,25 +68,24 @@ def parse_answer(line: str) -> Answer:
     entry = json.loads(line)
     if "error" in entry:
         return Answer("error", error=str(entry["error"]))
-    verdict = _take(entry, "verdict", "")
-    if verdict not in VERDICTS:
-        raise ContractError(f"verdict {verdict!r} is not one of {VERDICTS}")
-    causes = tuple(
-        NamedCause(
-            id=_take(cause, "id", f"causes[{n}]."),
-            probability=float(_take(cause, "probability", f"causes[{n}].")),
-            aliases=tuple(_take(cause, "aliases", f"causes[{n}].")),
-            heldout_before=_optional(_take(cause, "heldout_before_mm", f"causes[{n}].")),
-            heldout_after=_optional(_take(cause, "heldout_after_mm", f"causes[{n}].")),
-            heldout_ratio=_optional(cause.get("heldout_ratio")),
+    try:
+        if entry["verdict"] not in VERDICTS:
+            raise ContractError(f"verdict {entry['verdict']!r} is not one of {VERDICTS}")
+        return Answer(
+            verdict=entry["verdict"],
+            causes=tuple(
+                NamedCause(
+                    cause["id"],
+                    tuple(cause["aliases"]),
+                    cause["heldout_before_mm"],
+                    cause["heldout_after_mm"],
+                    cause["heldout_ratio"],
+                )
+                for cause in entry["causes"]
+            ),
+            ambiguous_with=tuple(entry["ambiguous_with"]),
+            found=tuple(each["found"] for each in entry["parameters"]),
+            std=tuple(each["std"] for each in entry["parameters"]),
         )
-        for n, cause in enumerate(_take(entry, "causes", ""))
-    )
-    return Answer(
-        verdict=verdict,
-        causes=causes,
-        ambiguous_with=tuple(_take(entry, "ambiguous_with", "")),
-        offsets=_numbers(entry, "offsets_mm"),
-        std=_numbers(entry, "std_mm"),
-        noise=_optional(_take(_take(entry, "lack_of_fit", ""), "noise_mm", "lack_of_fit.")),
-    )
+    except KeyError as missing:
+        raise ContractError(f"{missing} is missing") from missing

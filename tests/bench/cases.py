@@ -1,7 +1,7 @@
 """The sessions of one bench: drawn from a seed, each with its truth and its distance to rivals."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from tests.truth import (
     CAUSES,
@@ -15,26 +15,53 @@ from tests.truth import (
     make_session,
     separation,
 )
+from tests.truth.delta import KOSSEL, V400, Delta, DeltaSession, Layout, grain, make_delta_session
+from tests.truth.delta_outside import DELTA_OUTSIDE, clear_delta_outside
+from tests.truth.delta_separation import DELTA_CAUSES, DELTA_PAIRS, GRAIN, delta_separation
 
 SLOW = ("gauge_drift", "thermal_drift")
 SLOW_PACE = 2.5
 """[min] per posture of every second session with a slow cause: at 0.4 min a plausible creep stays
 below the gauge's noise, and a bench of nothing but invisible effects would prove nothing."""
 
+THREE = (0.0, 25.0, 50.0)
+"""Heights of the blocks under the probe of a printer."""
+LAYOUTS = (
+    Layout(41),
+    Layout(121),
+    Layout(25, THREE),
+    Layout(7),
+    Layout(13, THREE),
+    Layout(41, THREE),
+    Layout(25, cycles=3),
+    Layout(400),
+)
+MANY = 25
+"""Places from which an effect outside the list can be told from two causes."""
+NOISES = (0.005, 0.013, 0.030)
+PRINTERS = (V400, replace(KOSSEL, texture=0.005))
+"""A plate with foil and magnets, and a glass."""
+
 KINDS = ("distinct", "close", "faint", "healthy", "outside", "pair", "half pair")
 
 
 @dataclass(frozen=True)
 class Counts:
-    """How many sessions one (machine, gauge) group draws."""
+    """How many sessions are drawn: of each machine with each gauge, or of all printers together."""
 
-    single: int = 20
+    single: int
     """Per cause."""
-    healthy: int = 125
-    outside: int = 5
+    healthy: int
+    outside: int
     """Per kind of effect outside the list."""
-    pair: int = 2
-    """Per combination of a measurement and a machine cause."""
+    pair: int
+    """Per combination of a cause of the measurement and one of the machine."""
+    largest: int = 400
+    """No layout of a printer has more places."""
+
+
+FULL = Counts(single=20, healthy=125, outside=5, pair=2)
+FULL_PRINTERS = Counts(single=48, healthy=240, outside=14, pair=7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +69,8 @@ class Case:
     """One session of the bench."""
 
     name: str
-    """Unique in its group; the name of its file without the ending."""
-    session: Session
+    """Unique; the name of its file without the ending."""
+    session: Session | DeltaSession
     separation: Separation | None
     """None for healthy and outside sessions."""
 
@@ -70,21 +97,65 @@ class Case:
         return "distinct" if far >= bound else "close"
 
 
-def draw_group(machine: Machine, gauge: Gauge, counts: Counts, seed: int) -> Iterator[Case]:
-    """Draw all sessions of one machine and gauge; `seed` fixes them."""
+def draw_gauges(
+    machines: Sequence[Machine], gauges: Sequence[Gauge], counts: Counts, seed: int
+) -> Iterator[Case]:
+    """Sessions of every machine with every gauge; `seed` fixes them."""
     base = 100_000 * seed
+    for machine, gauge in ((machine, gauge) for machine in machines for gauge in gauges):
+        end = f"-{machine.name}-{gauge.name}"
+        for n in range(counts.healthy):
+            yield Case(f"healthy-{n:03d}{end}", make_session(base + n, machine, gauge), None)
+        for cause in CAUSES:
+            for n in range(counts.single):
+                pace = SLOW_PACE if cause in SLOW and n % 2 else 0.4
+                session = make_session(base + n, machine, gauge, (cause,), pace=pace)
+                yield Case(f"{cause}-{n:03d}{end}", session, separation(session))
+        for outside in OUTSIDE:
+            for n in range(counts.outside):
+                session = clear_outside(base + n, machine, gauge, outside)
+                yield Case(f"outside-{outside}-{n:03d}{end}", session, None)
+        for pair in all_pairs():
+            for n in range(counts.pair):
+                session = make_session(base + n, machine, gauge, pair)
+                yield Case(f"{'-'.join(pair)}-{n:03d}{end}", session, separation(session))
+
+
+def draw_printers(counts: Counts, seed: int) -> Iterator[Case]:
+    """Sessions over noises, printers and layouts in turn; `seed` fixes them.
+
+    The local shape of the bed is drawn as the machine file states it.
+    """
+    settings: list[tuple[Delta, Layout]] = [
+        (replace(machine, noise=noise), layout)
+        for noise in NOISES
+        for machine in PRINTERS
+        for layout in LAYOUTS
+        if layout.places <= counts.largest
+    ]
+    base = 100_000 * seed
+
+    def drawn(number: int, n: int, hidden: tuple[str, ...]) -> DeltaSession:
+        # Every cause meets other settings first.
+        machine, layout = settings[(7 * number + n) % len(settings)]
+        return make_delta_session(
+            base + n, machine, hidden, layout, (machine.texture, GRAIN), grain
+        )
+
     for n in range(counts.healthy):
-        yield Case(f"healthy-{n:03d}", make_session(base + n, machine, gauge), None)
-    for cause in CAUSES:
+        yield Case(f"healthy-{n:03d}", drawn(0, n, ()), None)
+    for number, cause in enumerate(DELTA_CAUSES):
         for n in range(counts.single):
-            pace = SLOW_PACE if cause in SLOW and n % 2 else 0.4
-            session = make_session(base + n, machine, gauge, (cause,), pace=pace)
-            yield Case(f"{cause}-{n:03d}", session, separation(session))
-    for outside in OUTSIDE:
+            session = drawn(number, n, (cause,))
+            yield Case(f"{cause}-{n:03d}", session, delta_separation(session))
+    for outside, (_, heights) in DELTA_OUTSIDE.items():
+        able = [
+            each for each in settings if each[1].places >= MANY and len(each[1].heights) >= heights
+        ]
         for n in range(counts.outside):
-            session = clear_outside(base + n, machine, gauge, outside)
+            session = clear_delta_outside(base + n, *able[n % len(able)], outside)
             yield Case(f"outside-{outside}-{n:03d}", session, None)
-    for pair in all_pairs():
+    for number, pair in enumerate(DELTA_PAIRS):
         for n in range(counts.pair):
-            session = make_session(base + n, machine, gauge, pair)
-            yield Case(f"{'-'.join(pair)}-{n:03d}", session, separation(session))
+            session = drawn(number, n, pair)
+            yield Case(f"{'-'.join(pair)}-{n:03d}", session, delta_separation(session))

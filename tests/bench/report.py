@@ -1,103 +1,169 @@
-"""The whole report of a bench, and what it demands."""
+"""The result of a bench as text, and what it demands."""
 
-from collections.abc import Sequence
-from itertools import chain
+from collections.abc import Iterable, Sequence
 
-import numpy as np
+from tests.truth.delta import DeltaSession
 
-from .accuracy import HeldOut, coverage, heldout
-from .bench import Group
-from .scoring import judge, rates
-from .tables import (
-    confusion_table,
-    coverage_table,
-    heldout_table,
-    label_table,
-    misses,
-    rate_table,
-)
+from .accuracy import Coverage, HeldOut, coverage, heldout
+from .cases import KINDS
+from .run import Bench
+from .scoring import Judged, Rate, both_accepted, confusion, judge, rates, rates_by_label
 
 HELDOUT_RATIO = (0.8, 1.25)
 FEWEST = 5
 """Sessions from which a held-out ratio is judged: one scatters by about 11 %, five by 5 %."""
 LATER_RATIO = (0.0, 1.3)
 MARGINS = ("distinct", "close")
+MISSES = 40
+"""So many wrong answers are listed."""
 
 
-def pooled_later(groups: Sequence[Group]) -> list[HeldOut]:
-    """Predictions of second sessions, pooled over the groups by cause."""
-    rows = [row for group in groups for row in group.later]
-    out = []
-    for label in dict.fromkeys(row.label for row in rows):
-        mine = [row for row in rows if row.label == label]
-        weights = [row.sessions for row in mine]
-        before, after = (
-            float(np.sqrt(np.average([getattr(row, name) ** 2 for row in mine], weights=weights)))
-            for name in ("before", "after")
-        )
-        out.append(HeldOut(label, sum(weights), before, after))
-    return out
-
-
-def failures(groups: Sequence[Group]) -> list[str]:
+def failures(bench: Bench) -> list[str]:
     """What the bench demands and did not find, in words."""
-    judged = list(chain.from_iterable(group.judged for group in groups))
     found = [
         f"{rate.kind}: {rate.share:.2%} of {rate.total}, demanded {rate.required:.0%}"
-        for rate in rates(judged)
+        for rate in rates(bench.judged)
         if not rate.met
     ]
+    if _of_printers(bench):
+        return found
     found += [
         f"coverage of {row.label}: {row.share:.1%} of {row.sessions} sessions, "
         f"not within {row.low:.1%} to {row.high:.1%}"
-        for row in coverage(judged)
+        for row in coverage(bench.judged)
         if not row.honest
     ]
     found += [
         f"held-out ratio of {row.label}: {ratio:.2f}, not within {HELDOUT_RATIO}"
-        for row in heldout(judged)
+        for row in heldout(bench.judged)
         if row.sessions >= FEWEST
         for ratio in (row.after, row.stated)
         if ratio is not None and not HELDOUT_RATIO[0] <= ratio <= HELDOUT_RATIO[1]
     ]
-    found += [
+    return found + [
         f"second session of {row.label}: {row.after:.2f} of the noise floor, allowed 1.3"
-        for row in pooled_later(groups)
+        for row in bench.later
         if not row.after <= LATER_RATIO[1]
     ]
-    return found
 
 
-def full_report(groups: Sequence[Group]) -> str:
+def full_report(bench: Bench) -> str:
     """Everything as text."""
-    judged = list(chain.from_iterable(group.judged for group in groups))
-    speeds = "\n".join(
-        f"{g.machine} {g.gauge}: {len(g.judged)} sessions, {g.per_second:.0f} per second of "
-        "processor time, start-up included"
-        for g in groups
-    )
-    wrong = misses([(f"{g.machine}-{g.gauge}", g.judged) for g in groups])
-    cases, answers = [j.case for j in judged], [j.answer for j in judged]
-    by_margin = [rate for rate in rates(judge(cases, answers, "margin")) if rate.kind in MARGINS]
+    judged = bench.judged
+    again = judge([j.case for j in judged], [j.answer for j in judged], "margin")
+    by_margin = [rate for rate in rates(again) if rate.kind in MARGINS]
     parts = [
-        ("Rates", rate_table(rates(judged))),
-        ("Rates where distance counts beyond the truth's own cost", rate_table(by_margin)),
-        ("Right / all, by what was hidden", label_table(judged)),
-        ("Confusion: first cause named, or the verdict", confusion_table(judged)),
-        (
-            "Coverage of the offsets' 95 % intervals, rightly named",
-            coverage_table(coverage(judged)),
-        ),
-        (
-            "Held-out errors over what the true model expects (0.8 to 1.25 after)",
-            heldout_table(heldout(judged), *HELDOUT_RATIO),
-        ),
-        (
-            "Second session, r.m.s. over one reading's sigma (1.3 at most after)",
-            heldout_table(pooled_later(groups), *LATER_RATIO),
-        ),
-        ("Speed", speeds),
-        ("Wrong answers", wrong or "none"),
-        ("Demands missed", "\n".join(failures(groups)) or "none"),
+        ("Rates", _rate_table(rates(judged))),
+        ("Rates where distance counts beyond the truth's own cost", _rate_table(by_margin)),
+        ("Right / all, by what was hidden", _label_table(judged)),
+        ("First cause named, or the verdict", _confusion_table(judged)),
+    ]
+    if not _of_printers(bench):
+        parts += [
+            (
+                "Coverage of the offsets' 95 % intervals, rightly named",
+                _coverage_table(coverage(judged)),
+            ),
+            (
+                "Held-out errors over what the true model expects (0.8 to 1.25 after)",
+                _heldout_table(heldout(judged), *HELDOUT_RATIO),
+            ),
+            (
+                "Second session, r.m.s. over one reading's sigma (1.3 at most after)",
+                _heldout_table(bench.later, *LATER_RATIO),
+            ),
+        ]
+    wrong = [_miss(item) for item in judged if not item.right]
+    more = [f"… and {len(wrong) - MISSES} more"] if len(wrong) > MISSES else []
+    speed = f"{len(judged)} sessions, {bench.per_second:.0f} per second of processor time"
+    parts += [
+        ("Speed, start-up included", speed),
+        ("Wrong answers", "\n".join((*wrong[:MISSES], *more)) or "none"),
+        ("Demands missed", "\n".join(failures(bench)) or "none"),
     ]
     return "\n\n".join(f"{title}\n{'-' * len(title)}\n{text}" for title, text in parts)
+
+
+def _of_printers(bench: Bench) -> bool:
+    return any(isinstance(item.case.session, DeltaSession) for item in bench.judged)
+
+
+def _rate_table(found: Sequence[Rate]) -> str:
+    """Rates with what is demanded and the chance that a sound method falls short of it."""
+    lines = [f"{'kind':<12}{'right':>7}{'of':>7}{'rate':>9}{'demanded':>10}{'false failure':>15}"]
+    for rate in found:
+        demanded = "-" if rate.required is None else f"{rate.required:.0%}"
+        lines.append(
+            f"{rate.kind:<12}{rate.right:>7}{rate.total:>7}{rate.share:>9.2%}{demanded:>10}"
+            f"{rate.false_failure:>15.1e}" + ("" if rate.met else "  MISSED")
+        )
+    return "\n".join(lines)
+
+
+def _label_table(judged: Sequence[Judged]) -> str:
+    """Right over all, by what was hidden and by kind."""
+    lines = [f"{'hidden':<30}" + "".join(f"{kind:>11}" for kind in KINDS)]
+    for label, kinds in rates_by_label(judged).items():
+        cells = ("/".join(map(str, kinds[kind])) if kind in kinds else "" for kind in KINDS)
+        lines.append(f"{label:<30}" + "".join(f"{cell:>11}" for cell in cells))
+    accepted, total = both_accepted(judged)
+    if total:
+        lines.append(f"pairs with both members accepted, aliases not counted: {accepted}/{total}")
+    return "\n".join(lines)
+
+
+def _confusion_table(judged: Sequence[Judged]) -> str:
+    """What was answered first, by what was hidden, the most frequent first."""
+    return "\n".join(
+        f"{label:<28}" + ", ".join(f"{name} {count}" for name, count in counts.most_common())
+        for label, counts in confusion(judged).items()
+    )
+
+
+def _coverage_table(found: Sequence[Coverage]) -> str:
+    """Coverage of the offsets' 95 % intervals with the band of honest intervals."""
+    lines = [f"{'hidden':<18}{'sessions':>9}{'coverage':>10}{'band of 93-97 %':>18}"]
+    for row in found:
+        lines.append(
+            f"{row.label:<18}{row.sessions:>9}{row.share:>10.1%}{row.low:>10.1%} -{row.high:>6.1%}"
+            + ("" if row.honest else "  MISSED")
+        )
+    return "\n".join(lines)
+
+
+def _heldout_table(found: Iterable[HeldOut], low: float, high: float) -> str:
+    """r.m.s. ratios before and after the extension and as stated; after: `low` to `high`."""
+    lines = [f"{'hidden':<18}{'sessions':>9}{'before':>9}{'after':>9}{'stated':>9}"]
+    for row in found:
+        good = all(low <= value <= high for value in (row.after, row.stated) if value is not None)
+        stated = "-" if row.stated is None else f"{row.stated:.2f}"
+        lines.append(
+            f"{row.label:<18}{row.sessions:>9}{row.before:>9.2f}{row.after:>9.2f}{stated:>9}"
+            + ("" if good else "  MISSED")
+        )
+    return "\n".join(lines)
+
+
+def _miss(item: Judged) -> str:
+    """A wrongly answered session, with what made it hard."""
+    session, far = item.case.session, item.case.separation
+    if isinstance(session, DeltaSession):
+        layout = session.layout
+        place = (
+            f"{layout.places} places, {len(layout.heights)} heights, {layout.cycles} cycles,"
+            f" {1e3 * session.machine.noise:g} µm"
+        )
+    else:
+        place = " ".join(effect.where for effect in session.effects)
+    stands = (
+        f" {far.distance:.1f} from {far.nearest}, {far.visible:.1f} from healthy, own {far.own:.1f}"
+        if far
+        else ""
+    )
+    also = ",".join(sorted(item.answer.mentioned - set(item.answer.ids)))
+    return (
+        f"{item.case.name} [{item.kind}] {place}{stands}: {item.answer.verdict}"
+        f" {','.join(item.answer.ids)}"
+        + (f" (or {also})" if also else "")
+        + (f" {item.answer.error}" if item.answer.error else "")
+    )

@@ -1,20 +1,24 @@
 """Ask the program: write records to a folder and run `diagnose` on them as its users do."""
 
+import json
 import os
 import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.truth import Gauge, Machine, Session, machine_yaml, write_readings
+from tests.machines import ROOT
+from tests.truth import Session, machine_yaml, readings_csv
+from tests.truth.delta import DeltaSession, delta_csv, delta_yaml
 
+from .accuracy import HeldOut, another_day
 from .answers import Answer, parse_answer
+from .cases import Case
+from .scoring import Judged, judge
 
-ROOT = Path(__file__).parents[2]
 MACHINE_FILE = "machine.yaml"
 ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -24,14 +28,19 @@ class RunError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Run:
-    """What one call answered."""
+class Bench:
+    """All sessions, judged."""
 
-    answers: tuple[Answer, ...]
+    judged: tuple[Judged, ...]
     cpu_seconds: float
-    """Processor time of the call, start-up included."""
-    output: str
-    """The answers as they were printed."""
+    """Processor time of the program, start-ups included."""
+    later: tuple[HeldOut, ...] = ()
+    """Predictions of second sessions."""
+
+    @property
+    def per_second(self) -> float:
+        """Sessions per second of processor time."""
+        return len(self.judged) / max(self.cpu_seconds, 1e-9)
 
 
 def program() -> list[str]:
@@ -39,46 +48,87 @@ def program() -> list[str]:
     return [sys.executable, "-m", "orthoglide_cal"]
 
 
-@contextmanager
-def folder(keep: Path | None) -> Iterator[Path]:
-    """A folder for records: the one to keep, made if need be, or a temporary one."""
-    if keep is not None:
-        keep.mkdir(parents=True, exist_ok=True)
-        yield keep
-        return
-    with tempfile.TemporaryDirectory() as name:
-        yield Path(name)
+def files_of(session: Session | DeltaSession) -> tuple[str, str]:
+    """Text of its machine file and of its record."""
+    if isinstance(session, DeltaSession):
+        return delta_yaml(session.machine), delta_csv(session)
+    return machine_yaml(session.machine, session.gauge), readings_csv(session)
 
 
-def write_group(
-    where: Path, machine: Machine, gauge: Gauge, sessions: Sequence[tuple[str, Session]]
-) -> list[str]:
-    """Write the machine file and one record per (name, session); returns the file names."""
-    (where / MACHINE_FILE).write_text(machine_yaml(machine, gauge), encoding="utf-8")
-    return [write_readings(session, where / f"{name}.csv").name for name, session in sessions]
-
-
-def diagnose(where: Path, files: Sequence[str], extra: Sequence[str] = ()) -> Run:
-    """Run `diagnose --json` once on all files of a folder, on one thread.
+def diagnose(
+    where: Path, sessions: Iterable[tuple[str, Session | DeltaSession]], extra: Sequence[str] = ()
+) -> list[Answer]:
+    """Answers to records of one machine: one run of `diagnose --json` on all, on one thread.
 
     Raises:
         RunError: there is not one answer per file.
     """
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    names = []
+    for name, session in sessions:
+        machine, record = files_of(session)
+        (where / MACHINE_FILE).write_text(machine, encoding="utf-8")
+        (where / f"{name}.csv").write_text(record, encoding="utf-8")
+        names.append(f"{name}.csv")
     done = subprocess.run(
-        [*program(), "diagnose", "--machine", MACHINE_FILE, "--json", *extra, *files],
+        [*program(), "diagnose", "--machine", MACHINE_FILE, "--json", *extra, *names],
         cwd=where,
         env={**os.environ, "PYTHONPATH": str(ROOT), **ONE_CORE},
         capture_output=True,
         text=True,
         check=False,
     )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     lines = [line for line in done.stdout.splitlines() if line.strip()]
-    if len(lines) != len(files):
+    if len(lines) != len(names):
         raise RunError(
-            f"{len(lines)} answers for {len(files)} files, exit code {done.returncode}: "
+            f"{len(lines)} answers for {len(names)} files, exit code {done.returncode}: "
             f"{done.stderr[-2000:]}"
         )
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return Run(tuple(parse_answer(line) for line in lines), cpu, done.stdout)
+    with (where / "answers.jsonl").open("a", encoding="utf-8") as kept:
+        kept.write(done.stdout)
+    return [parse_answer(line) for line in lines]
+
+
+def run_bench(
+    drawn: Iterable[Case],
+    by: str = "distance",
+    holdouts: int = 0,
+    seed: int = 1,
+    keep: Path | None = None,
+) -> Bench:
+    """Ask about all sessions, machine by machine, and judge the answers.
+
+    Args:
+        drawn: the sessions.
+        by: how near a rival counts; see `Case.kind`.
+        holdouts: second sessions per cause, machine and gauge.
+        seed: draws these.
+        keep: folder in which the records, truths and answers stay.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        where = keep or Path(name)
+        where.mkdir(parents=True, exist_ok=True)
+        of_machine: dict[str, list[Case]] = {}
+        for case in drawn:
+            of_machine.setdefault(files_of(case.session)[0], []).append(case)
+        judged: list[Judged] = []
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        for cases in of_machine.values():
+            answers = diagnose(where, [(case.name, case.session) for case in cases])
+            judged += judge(cases, answers, by)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        if keep:
+            truths = (
+                json.dumps({"name": item.case.name, **item.case.session.truth()})
+                for item in judged
+                if isinstance(item.case.session, Session)
+            )
+            (keep / "truths.jsonl").write_text("\n".join(truths) + "\n", encoding="utf-8")
+
+        def ask(item: Judged, later: Session) -> Answer:
+            (where / "later.csv").write_text(readings_csv(later), encoding="utf-8")
+            extra = ("--holdout", "later.csv", "--applied", "0", "0", "0")
+            return diagnose(where, [(item.case.name, item.case.session)], extra)[0]
+
+        later = another_day(judged, holdouts, seed, ask)
+    return Bench(tuple(judged), cpu, tuple(later))

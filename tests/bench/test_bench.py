@@ -1,37 +1,32 @@
-"""The blind bench against the installed program: a quick one, and the full one (-m slow)."""
+"""The blind bench against the program: small ones, and the full ones (-m slow)."""
 
 from collections import Counter
-from itertools import chain
 
+import numpy as np
 import pytest
 
 from tests.truth import CAUSES, GAUGES, HEALTHY, MACHINES, MICRON, OUTSIDE, PROTOTYPE
+from tests.truth.delta import V400, Layout, Truth, probe_bed
+from tests.truth.delta_separation import DELTA_CAUSES, delta_separation
+from tests.truth.plan import frozen
 
-from .bench import Group, Setting, run_bench
-from .cases import Counts
+from .cases import FULL, FULL_PRINTERS, Counts, draw_gauges, draw_printers
 from .report import failures, full_report
+from .run import run_bench
 from .scoring import rates
 
 
-@pytest.fixture(scope="module")
-def quick() -> Group:
-    """Four sessions per cause of one group."""
-    setting = Setting(Counts(single=4, healthy=30, outside=1, pair=1), seed=11)
-    return run_bench([PROTOTYPE], [MICRON], setting)[0]
-
-
-def test_quick_bench_is_not_below_the_demands(quick: Group) -> None:
+def test_quick_bench_is_not_below_the_demands() -> None:
     """Fails a rate only if a method exactly at the demanded one had less than 1e-4 chance.
 
     Chance of false failure for a method at the demands: below 5e-4 over five rates; for a sound
     one (99 %) below 1e-7.
     """
-    for rate in rates(quick.judged):
-        assert rate.chance_if_met > 1e-4, full_report([quick])
-
-
-def test_quick_bench_answers_every_file(quick: Group) -> None:
-    assert [j.answer.error for j in quick.judged if j.answer.error] == []
+    counts = Counts(single=2, healthy=15, outside=1, pair=1)
+    bench = run_bench(draw_gauges([PROTOTYPE], [MICRON], counts, seed=11))
+    assert [j.answer.error for j in bench.judged if j.answer.error] == []
+    for rate in rates(bench.judged):
+        assert rate.chance_if_met > 1e-4, full_report(bench)
 
 
 @pytest.mark.slow
@@ -43,12 +38,47 @@ def test_full_bench_meets_the_demands() -> None:
     99 % of 500), outside 2e-5 (97 % against 90 % of 140), pairs 1e-5 (97 % against 90 % of 167);
     coverage 2e-3 for each of some ten causes at the bounds, far less inside them.
     """
-    setting = Setting(Counts(), seed=1, holdouts=2)
-    groups = run_bench(list(MACHINES.values()), list(GAUGES.values()), setting)
-    print(full_report(groups))
-    answered = list(chain.from_iterable(group.judged for group in groups))
-    kinds = Counter(item.case.session.label for item in answered)
+    drawn = draw_gauges(list(MACHINES.values()), list(GAUGES.values()), FULL, seed=1)
+    bench = run_bench(drawn, holdouts=2)
+    print(full_report(bench))
+    kinds = Counter(item.case.session.label for item in bench.judged)
     assert kinds[HEALTHY] == 500
     assert {kinds[cause] for cause in CAUSES} == {4 * 20}
     assert {kinds[f"outside:{kind}"] for kind in OUTSIDE} == {4 * 5}
-    assert not failures(groups)
+    assert not failures(bench)
+
+
+@pytest.mark.slow
+def test_quick_bench_of_printers_is_not_below_the_demands() -> None:
+    """Fails a rate only if a method exactly at the demanded one had less than 1e-3 chance."""
+    bench = run_bench(draw_printers(Counts(2, 12, outside=14, pair=7, largest=41), seed=11))
+    assert {item.case.session.label for item in bench.judged} >= {"healthy", *DELTA_CAUSES}
+    for rate in rates(bench.judged):
+        assert rate.chance_if_met > 1e-3, full_report(bench)
+
+
+@pytest.mark.slow
+def test_full_bench_of_printers_meets_the_demands() -> None:
+    bench = run_bench(draw_printers(FULL_PRINTERS, seed=1))
+    assert not failures(bench), full_report(bench)
+
+
+def _stands(layout: Layout) -> dict[str, float]:
+    truth = Truth(leans=frozen(np.array([[3.0, -1.5], [1.0, -8.0], [1.0, -7.0]])))
+    rng = np.random.default_rng(3)
+    return delta_separation(probe_bed(V400, truth, ("tower_lean",), layout, rng)).distances
+
+
+def test_three_heights_tell_a_lean_from_a_bent_bed_and_one_does_not() -> None:
+    """At the same number of touches."""
+    flat, high = _stands(Layout(75)), _stands(Layout(25, (0.0, 25.0, 50.0)))
+    assert min(flat["healthy"], high["healthy"]) > 6.0
+    assert high["bed_shape"] > 2.0 * flat["bed_shape"]
+
+
+def test_its_own_cause_costs_no_more_than_its_size() -> None:
+    """The best fit of the true cause is at least as good as the truth: squares of its sizes."""
+    distances = _stands(Layout(41))
+    own = np.sqrt(sum(lean**2 for lean in (3.0, 1.5, 1.0, 8.0, 1.0, 7.0))) / 2.0
+    assert 0.0 < distances["tower_lean"] <= 1.02 * own
+    assert distances["tower_lean"] < distances["healthy"]

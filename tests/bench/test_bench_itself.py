@@ -6,18 +6,19 @@ from dataclasses import replace
 from math import comb
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.truth import CAUSES, DIAL, MICRON, OUTSIDE, PROTOTYPE, Separation, make_session
 
-from . import bench, run
+from . import run
 from .accuracy import coverage, heldout
 from .answers import Answer, ContractError, NamedCause, parse_answer
-from .bench import Setting, run_group
-from .cases import Case, Counts
+from .cases import Case, Counts, draw_gauges
 from .chance import band, chance_at_most, chance_below
 from .report import failures, full_report
-from .scoring import Judged, Rate, both_accepted, confusion, is_right, judge, rates
+from .run import run_bench
+from .scoring import Rate, both_accepted, confusion, is_right, judge, rates
 
 
 def _case(*hidden: str, near: float = 9.0, visible: float = 9.0, own: float = 1.0) -> Case:
@@ -30,8 +31,8 @@ def _case(*hidden: str, near: float = 9.0, visible: float = 9.0, own: float = 1.
 
 
 def _named(*ids: str, aliases: tuple[str, ...] = (), also: tuple[str, ...] = ()) -> Answer:
-    causes = tuple(NamedCause(name, 0.9, aliases, 0.004, 0.0035) for name in ids)
-    return Answer("named", causes, also, (0.1, 0.2, 0.3), (0.01, 0.01, 0.01), 0.003)
+    causes = tuple(NamedCause(name, aliases, 0.004, 0.0035) for name in ids)
+    return Answer("named", causes, also, (0.1, 0.2, 0.3), (0.01, 0.01, 0.01))
 
 
 def test_a_case_asks_for_what_its_distances_allow() -> None:
@@ -92,7 +93,7 @@ def test_rates_and_confusion_count() -> None:
 def test_coverage_and_heldout_look_at_right_models_only() -> None:
     case = _case("axis_gap")
     truth = tuple(float(value) for value in case.session.offsets)
-    right = replace(_named("axis_gap"), offsets=(truth[0], truth[1] + 0.019, truth[2] - 0.02))
+    right = replace(_named("axis_gap"), found=(truth[0], truth[1] + 0.019, truth[2] - 0.02))
     judged = judge([case, case], [right, _named("bar_skew")])
     (row,) = coverage(judged)
     assert (row.sessions, row.inside) == (1, 2)
@@ -116,66 +117,61 @@ def test_binomial_chances_are_exact() -> None:
 
 
 def test_answers_are_read_strictly() -> None:
+    cause = {"id": "axis_gap", "aliases": ["bar_skew"], "heldout_before_mm": 0.1}
     line = {
         "verdict": "ambiguous",
-        "lack_of_fit": {"statistic": 99.0, "p_value": 1e-9, "noise_mm": 0.003, "residual_mm": 0.1},
-        "causes": [
-            {
-                "id": "axis_gap",
-                "probability": 0.7,
-                "aliases": ["bar_skew"],
-                "heldout_before_mm": 0.1,
-                "heldout_after_mm": None,
-            }
-        ],
+        "causes": [{**cause, "heldout_after_mm": None, "heldout_ratio": None}],
         "ambiguous_with": ["backlash"],
-        "offsets_mm": {"x": 1, "y": 2, "z": 3},
-        "std_mm": {"x": 0.1, "y": 0.2, "z": 0.3},
+        "parameters": [{"found": k, "std": 0.1 * k} for k in (1.0, 2.0, 3.0)],
     }
     answer = parse_answer(json.dumps(line))
     assert answer.first == "axis_gap"
     assert answer.mentioned == {"axis_gap", "bar_skew", "backlash"}
-    assert (answer.offsets, answer.std[2]) == ((1.0, 2.0, 3.0), 0.3)
+    assert (answer.found, answer.std[1]) == ((1.0, 2.0, 3.0), 0.2)
     assert answer.causes[0].heldout_after is None
     assert parse_answer('{"input": "a.csv", "error": "no such file"}').first == "error"
-    for broken in ({**line, "verdict": "maybe"}, {k: v for k, v in line.items() if k != "causes"}):
+    for broken in (
+        {**line, "verdict": "maybe"},
+        {**line, "causes": [cause]},
+        {k: v for k, v in line.items() if k != "causes"},
+    ):
         with pytest.raises(ContractError):
             parse_answer(json.dumps(broken))
 
 
 ECHO = """
 import json, sys
-names = [name for name in sys.argv[1:] if name.endswith(".csv") and not name.startswith("later-")]
+names = [name for name in sys.argv[1:] if name.endswith(".csv") and not name.startswith("later")]
 for name in names:
     found = name.split("-")[0]
-    causes = [{"id": found, "probability": 1, "aliases": [], "heldout_before_mm": 0.02,
-               "heldout_after_mm": 0.006}] if found not in ("healthy", "outside") else []
+    causes = [{"id": found, "aliases": [], "heldout_before_mm": 0.02, "heldout_after_mm": 0.006,
+               "heldout_ratio": None}] if found not in ("healthy", "outside") else []
     verdict = {"healthy": "consistent", "outside": "unexplained"}.get(found, "named")
-    axes = {"x": 0.0, "y": 0.0, "z": 0.0}
     print(json.dumps({"verdict": verdict, "causes": causes, "ambiguous_with": [],
-        "lack_of_fit": {"noise_mm": 0.003}, "offsets_mm": axes, "std_mm": axes}))
+        "parameters": [{"found": 0.0, "std": 0.0}] * 3}))
 """
 
 
-def test_a_group_runs_through_a_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bench_runs_through_a_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that reads the truth off the file names is right but for pairs and coverage."""
     script = tmp_path / "echo.py"
     script.write_text(ECHO, encoding="utf-8")
     monkeypatch.setattr(run, "program", lambda: [sys.executable, str(script)])
-    counts = Counts(single=1, healthy=4, outside=1, pair=1)
-    setting = Setting(counts, seed=3, holdouts=1, keep=tmp_path / "kept")
-    group = run_group(PROTOTYPE, DIAL, setting)
-    assert len(group.judged) == len(CAUSES) + 4 + len(OUTSIDE) + 30
-    wrong = {j.kind for j in group.judged if not j.right}
+    counts, kept = Counts(single=1, healthy=4, outside=1, pair=1), tmp_path / "kept"
+    drawn = draw_gauges([PROTOTYPE], [MICRON, DIAL], counts, seed=3)
+    bench = run_bench(drawn, holdouts=1, seed=3, keep=kept)
+    assert len(bench.judged) == 2 * (len(CAUSES) + 4 + len(OUTSIDE) + 30)
+    wrong = {j.kind for j in bench.judged if not j.right}
     assert wrong <= {"pair", "half pair"}
     assert "pair" in wrong
-    # Its intervals have no width, and its later errors are 0.006 over 0.0067.
-    assert any("coverage of healthy" in text for text in failures([group]))
-    assert group.later
-    assert group.later[0].after == pytest.approx(0.006 / DIAL.sigma)
-    assert "MISSED" in full_report([group])
-    kept = list((tmp_path / "kept" / "prototype-dial").glob("healthy-*.csv"))
-    assert len(kept) == 4
+    # Its intervals have no width, and its later errors are 0.006 over the noise of each gauge.
+    assert any("coverage of healthy" in text for text in failures(bench))
+    assert bench.later[0].sessions == 2
+    ratios = np.array([0.006 / DIAL.sigma, 0.006 / MICRON.sigma])
+    assert bench.later[0].after == pytest.approx(np.sqrt(np.mean(ratios**2)))
+    assert "MISSED" in full_report(bench)
+    assert len(list(kept.glob("healthy-*.csv"))) == 8
+    assert len((kept / "truths.jsonl").read_text().splitlines()) == len(bench.judged)
 
 
 def test_a_program_that_skips_a_file_is_an_error(
@@ -183,18 +179,4 @@ def test_a_program_that_skips_a_file_is_an_error(
 ) -> None:
     monkeypatch.setattr(run, "program", lambda: [sys.executable, "-c", "print('')"])
     with pytest.raises(run.RunError, match="0 answers for 1 files"):
-        run.diagnose(tmp_path, ["a.csv"])
-
-
-def test_groups_are_asked_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    empty: tuple[Judged, ...] = ()
-    monkeypatch.setattr(
-        bench, "run_group", lambda m, g, s: bench.Group(m.name, g.name, empty, 1.0, ())
-    )
-    said: list[str] = []
-    groups = bench.run_bench([PROTOTYPE], [MICRON, DIAL], Setting(Counts()), said.append)
-    assert [(g.machine, g.gauge) for g in groups] == [
-        ("prototype", "micron"),
-        ("prototype", "dial"),
-    ]
-    assert len(said) == 2
+        run.diagnose(tmp_path, [("a", make_session(1, PROTOTYPE, MICRON))])
