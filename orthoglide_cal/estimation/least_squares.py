@@ -30,13 +30,14 @@ from orthoglide_cal.model import (
     simulate_with_jacobian,
 )
 
-# An offset is compared with this many millimetres to call a Newton step "nothing left".
-OPTIMAL_MM = 1e-9
+# A fit is an optimum if the step that is left is at most this [standard deviations].
+OPTIMAL = 1e-3
 MAX_ITERATIONS = 100
 # Sessions solved together: few enough for the processor's cache, enough to outweigh Python.
 BLOCK = 4096
-# An undamped step shorter than this ends the iteration [mm]; well below OPTIMAL_MM.
-SHORT_STEP_MM = 1e-10
+# An undamped step shorter than this ends the iteration [standard deviations]: where it can be had,
+# no digit that is shown depends on where a search began.
+SHORT_STEP = 1e-7
 # Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
@@ -112,21 +113,28 @@ class Problem(ReadOnly):
         matrix = self.matrix / self.plan.precision
         return np.asarray(matrix @ matrix.T)
 
-    def remaining_step(self, data: Floats, offsets: Floats) -> Floats:
+    def remaining(self, data: Floats, offsets: Floats) -> Floats:
         """How far the offsets are from the least-squares optimum, recomputed from the data.
 
-        The Gauss–Newton step |(JᵀJ)⁻¹Jᵀr| that would still be taken; zero at a stationary point
-        of eq. (25).
+        |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
+        noise σ: no offset would move by more than as many of its standard deviations. Zero at a
+        stationary point of eq. (25).
 
         Args:
             data: d, shape (..., k) [mm].
             offsets: shape (..., 3) [mm].
 
         Returns:
-            Shape (...) [mm]; NaN where the model cannot be evaluated.
+            Shape (...) [standard deviations]; NaN where the model cannot be evaluated.
         """
         predicted, slope = self.predict_with_jacobian(offsets, strict=False)
-        return np.asarray(np.abs(normal_step(slope, data - predicted)).max(axis=-1))
+        return self.length(slope, normal_step(slope, data - predicted))
+
+    def length(self, slope: Floats, step: Floats) -> Floats:
+        """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
+        moved = sum(slope[..., i] * step[..., i, None] for i in range(step.shape[-1]))
+        noise = self.model.machine.gauge.noise_mm
+        return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
 
 
 def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
@@ -179,19 +187,19 @@ class Fit(ReadOnly):
     Attributes:
         offsets_mm: shape (..., 3).
         residuals_mm: d − R·h, shape (..., k).
-        remaining_mm: optimality check, shape (...); see `Problem.remaining_step`.
+        remaining: optimality check, shape (...); see `Problem.remaining`.
         iterations: steps tried, shape (...).
     """
 
     offsets_mm: Floats
     residuals_mm: Floats
-    remaining_mm: Floats
+    remaining: Floats
     iterations: Ints
 
     @property
     def converged(self) -> np.ndarray:
         """True where nothing is left of the step, shape (...); a NaN is no."""
-        return np.asarray(self.remaining_mm <= OPTIMAL_MM)
+        return np.asarray(self.remaining <= OPTIMAL)
 
 
 def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> Fit:
@@ -307,8 +315,8 @@ def _fit_block(
     )
     for iteration in range(MAX_ITERATIONS + 1):
         newton = normal_step(at.slope, at.residual)
-        size = np.abs(newton).max(axis=-1)
-        open_ = (size > SHORT_STEP_MM) & (iteration < MAX_ITERATIONS)
+        size = problem.length(at.slope, newton)
+        open_ = (size > SHORT_STEP) & (iteration < MAX_ITERATIONS)
         if not np.all(open_) or not n:
             done = ~open_
             offsets[at.which[done]] = at.offsets[done]

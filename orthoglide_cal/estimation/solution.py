@@ -24,7 +24,7 @@ from orthoglide_cal.estimation.accuracy import (
 from orthoglide_cal.estimation.budget import Budget, Budgeted, budget_of
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.influences import held, influences
-from orthoglide_cal.estimation.least_squares import OPTIMAL_MM, Fit, Problem, fit_offsets
+from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, Problem, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose, pose_differences
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise
 from orthoglide_cal.model import (
@@ -230,23 +230,23 @@ class Solution(Budgeted, ReadOnly):
         return (*said, limit)
 
     @cached_property
-    def remaining_mm(self) -> float:
-        """How far the offsets are from their optimum, recomputed from the problem [mm].
+    def remaining(self) -> float:
+        """How far the offsets are from their optimum, recomputed [standard deviations].
 
         A nonlinear method: the step that it would still take. A linear one: what its own
         estimator finds in its residual.
         """
         problem, data = self.posed.problem, self.posed.data
         if not self.method.linear:
-            return float(problem.remaining_step(data, self.offsets_mm))
+            return float(problem.remaining(data, self.offsets_mm))
         predicted, slope = problem.at_zero
         left = data - predicted - slope @ self.offsets_mm
-        return float(np.abs(self.method.estimator(self.posed) @ left).max())
+        return float(np.abs(self.method.estimator(self.posed) @ left / self.std_mm).max())
 
     @property
     def converged(self) -> bool:
         """True if that check holds."""
-        return self.remaining_mm <= OPTIMAL_MM
+        return self.remaining <= OPTIMAL
 
     @property
     def determined(self) -> tuple[bool, ...]:
@@ -383,8 +383,8 @@ def _search(posed: Posed, start: Floats | None = None) -> Fit:
         many = posed.problem.model.machine.vocabulary.many
         raise NotConvergedError(
             f"No {many} fit these data: the search ended where the residuals can still fall"
-            f" (a step of {float(fit.remaining_mm):.2g} mm is left after {int(fit.iterations)}"
-            " iterations).",
+            f" (a step of {float(fit.remaining):.2g} standard deviations is left after"
+            f" {int(fit.iterations)} iterations).",
             "Check the machine file and the readings; validate names every fault.",
         )
     return fit

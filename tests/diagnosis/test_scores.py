@@ -71,7 +71,7 @@ def linear_model(
     white = found.at.white
     model, plan = white.problem.model.extended(given), white.plan
     start = found.at.offsets[0]
-    assert white.problem.remaining_step(white.data, start) < 1e-9
+    assert white.problem.remaining(white.data, start) < 1e-6
     step = 1e-4
     columns = [
         (simulate(model, start + d, plan) - simulate(model, start - d, plan))

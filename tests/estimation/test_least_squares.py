@@ -8,7 +8,8 @@ from scipy.optimize import least_squares
 
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Problem, fit_offsets, solve
-from orthoglide_cal.estimation.least_squares import OPTIMAL_MM, normal_step
+from orthoglide_cal.estimation.accuracy import unit_covariance
+from orthoglide_cal.estimation.least_squares import OPTIMAL, normal_step
 from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
@@ -53,7 +54,7 @@ def test_exact_data_give_the_true_offsets(model: Model, kind: DataKind) -> None:
     offsets = np.random.default_rng(3).uniform(-8.0, 8.0, (50, 3))
     fit = fit_offsets(problem, noisy(problem, offsets, 0.0, 1))
     assert np.all(fit.converged)
-    assert np.abs(fit.offsets_mm - offsets).max() < OPTIMAL_MM
+    assert np.abs(fit.offsets_mm - offsets).max() < 1e-9
 
 
 @both_models
@@ -64,7 +65,7 @@ def test_all_of_100_000_random_offsets_converge_from_zero(model: Model, kind: Da
     offsets = np.random.default_rng(7).uniform(-20.0, 20.0, (100_000, 3))
     fit = fit_offsets(problem, noisy(problem, offsets, 0.0, 0))
     assert np.all(fit.converged)
-    assert np.abs(fit.offsets_mm - offsets).max() < OPTIMAL_MM
+    assert np.abs(fit.offsets_mm - offsets).max() < 1e-9
     assert fit.iterations.max() < 10
 
 
@@ -167,9 +168,14 @@ def test_the_optimum_is_one_by_an_independent_derivative(model: Model) -> None:
 def test_the_remaining_step_is_how_far_the_optimum_is() -> None:
     problem = problem_of(SIX, NOMINAL)
     fit = fit_offsets(problem, EXPERIMENT_1)
-    assert problem.remaining_step(EXPERIMENT_1, fit.offsets_mm) < OPTIMAL_MM
-    wrong = fit.offsets_mm + np.array([0.0, 1e-6, 0.0])
-    assert problem.remaining_step(EXPERIMENT_1, wrong) == pytest.approx(1e-6, rel=0.01)
+    assert problem.remaining(EXPERIMENT_1, fit.offsets_mm) < 1e-6
+    away = np.array([0.0, 1e-6, 0.0])
+    moved = problem.predict(fit.offsets_mm + away) - problem.predict(fit.offsets_mm)
+    sigmas = np.linalg.norm(moved) / NOMINAL.machine.gauge.noise_mm
+    remaining = problem.remaining(EXPERIMENT_1, fit.offsets_mm + away)
+    assert remaining == pytest.approx(sigmas, rel=0.01)
+    std = NOMINAL.machine.gauge.noise_mm * np.sqrt(np.diag(unit_covariance(problem, problem.at_zero[1])))
+    assert remaining >= 1e-6 / std[1]
 
 
 def test_a_fit_says_what_it_left() -> None:
@@ -178,9 +184,9 @@ def test_a_fit_says_what_it_left() -> None:
     fit = fit_offsets(problem, data)
     assert fit.residuals_mm == pytest.approx(data - problem.predict(fit.offsets_mm), abs=1e-12)
     assert np.sqrt(np.mean(fit.residuals_mm**2, axis=1)) == pytest.approx([0.74, 0.20], abs=0.01)
-    remaining = problem.remaining_step(data, fit.offsets_mm)
-    assert fit.remaining_mm == pytest.approx(remaining, abs=1e-12)
-    moved = replace(fit, remaining_mm=np.array([2e-9, np.nan]))
+    remaining = problem.remaining(data, fit.offsets_mm)
+    assert fit.remaining == pytest.approx(remaining, abs=1e-9)
+    moved = replace(fit, remaining=np.array([2.0 * OPTIMAL, np.nan]))
     assert not np.any(moved.converged)
 
 
@@ -229,8 +235,8 @@ def test_data_out_of_all_reach_never_look_converged() -> None:
     data = np.random.default_rng(2).normal(0.0, 100.0, (500, 6))
     fit = fit_offsets(problem, data)
     assert not np.all(fit.converged)
-    again = problem.remaining_step(data, fit.offsets_mm)
-    assert np.array_equal(again <= OPTIMAL_MM, fit.converged)
+    again = problem.remaining(data, fit.offsets_mm)
+    assert np.array_equal(again <= OPTIMAL, fit.converged)
 
 
 def test_not_converged_is_an_error_not_a_number() -> None:

@@ -102,7 +102,6 @@ def solution_data(calibration: Calibration) -> dict[str, Any]:
         "warnings": [*solution.warnings, *([solution.judgement] if unsure else [])],
         **fields_of(solution, "sigma_residuals_mm", "sigma_repeats_mm", "sigma_floor_mm"),
         **fields_of(solution, "sigma_stated_mm", "lack_of_fit_p"),
-        "optimality_mm": solution.remaining_mm,
         "iterations": solution.iterations,
     }
 
