@@ -174,8 +174,8 @@ def test_the_remaining_step_is_how_far_the_optimum_is() -> None:
     sigmas = np.linalg.norm(moved) / NOMINAL.machine.gauge.noise_mm
     remaining = problem.remaining(EXPERIMENT_1, fit.offsets_mm + away)
     assert remaining == pytest.approx(sigmas, rel=0.01)
-    std = NOMINAL.machine.gauge.noise_mm * np.sqrt(np.diag(unit_covariance(problem, problem.at_zero[1])))
-    assert remaining >= 1e-6 / std[1]
+    unit = unit_covariance(problem, problem.at_zero[1])
+    assert remaining >= 1e-6 / (NOMINAL.machine.gauge.noise_mm * np.sqrt(unit[1, 1]))
 
 
 def test_a_fit_says_what_it_left() -> None:
