@@ -6,6 +6,7 @@ signs or their unit. All others act on the whole machine at once and are `Cause`
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -149,12 +150,12 @@ class ExchangeCause(RelabelCause):
 
     def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Exchange the readings; nothing where they do not pair up."""
-        index = self._partners(plan, place)
+        index = _partners(self, plan, place)
         return np.arange(len(plan)) if index is None else index, np.ones(len(plan))
 
     def reversible(self, plan: GaugePlan, place: Place) -> bool:
         """Whether every reading has its partner."""
-        return self._partners(plan, place) is not None
+        return _partners(self, plan, place) is not None
 
     def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
         """Each reading under the leg and direction that was read, at the posture of that leg."""
@@ -163,21 +164,24 @@ class ExchangeCause(RelabelCause):
         leg, direction = np.where(self.concerned(plan, place)[:, None], really, asked).T
         return replace(plan, leg=leg, direction=direction)
 
-    def _partners(self, plan: GaugePlan, place: Place) -> np.ndarray | None:
-        """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
-        index, concerned = np.arange(len(plan)), self.concerned(plan, place)
-        for series in set(plan.series):
-            own, other = (
-                plan.in_time[(plan.of(each) & concerned)[plan.in_time]]
-                for each in (series, self.really(series, place))
-            )
-            if own.size != other.size or np.any(_step(plan, own) != _step(plan, other)):
-                return None
-            index[own] = other
-        # Readings that share a zero must do so after the exchange.
-        zeros = set(zip(plan.setup.tolist(), plan.setup[index].tolist(), strict=True))
-        changed = np.any(index != np.arange(len(plan)))
-        return index if changed and len(zeros) == plan.setups else None
+
+# Asked again and again of one plan while it is diagnosed.
+@functools.lru_cache(maxsize=64)
+def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray | None:
+    """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
+    index, concerned = np.arange(len(plan)), cause.concerned(plan, place)
+    for series in set(plan.series):
+        own, other = (
+            plan.in_time[(plan.of(each) & concerned)[plan.in_time]]
+            for each in (series, cause.really(series, place))
+        )
+        if own.size != other.size or np.any(_step(plan, own) != _step(plan, other)):
+            return None
+        index[own] = other
+    # Readings that share a zero must do so after the exchange.
+    zeros = set(zip(plan.setup.tolist(), plan.setup[index].tolist(), strict=True))
+    changed = np.any(index != np.arange(len(plan)))
+    return index if changed and len(zeros) == plan.setups else None
 
 
 def _step(plan: GaugePlan, readings: np.ndarray) -> np.ndarray:

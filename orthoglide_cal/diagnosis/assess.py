@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.candidates import Candidates, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
-from orthoglide_cal.diagnosis.fit import Fitted, fit_explanation
+from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations, log_evidence
 from orthoglide_cal.diagnosis.result import Verdict
 from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
 from orthoglide_cal.estimation.accuracy import chance_of_residual
@@ -237,9 +237,14 @@ class Assessment:
 
     def fit(self, ids: Ids) -> Fitted:
         """The nonlinear fit of a set of causes; made when first asked for."""
-        if ids not in self.fits:
-            self.fits[ids] = fit_explanation(self.scores[ids])
-        return self.fits[ids]
+        return self.fit_all([ids])[0]
+
+    def fit_all(self, sets: Sequence[Ids]) -> list[Fitted]:
+        """Nonlinear fits of sets of causes, together."""
+        new = [ids for ids in sets if ids not in self.fits]
+        found = fit_explanations([self.scores[ids] for ids in new])
+        self.fits.update(zip(new, found, strict=True))
+        return [self.fits[ids] for ids in sets]
 
     @property
     def chance(self) -> float:
@@ -253,7 +258,7 @@ class Assessment:
         """The calibrated parameters alone, beside a local shape as large as the answer has it."""
         nothing, unexplained = self.fit(()), self.judgement.verdict is Verdict.UNEXPLAINED
         rough = 1.0 if unexplained else self.accepted.rough
-        return nothing if rough == nothing.rough else fit_explanation(self.scores[()], rough)
+        return nothing if rough == nothing.rough else fit_explanations([self.scores[()]], rough)[0]
 
     @property
     def accepted(self) -> Fitted:
@@ -277,7 +282,7 @@ class Assessment:
             open_ += [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
         weights = np.array([listed[ids] for ids in open_])
         weights /= weights.sum()
-        return tuple(zip(weights.tolist(), map(self.fit, open_), strict=True))
+        return tuple(zip(weights.tolist(), self.fit_all(open_), strict=True))
 
     @property
     def by_place(self) -> tuple[tuple[float, Fitted], ...]:
@@ -289,7 +294,8 @@ class Assessment:
             ids = ids_of(*(effect.cause for effect in fit.effects))
             best, *others = self.scores[ids].at_places(PLACE_COUNTS / share, PLACES)
             found.append((share * best[0], fit))
-            found += [(share * own, fit_explanation(score)) for own, score in others]
+            fits = fit_explanations([score for _, score in others])
+            found += [(share * own, fit) for (own, _), fit in zip(others, fits, strict=True)]
         return tuple(found)
 
     @property
@@ -353,8 +359,10 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     fits: dict[Ids, Fitted] = {}
 
     def weighed(chosen: Iterable[Ids]) -> Posterior:
-        fits.update((ids, fit_explanation(scores[ids])) for ids in chosen)
-        evidence.update((ids, fit.log_evidence) for ids, fit in fits.items())
+        new = list(chosen)
+        found = fit_explanations([scores[ids] for ids in new])
+        fits.update(zip(new, found, strict=True))
+        evidence.update((ids, log_evidence(scores[ids], fits[ids])) for ids in new)
         return Posterior.of(evidence, candidates.log_prior, patterns, remedies, odds)
 
     posterior = weighed(ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
@@ -364,7 +372,7 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
         posterior = weighed(again[:FITS])
     best = posterior.best
     if best not in fits:
-        fits[best] = fit_explanation(scores[best])
+        (fits[best],) = fit_explanations([scores[best]])
     left = fits[best].residual
     # Beside a local shape that is found to be larger or smaller, the noise is found, too.
     noise_found = bool(at.local.any())

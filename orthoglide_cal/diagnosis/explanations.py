@@ -39,7 +39,7 @@ from orthoglide_cal.model import (
     Place,
     Readings,
     ReadOnly,
-    differentiate,
+    differentiate_each,
     ideal_plan,
     other_unit,
     reduction,
@@ -196,10 +196,12 @@ class Whitened(ReadOnly):
             return None
         return self.relabelled(self.data, cause, place) * unit_mm
 
-    def linearised(self, offsets: Floats, effects: Sequence[Effect]) -> tuple[Floats, Floats]:
-        """Prediction (k,), and its derivatives by the offsets and each effect's θ, (k, 3 + p)."""
-        readings, slopes = differentiate(self.problem.model, offsets, self.plan, effects)
-        return self.matrix @ readings, self.matrix @ slopes
+    def linearised(self, *points: tuple[Floats, Sequence[Effect]]) -> list[tuple[Floats, Floats]]:
+        """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
+        if not points:
+            return []
+        each = differentiate_each(self.problem.model, self.plan, points)
+        return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in each]
 
 
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
@@ -369,7 +371,7 @@ class Linearised:
             extras[cause.id] = Placed(cause, own, slice(start, start + len(own)), weight)
         offsets, broad = fit.offsets_mm[0], candidates.broad
         absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
-        _, columns = white.linearised(offsets, absent)
+        ((_, columns),) = white.linearised((offsets, absent))
         ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
         slope, *slopes = np.split(columns, ends[:-1], axis=1)
         return cls(

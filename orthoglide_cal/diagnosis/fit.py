@@ -32,7 +32,7 @@ from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import condition, fit_size, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import fit_offsets
-from orthoglide_cal.model import Cause, Effect, Floats, Gauge, Ints, ReadOnly, differentiate
+from orthoglide_cal.model import Effect, Floats, Gauge, Ints, ReadOnly, differentiate
 from orthoglide_cal.model.influence import Influence, Origin
 
 # So many touches for each calibrated parameter say how rough a bed is.
@@ -47,7 +47,7 @@ class Fitted(ReadOnly):
     uncertain of the data beside noise.
 
     Attributes:
-        log_evidence: with the prior of places, without that of the set of causes.
+        log_density: ln p of the data if all parameters act, with the prior of places.
         effects: its causes with their best parameters, each with its own covariance.
         offsets: shape (3,) [mm].
         covariance: of all unknowns, shape (q, q), internal units.
@@ -63,7 +63,7 @@ class Fitted(ReadOnly):
         remedy: what it asks of a technician.
     """
 
-    log_evidence: float
+    log_density: float
     effects: tuple[Effect, ...]
     offsets: Floats
     covariance: Floats
@@ -154,137 +154,155 @@ class Fitted(ReadOnly):
         return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 
-def fit_explanation(score: Score, rough: float | None = None) -> Fitted:
-    """Fit an explanation by Gauss–Newton with its priors, then judge it there.
+def fit_explanations(scores: Sequence[Score], rough: float | None = None) -> list[Fitted]:
+    """Fit explanations by Gauss–Newton with their priors, then judge each there.
 
     First with the linear model that it was scored with, then with that of the fit this gives, which
     is enough for ranking.
 
     Args:
-        score: the explanation.
+        scores: the explanations.
         rough: as of `Fitted`; as large as these data make it if None.
     """
-    at, base, extra = score.at, score.base, score.extra
-    if extra is not None and score.replanned is not None:
-        fit = fit_explanation(score.replanned, rough)
-        return replace(
-            fit,
-            log_evidence=fit.log_evidence + score.log_evidence - score.replanned.log_evidence,
-            effects=(*fit.effects, extra.cause.at(np.zeros(0), extra.place)),
-            slots=(*fit.slots, slice(0, 0)),
+    searches = [_Search(score.replanned or score, rough) for score in scores]
+    # One simulation gives the second linear models of all.
+    for white in dict.fromkeys(each.at.white for each in searches):
+        moving = [each for each in searches if each.at.white is white and each.moves]
+        points = [(each.offsets, each.effects) for each in moving]
+        for each, (predicted, own) in zip(moving, white.linearised(*points), strict=True):
+            each.move(predicted, own)
+    return [each.fitted(score) for each, score in zip(searches, scores, strict=True)]
+
+
+class _Search:
+    """An explanation on the way to its best fit."""
+
+    def __init__(self, score: Score, rough: float | None) -> None:
+        at, self.base, extra = score.at, score.base, score.extra
+        self.version = 0
+        # What an extra of known size adds, and what one unit of one of unknown size does.
+        self.added, self.free = np.zeros(len(at.white)), np.zeros((len(at.white), 0))
+        free_size = np.zeros(0)
+        if extra is not None:
+            cause, number, machine = extra.cause, extra.number, at.white.machine
+            if isinstance(cause, RelabelCause):
+                self.version = number
+                # Undone, other offsets fit: what is uncertain of the data acts as with those.
+                at = replace(at, uncertain=at.white.uncertain(at.offsets[number]))
+                score = replace(score, at=at)
+            elif extra.count is None:
+                self.free = at.patterns[:, [number]]
+                free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
+            else:
+                self.added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
+        self.at, self.score, self.own = at, score, at.columns(self.base)
+        self.width = width = at.offsets.shape[1]
+        own_sizes = at.sizes(self.base, score.scale)
+        self.sizes = np.concatenate([own_sizes, free_size, np.ones(at.local.size)])
+        ends = np.cumsum([width, *(cause.unknowns for cause in self.base), free_size.size])
+        self.slots = tuple(slice(*pair) for pair in pairwise(ends.tolist()))
+        self.offsets = at.offsets[self.version]
+        self.linear = at.residuals[self.version] - self.added
+        self.local = np.flatnonzero(at.local) + self.own.shape[1] + free_size.size
+        # Few touches cannot tell a local shape from a fault.
+        many = self.local.size >= ENOUGH * width
+        if rough is None and many:
+            stated = at.noise.stated
+            rough = fit_size(self.columns, self.linear, self.sizes, stated, self.local)
+        self.rough = 1.0 if rough is None else rough
+        self.sizes[self.local] = self.rough
+        self._solve()
+
+    @property
+    def moves(self) -> bool:
+        """Whether the linear model changes: that of the offsets alone is that of the fit."""
+        return bool(self.base or self.version)
+
+    @property
+    def columns(self) -> Floats:
+        """Derivatives of the data by all unknowns, shape (k, q)."""
+        return np.hstack([self.own, self.free, self.at.carried])
+
+    @property
+    def effects(self) -> list[Effect]:
+        """The causes of the base as found so far."""
+        pairs = zip(self.base, self.slots, strict=False)
+        return [cause.at(self.found[slot]) for cause, slot in pairs]
+
+    def _solve(self) -> None:
+        self.found, _ = condition(self.columns, self.linear, self.sizes, self.at.noise.stated)
+        self.offsets = self.offsets + self.found[: self.width]
+
+    def move(self, predicted: Floats, own: Floats) -> None:
+        """Solve with the linear model of where it stands: prediction (k,), derivatives."""
+        self.own, theta = own, self.found[self.width : own.shape[1]]
+        self.linear = self.at.versions[self.version] - self.added - predicted
+        self.linear += own[:, self.width :] @ theta
+        self._solve()
+
+    def fitted(self, score: Score) -> Fitted:
+        """The fit, of this explanation or of one that holds an exchange besides."""
+        at, columns, linear = self.at, self.columns, self.linear
+        density = density_of(at, [self.own], [self.base])
+        (by_noise,) = evidence_by_noise(self.score, density, linear + self.added)
+        log = float(log_sum(by_noise))
+        sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
+        _, covariance = condition(columns, linear, self.sizes, sigma)
+        effects = [
+            Effect(cause, self.found[slot], covariance=covariance[slot, slot])
+            for cause, slot in zip(self.base, self.slots, strict=False)
+        ]
+        slots = self.slots[: len(effects)]
+        if score.extra is not None:
+            cause, place, count = score.extra.cause, score.extra.place, score.extra.count
+            slot = self.slots[-1]
+            if isinstance(cause, PatternCause) and count is None:
+                effects.append(Effect(cause, self.found[slot], place, covariance[slot, slot]))
+            else:
+                effects.append(cause.at(np.array([count] if count else [], np.float64), place))
+            slots = (*slots, slot)
+        return Fitted(
+            log_density=log,
+            effects=tuple(effects),
+            offsets=self.offsets,
+            covariance=covariance,
+            slots=slots,
+            linear=linear,
+            residual=linear - columns @ self.found,
+            local=columns[:, self.local] @ self.found[self.local],
+            columns=columns,
+            sizes=self.sizes,
+            sigma=sigma,
+            rough=self.rough,
+            uncertain=at.uncertain,
             remedy=score.remedy,
         )
-    version, k = 0, len(at.white)
-    # What an extra of known size adds, and what one unit of one of unknown size does.
-    added, free, free_size = np.zeros(k), np.zeros((k, 0)), np.zeros(0)
-    if extra is not None:
-        cause, number, machine = extra.cause, extra.number, at.white.machine
-        if isinstance(cause, RelabelCause):
-            version = number
-            # Undone, other offsets fit: what is uncertain of the data acts as with those.
-            at = replace(at, uncertain=at.white.uncertain(at.offsets[version]))
-            score = replace(score, at=at)
-        elif extra.count is None:
-            free = at.patterns[:, [number]]
-            free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
-        else:
-            added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
-    own_sizes = at.sizes(base, score.scale)
-    own = at.columns(base)
-    width = at.offsets.shape[1]
-    local = np.flatnonzero(at.local) + own.shape[1] + free.shape[1]
-    sizes = np.concatenate([own_sizes, free_size, np.ones(at.local.size)])
-    ends = np.cumsum([width, *(cause.unknowns for cause in base), free_size.size]).tolist()
-    slots = tuple(slice(*pair) for pair in pairwise(ends))
-
-    offsets, linear = at.offsets[version], at.residuals[version] - added
-    if rough is None:
-        columns = np.hstack([own, free, at.carried])
-        # Few touches cannot tell a local shape from a fault.
-        many = local.size >= ENOUGH * width
-        rough = fit_size(columns, linear, sizes, at.noise.stated, local) if many else 1.0
-    sizes[local] = rough
-    # With the offsets alone the first linear model is that of the fit already.
-    for last in (False, True) if base or version else (True,):
-        columns = np.hstack([own, free, at.carried])
-        found, _ = condition(columns, linear, sizes, at.noise.stated)
-        offsets = offsets + found[:width]
-        if not last:
-            theta = found[width : own.shape[1]]
-            effects = [cause.at(found[slot]) for cause, slot in zip(base, slots, strict=False)]
-            predicted, own = at.white.linearised(offsets, effects)
-            linear = at.versions[version] - added - predicted + own[:, width:] @ theta
-    log, sigma = _judged(score, own, linear + added)
-    _, covariance = condition(columns, linear, sizes, sigma)
-    return Fitted(
-        log_evidence=log + _positivity(base, slots, found, covariance),
-        effects=_effects(score, slots, found, covariance),
-        offsets=offsets,
-        covariance=covariance,
-        slots=slots if extra else slots[:-1],
-        linear=linear,
-        residual=linear - columns @ found,
-        local=columns[:, local] @ found[local],
-        columns=columns,
-        sizes=sizes,
-        sigma=sigma,
-        rough=rough,
-        uncertain=at.uncertain,
-        remedy=score.remedy,
-    )
 
 
-def _judged(score: Score, own: Floats, linear: Floats) -> tuple[float, float]:
-    """Log evidence of an explanation, and its σ [mm].
+def log_evidence(score: Score, fit: Fitted) -> float:
+    """Log evidence of an explanation at its fit: as of `Score`.
 
-    From the derivatives by offsets and parameters of its base (k, 3 + p), and the data minus the
-    linear model at zero parameters (k,).
+    Widths are positive: how much likelier the data make that than the prior does is part of it.
     """
     at, base = score.at, score.base
-    (by_noise,) = evidence_by_noise(score, density_of(at, [own], [base]), linear)
-    log = float(log_sum(by_noise))
-    sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
+    if score.replanned is not None:
+        more = score.log_evidence - score.replanned.log_evidence
+        return log_evidence(score.replanned, fit) + more
+    log = fit.log_density
     if score.extra is None and len(base) == 1:
-        width = at.offsets.shape[1]
-        others = scaled(at, own[:, :width], ())
+        width = fit.offsets.size
+        own = fit.columns[:, : width + base[0].unknowns]
         mine = own[:, width:] * at.sizes(base)[width:]
-        together = [(base[0], mine, log)]
-        log = all_or_one(together, others, linear, at.noise, at.scales)[0]
-        return log, sigma
-    return log + LOG_ALL if base else log, sigma
-
-
-def _positivity(
-    base: Sequence[Cause], slots: Sequence[slice], found: Floats, covariance: Floats
-) -> float:
-    """ln of how much likelier the data make it that widths are positive than the prior does."""
-    log = 0.0
-    for cause, slot in zip(base, slots, strict=False):
-        if cause.positive:
-            own = slice(slot.start, slot.start + len(cause.names))
-            score = found[own] / np.sqrt(np.diag(covariance)[own])
-            log += float((log_ndtr(score) - np.log(0.5)).sum())
+        others = scaled(at, own[:, :width], ())
+        (log,) = all_or_one([(base[0], mine, log)], others, fit.linear, at.noise, at.scales)
+    elif base:
+        log += LOG_ALL
+    for cause, effect in zip(base, fit.effects, strict=False):
+        if cause.positive and effect.covariance is not None:
+            named = len(cause.names)
+            score_ = effect.theta[:named] / np.sqrt(np.diag(effect.covariance)[:named])
+            log += float((log_ndtr(score_) - np.log(0.5)).sum())
     return log
-
-
-def _effects(
-    score: Score, slots: Sequence[slice], found: Floats, covariance: Floats
-) -> tuple[Effect, ...]:
-    """The causes of an explanation with their parameters and the covariance of each.
-
-    How the parameters of two causes go together is not in their effects, only in the fit.
-    """
-    effects = [
-        Effect(cause, found[slot], covariance=covariance[slot, slot])
-        for cause, slot in zip(score.base, slots, strict=False)
-    ]
-    if score.extra is None:
-        return tuple(effects)
-    cause, place, count = score.extra.cause, score.extra.place, score.extra.count
-    if isinstance(cause, PatternCause) and count is None:
-        slot = slots[-1]
-        return (*effects, Effect(cause, found[slot], place, covariance[slot, slot]))
-    return (*effects, cause.at(np.array([] if count is None else [float(count)]), place))
 
 
 @dataclass(frozen=True)
@@ -364,7 +382,7 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = Fa
         offsets = fit_offsets(extended, later.data).offsets_mm
     predicted, spread = foretell(later, fit, offsets, lasting, fitted=free)
     error = later.data - predicted
-    slope = later.linearised(offsets, lasting)[1][:, : offsets.size]
+    slope = later.linearised((offsets, lasting))[0][1][:, : offsets.size]
     slope, scaled_error = whiten(fit.sigma**2 * np.eye(len(later)) + spread, slope, error)
     if free:
         # What a fit to these errors leaves, of as many as it leaves free.
@@ -389,7 +407,7 @@ def foretell(
         effects: of the fit, those that are expected again and not known exactly.
         fitted: True if the offsets are those of the other data, not of the first.
     """
-    predicted, slopes = later.linearised(offsets, effects)
+    ((predicted, slopes),) = later.linearised((offsets, effects))
     columns, joint = known_then(fit, effects, slopes, later.uncertain(offsets), stands=0)
     if fitted:
         width = offsets.size

@@ -7,6 +7,7 @@ both readings of its name. Beside another fault only the first is tried, which i
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ from orthoglide_cal.diagnosis.evidence import Density, NoiseGrid, log_mean, log_
 from orthoglide_cal.diagnosis.explanations import Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
-from orthoglide_cal.model import Cause, Floats, Machine
+from orthoglide_cal.model import Cause, Floats, GaugePlan, Machine, Place
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
@@ -88,8 +89,16 @@ class Score:
         base, extra = _mended(*self.base), self.extra
         if extra is None:
             return base, ()
-        again = extra.cause.to_read_again(self.at.white.plan, extra.place)
+        again = _to_read_again(extra.cause, self.at.white.plan, extra.place)
         return (base, again) if again else (_mended(*self.base, extra.cause), ())
+
+
+# The same beside every base.
+@functools.lru_cache(maxsize=64)
+def _to_read_again(
+    cause: PatternCause | RelabelCause, plan: GaugePlan, place: Place
+) -> tuple[int, ...]:
+    return cause.to_read_again(plan, place)
 
 
 def _mended(*causes: Cause) -> Ids:

@@ -24,6 +24,7 @@ from orthoglide_cal.model.model import (
     Model,
     carried_uncertainty,
     differentiate,
+    differentiate_each,
     simulate,
     simulate_with_jacobian,
 )
@@ -86,6 +87,7 @@ __all__ = [
     "carried_uncertainty",
     "cell_contrasts",
     "differentiate",
+    "differentiate_each",
     "double_posture",
     "gauge_doubts",
     "ideal_plan",

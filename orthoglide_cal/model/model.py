@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Effect, Estimate, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
@@ -132,23 +132,42 @@ def differentiate(
 ) -> tuple[Floats, Floats]:
     """Readings (n,) and their derivatives by offsets and all parameters of `effects`, (n, q).
 
-    One simulation of many machines: this one, then a complex step in every unknown in turn.
-
     Args:
         model: what is fixed.
         offsets: Δρ, shape (3,) [mm].
         plan: n readings.
         effects: further causes, whose parameters vary.
     """
-    ends = np.cumsum([offsets.size, *(effect.theta.size for effect in effects)])
-    step = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
-    by_offsets, *by_effect = np.split(step, ends[:-1], axis=1)
-    stepped = [
-        effect.cause.at(effect.theta + block, effect.place)
-        for effect, block in zip(effects, by_effect, strict=True)
+    return differentiate_each(model, plan, [(offsets, effects)])[0]
+
+
+def differentiate_each(
+    model: Model, plan: Plan, points: Sequence[tuple[Floats, Sequence[Effect]]]
+) -> list[tuple[Floats, Floats]]:
+    """`differentiate` at many points, each with its own offsets and effects.
+
+    One simulation of many machines: each point, then a complex step in each of its unknowns in
+    turn. At other points the parameters of its causes are zero.
+    """
+    widths = [
+        [offsets.size, *(effect.theta.size for effect in effects)] for offsets, effects in points
     ]
-    readings = simulate(model.extended(stepped), offsets + by_offsets, plan)
-    return readings[0].real, readings[1:].imag.T / STEP
+    starts = np.cumsum([0, *(sum(own) + 1 for own in widths)])
+    moved = np.zeros((starts[-1], widths[0][0]), dtype=np.complex128)
+    thetas: dict[tuple[Cause, Place], Numbers] = {}
+    for (offsets, effects), own, start, end in zip(
+        points, widths, starts, starts[1:], strict=False
+    ):
+        step = 1j * STEP * np.eye(sum(own) + 1, sum(own), k=-1)
+        by_offsets, *by_effect = np.split(step, np.cumsum(own)[:-1], axis=1)
+        moved[start:end] = offsets + by_offsets
+        for effect, block in zip(effects, by_effect, strict=True):
+            empty = np.zeros((starts[-1], effect.theta.size), dtype=np.complex128)
+            theta = thetas.setdefault((effect.cause, effect.place), empty)
+            theta[start:end] = effect.theta + block
+    stepped = [cause.at(theta, place) for (cause, place), theta in thetas.items()]
+    readings = np.split(simulate(model.extended(stepped), moved, plan), starts[1:-1])
+    return [(own[0].real, own[1:].imag.T / STEP) for own in readings]
 
 
 def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:
