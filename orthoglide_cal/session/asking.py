@@ -129,7 +129,8 @@ class Asker:
         return self.gauge is None or not self.gauge.reads_itself
 
     def say(self, text: str, style: Style = Style.PLAIN) -> None:
-        """Show text whose lines end where the screen does."""
+        """Show text whose lines end where the screen does; it pushes the place away."""
+        self.pushed = True
         self.show(wrapped(text, self.columns), style)
 
     def rest(self, driving: bool) -> None:
@@ -291,7 +292,6 @@ class Asker:
         """A message below the line of the prompt, which is then shown again with its place."""
         self._end_line()
         self.say(text, style)
-        self.pushed = True
         if self._shown < math.inf and self._held is None:
             self._redraw()
 

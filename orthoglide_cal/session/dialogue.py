@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,7 @@ from orthoglide_cal.files import session_text, write_session
 from orthoglide_cal.model import AXES, Floats
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
-from orthoglide_cal.session.asking import Asker, Prompt, Style, Typed, Unasked
+from orthoglide_cal.session.asking import Asker, Style, Typed, Unasked
 from orthoglide_cal.session.checks import Question, judge
 from orthoglide_cal.session.events import Doubt, Event, Questioned
 from orthoglide_cal.session.gauges.interface import Heard, Token
@@ -64,19 +64,18 @@ class Dialogue:
 
     def greet(self) -> None:
         """Say what lies ahead, or what was there already."""
-        recovered = self.journal.recovered
-        lines = wording.opening_lines(self.state, self.setting, str(self.path))
-        said = [("\n".join(lines), Style.PLAIN)]
-        if recovered.lost:
-            lost = (
-                f"The interruption cut off the last entry ({recovered.lost} bytes): ignored. No"
-                " reading that was shown as saved is missing."
+        lost = self.journal.recovered.lost
+        self.asker.say(wording.opening(self.state, self.setting, str(self.path)))
+        if lost:
+            self.asker.say(
+                f"The interruption cut off the last entry ({lost} bytes): ignored. No reading that"
+                " was shown as saved is missing.",
+                Style.BAD,
             )
-            said.append((lost, Style.BAD))
         if self.state.count > (2 if self.state.planned else 1):
             resumed = f"Resumed: {counted(len(self.state.accepted), 'reading')} so far."
-            said += [(resumed, Style.GOOD), *self._offsets()]
-        self._say(*said)
+            self.asker.say(resumed, Style.GOOD)
+            self._say_offsets()
 
     def run(self) -> State:
         """Lead through what is left, to the state at the end.
@@ -89,9 +88,7 @@ class Dialogue:
             if self.state.pending is not None:
                 self._ask_about(self.state.pending)
             elif (step := self.next_step()) is not None:
-                self._announce(step)
-                prompt = self._prompt_of(step)
-                self._receive(self.asker.ask(prompt, step, self.state.takes(step.number)), step)
+                self._ask_for(step)
             else:
                 reason = self.state.shortened.reason if self.state.shortened else "complete"
                 self.write(events.Ended(at=self.now(), reason=reason))
@@ -114,12 +111,10 @@ class Dialogue:
         again = with_set_ups(missing, last.setup, steps, state.accepted)
         old = sum(step.number in state.accepted for step in again)
         more = f" For that, {old} earlier readings are taken again: the stands were moved."
-        said = f"{_counted(len(missing))} left out.{more if old else ''}"
-        self._say((said, Style.QUESTION))
+        self.asker.say(f"{_are(len(missing))} left out.{more if old else ''}", Style.QUESTION)
         if agreed or self._agrees("Read what is missing now? y/n > "):
             self.write(events.Reopened(at=self.now(), source=state.source))
-            numbers = tuple(step.number for step in again)
-            self.write(events.Retake(at=self.now(), steps=numbers, reason="reopened"))
+            self._take_again(again, "reopened")
 
     def publish(self) -> None:
         """Write the session file, and say so; a second time changes nothing.
@@ -132,13 +127,11 @@ class Dialogue:
         there = self.path.read_bytes() if self.path.is_file() else None
         if there != session_text(values).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
-            mine = there in written_before(self.so_far)
-            write_session(values, self.path, overwrite=mine)
-        lines = wording.closing_lines(self.state, self.setting, str(self.path))
-        self.asker.show("\n".join(lines), Style.GOOD)
+            write_session(values, self.path, overwrite=there in written_before(self.so_far))
+        self.asker.show(wording.closing(self.state, self.setting, str(self.path)), Style.GOOD)
 
     def reveal(self, offsets_mm: Floats, interval_mm: Floats) -> None:
-        """After a simulated session, say what was hidden beside what was found.
+        """After a simulated session, say what was hidden and what was found.
 
         Args:
             offsets_mm: found, shape (3,).
@@ -146,8 +139,7 @@ class Dialogue:
         """
         gauge = self.asker.gauge
         if isinstance(gauge, SimulatedGauge):
-            lines = wording.truth_lines(offsets_mm, interval_mm, gauge.offsets_mm)
-            self.asker.show("\n".join(lines))
+            self.asker.show(wording.truth(offsets_mm, interval_mm, gauge.offsets_mm))
 
     def close(self) -> None:
         """Let go of the gauge and the journal."""
@@ -159,40 +151,37 @@ class Dialogue:
         """The first step that still has to be measured."""
         return next((s for s in self.setting.steps if self.state.is_open(s.number)), None)
 
-    def _say(self, *texts: str | tuple[str, Style]) -> None:
-        self.asker.pushed = True
-        for text in texts:
-            self.asker.say(*((text,) if isinstance(text, str) else text))
+    # ---- what is asked
 
-    def _announce(self, step: SessionStep) -> None:
-        """Show the set-up and where to drive: what is new of it, and what was pushed away."""
+    def _ask_for(self, step: SessionStep) -> None:
+        """Show where to drive, as far as it is new or has moved up the screen, and take a reading.
+
+        A new set-up is shown whole; of another visit of the machine its place.
+        """
         setup, visit = self._shown
-        said, columns = [], self.asker.columns
+        asker, setting = self.asker, self.setting
+        place = wording.place(step, setting, asker.columns)
         if step.setup != setup:
             begun = step.setup in {s.setup for s in self.so_far.steps}
-            said += _headed(wording.setup_lines(self.setting, step.setup, begun, columns))
-        place = "\n".join(wording.place_lines(step, self.setting, columns))
+            rule, text = wording.set_up(setting, step.setup, begun, asker.columns)
+            asker.say(f"\n{rule}", Style.TITLE)
+            asker.say(text)
         if step.visit != visit:
-            left = [s for s in self.setting.steps if self.state.is_open(s.number)]
+            left = [s for s in setting.steps if self.state.is_open(s.number)]
             minutes = minutes_left(left, self.so_far.pace_min)
-            line = wording.step_line(step, self.setting, minutes)
-            block = wording.block_lines(step, self.setting)
-            said += _headed([line, *block, place])
-        elif self.asker.pushed:
-            said = [(place, Style.PLAIN)]
-        self._shown = (step.setup, step.visit)
-        self._say(*said)
-        self.asker.pushed = False
-
-    def _prompt_of(self, step: SessionStep) -> Prompt:
-        """Where to drive, and what is asked."""
+            asker.say(f"\n{wording.step_line(step, setting, minutes)}", Style.TITLE)
+            # What goes on from other readings has no posture program.
+            block = "" if setting.first else f"Block N{step.block} of plan --program\n"
+            asker.say(block + place)
+        elif asker.pushed:
+            asker.say(place)
+        self._shown, asker.pushed = (step.setup, step.visit), False
 
         def prompt(columns: int) -> str:
-            place = wording.place_lines(step, self.setting, columns)
-            asked = wording.prompt(step, self.asker.hint, self.unit, columns)
-            return "\n".join([*place, asked])
+            asked = wording.prompt(step, asker.hint, self.unit, columns)
+            return f"{wording.place(step, setting, columns)}\n{asked}"
 
-        return prompt
+        self._receive(asker.ask(prompt, step, self.state.takes(step.number)), step)
 
     def _ask_about(self, pending: Questioned) -> None:
         """Put the question about the pending reading; it may have been asked before a crash."""
@@ -200,7 +189,7 @@ class Dialogue:
         may_move = pending.doubt.compares and pending.about is None
         value = wording.value_text(pending.value_mm, self.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
-        self._say((asked, Style.QUESTION))
+        self.asker.say(asked, Style.QUESTION)
 
         def prompt(columns: int) -> str:
             keys = wording.question_prompt(pending, self.asker.hint, may_move, columns)
@@ -217,34 +206,51 @@ class Dialogue:
         else:
             self._receive(answer, step)
 
+    def _agrees(self, prompt: str) -> bool:
+        """Whether a question is answered with yes; anything else is no."""
+        return self._words(prompt).lower() in ("y", "yes")
+
+    def _words(self, prompt: str) -> str:
+        """The answer to a question that wants words. Raises Quit."""
+        answer = self.asker.ask(lambda columns: prompt)
+        if isinstance(answer, Unasked):
+            self._take_back(answer)
+        text = _clean(answer.text) if isinstance(answer, Typed) else ""
+        if text == "q":
+            raise Quit
+        if text == "?":
+            self.asker.say("Type a few words; Return alone goes back; q saves and quits.")
+            return self._words(prompt)
+        return text
+
+    # ---- readings
+
     def _receive(self, answer: Typed | Heard | Unasked, step: SessionStep) -> None:
         """Take an answer for a reading or a key."""
         if isinstance(answer, Unasked):
-            self._refuse(answer)
-            return
-        if isinstance(answer, Heard):
+            self._take_back(answer)
+        elif isinstance(answer, Heard):
             self._read(step, answer.token, answer.source)
-            return
-        if self._obey(answer.text, step):
-            return
-        if not answer.text:
-            self._say("Type the reading, or ? for help.")
-            return
-        try:
-            token, layout = parse_typed(answer.text)
-        except NotAReading as refusal:
-            self._say((str(refusal), Style.BAD))
-            return
-        doubt = None
-        if layout is not None:
-            value = wording.value_text(token.mm(self.unit) or 0.0, self.unit)
-            text = f"{token.raw!r} would be {value} typed on a {layout} keyboard layout:"
-            doubt = Question(Doubt.LAYOUT, f"{text} is it?")
-        self._read(step, token, "typed", doubt)
+        elif (key := _KEY.fullmatch(answer.text)) is not None:
+            self._obey(key["key"].lower(), _clean(key["words"] or ""), step)
+        elif not answer.text:
+            self.asker.say("Type the reading, or ? for help.")
+        else:
+            try:
+                token, layout = parse_typed(answer.text)
+            except NotAReading as refusal:
+                self.asker.say(str(refusal), Style.BAD)
+                return
+            doubt = None
+            if layout is not None:
+                value = wording.value_text(token.mm(self.unit) or 0.0, self.unit)
+                text = f"{token.raw!r} would be {value} typed on a {layout} keyboard layout:"
+                doubt = Question(Doubt.LAYOUT, f"{text} is it?")
+            self._read(step, token, "typed", doubt)
 
-    def _refuse(self, stream: Unasked) -> None:
+    def _take_back(self, stream: Unasked) -> None:
         """A gauge sends by itself: take back the readings that its messages became."""
-        self._say((wording.STREAM, Style.BAD))
+        self.asker.say(wording.STREAM, Style.BAD)
         taken = 0
         if stream.readings and self.state.pending is not None:
             self.write(events.Answered(at=self.now(), keep=False))
@@ -253,7 +259,7 @@ class Dialogue:
             self.write(events.Undone(at=self.now()))
             taken += 1
         if taken:
-            self._say(f"{_counted(taken)} taken back: the gauge sent that by itself.")
+            self.asker.say(f"{_are(taken)} taken back: the gauge sent that by itself.")
 
     def _read(
         self, step: SessionStep, token: Token, source: str, doubt: Question | None = None
@@ -269,7 +275,7 @@ class Dialogue:
             return
         self.asker.rest(driving=False)
         if again:
-            self._say("Read again, and the same: kept, with a note.")
+            self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(reading)
 
     def _keep(self, reading: Questioned, moved: bool = False) -> None:
@@ -278,25 +284,22 @@ class Dialogue:
 
     def _acknowledge(self, step: SessionStep, value: float) -> None:
         """Say that it is saved; after the last gauge of a posture, the offsets so far."""
-        saved = (f"   saved {wording.value_text(value, self.unit)}", Style.GOOD)
         following = self.next_step()
         stays = following is not None and following.visit == step.visit
         self.asker.rest(driving=not stays)
+        pushed = self.asker.pushed
+        self.asker.say(f"   saved {wording.value_text(value, self.unit)}", Style.GOOD)
         if stays:
-            pushed = self.asker.pushed  # a reading saved leaves the place where it is
-            self._say(saved)
-            self.asker.pushed = pushed
+            self.asker.pushed = pushed  # a reading saved leaves the place where it is
             return
-        self._say(saved, *self._offsets())
+        self._say_offsets()
         if self.until_mm is not None and not self.state.shortened:
             self._shorten(self.until_mm)
 
-    def _offsets(self) -> list[tuple[str, Style]]:
+    def _say_offsets(self) -> None:
         solution, expanded = self.so_far.solution, self.so_far.expanded_mm
-        if solution is None or expanded is None:
-            return []
-        lines = wording.offsets_lines(solution.offsets_mm, expanded)
-        return [("\n".join(lines), Style.DIM)]
+        if solution is not None and expanded is not None:
+            self.asker.say(wording.offsets(solution.offsets_mm, expanded), Style.DIM)
 
     def _shorten(self, until_mm: float) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
@@ -305,35 +308,39 @@ class Dialogue:
         if not dropped:
             return
         reason = f"ended early, every offset is known within {until_mm:g} mm"
-        self.write(
-            events.Shortened(
-                at=self.now(), drop=tuple(step.number for step in dropped), reason=reason
-            )
-        )
+        drop = tuple(step.number for step in dropped)
+        self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
         minutes = minutes_left(dropped, so_far.pace_min)
-        self._say((wording.saved_line(dropped, minutes, until_mm), Style.GOOD))
+        self.asker.say(wording.shortened(dropped, minutes, until_mm), Style.GOOD)
         if self.next_step() is not None:
-            self._say("The closing isotropic posture is still read: it shows drift and knocks.")
+            self.asker.say(
+                "The closing isotropic posture is still read: it shows drift and knocks."
+            )
 
-    def _obey(self, text: str, step: SessionStep) -> bool:
-        """Do what a key says, alone or with words after it; False if the text is none."""
-        match = _KEY.fullmatch(text)
-        if match is None:
-            return False
-        words = _clean(match["words"] or "")
-        match match["key"].lower():
+    # ---- keys
+
+    def _obey(self, key: str, words: str, step: SessionStep) -> None:
+        """Do what a key says, alone or with words after it."""
+        match key:
             case "u":
                 self._undo()
             case "r":
-                self._retake(words, step)
+                asked = "Retake which step (number, or x, y, z for a leg)? > "
+                self._retake(words or self._words(asked), step)
             case "n":
-                self._note(words, step)
+                if text := words or self._words("Note > "):
+                    self.write(events.Noted(at=self.now(), step=step.number, text=text))
+                    self.asker.say(f"Noted at step {step.number}.")
             case "s":
-                self._skip(words, step)
+                first, _, reason = words.partition(" ")
+                if first.lower() == "all":
+                    self._skip_all(reason)
+                else:
+                    self._skip(words or self._words("Why is it skipped? > "), step)
             case "t":
-                columns = self.asker.columns
-                table = wording.table_lines(self.state, self.setting, self.unit, columns)
-                self._say("\n".join(table))
+                self.asker.say(
+                    wording.table(self.state, self.setting, self.unit, self.asker.columns)
+                )
             case "p":
                 self.write(events.Paused(at=self.now()))
                 self._words("Paused; everything is saved. Touch no stand. Return goes on > ")
@@ -341,34 +348,23 @@ class Dialogue:
             case "q":
                 raise Quit
             case _:
-                self._say(wording.HELP)
-        return True
+                self.asker.say(wording.HELP)
 
     def _undo(self) -> None:
         if self.state.before is None:
-            self._say("There is nothing to undo.")
+            self.asker.say("There is nothing to undo.")
             return
         self.write(events.Undone(at=self.now()))
         after = self.next_step()
         where = f" Back to step {after.number}." if after else ""
-        self._say(f"Undone; the old value is kept as replaced.{where}")
+        self.asker.say(f"Undone; the old value is kept as replaced.{where}")
 
-    def _retake(self, given: str, step: SessionStep) -> None:
-        words = given or self._words("Retake which step (number, or x, y, z for a leg)? > ")
+    def _retake(self, words: str, step: SessionStep) -> None:
+        """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""
         which, _, reason = words.partition(" ")
-        chosen = self._chosen(which, step) if which else []
-        if not chosen:
-            return
-        numbers = tuple(item.number for item in chosen)
-        self.write(events.Retake(at=self.now(), steps=numbers, reason=reason or "retaken"))
-        what = f"step {numbers[0]} ({step_name(chosen[0])})"
-        if len(chosen) > 1:
-            what = f"{len(chosen)} steps from step {numbers[0]} on"
-        self._say(f"Retaking {what}; the old readings are kept as replaced.")
-
-    def _chosen(self, which: str, step: SessionStep) -> list[SessionStep]:
-        """The steps to retake; empty after saying why not."""
         state, steps = self.state, self.setting.steps
+        if not which:
+            return
         if which.lower() in AXES:
             leg = AXES.index(which.lower())
             chosen = [s for s in steps if s.leg == leg and s.number in state.accepted]
@@ -379,81 +375,55 @@ class Dialogue:
             chosen = [steps[number - 1]] if done else []
             nothing = f"There is no reading at step {which[:20]} yet. t shows what there is."
         if not chosen:
-            self._say(nothing)
-        again = with_set_ups(chosen, step.setup, steps, state.accepted)
-        old = [s for s in again if s.number in state.accepted and s not in chosen]
-        if all(s.setup == step.setup for s in chosen) or not old:
-            return again
-        here = sum(s.setup == step.setup for s in again if s.number in state.accepted)
-        there = sum(s.number in state.accepted for s in again) - here
-        of_this = f" and the {here} of this one" if here else ""
-        self._say(
-            "The stands have been moved since then, so the gauges' zeros are others: all"
-            f" {there} readings of that set-up{of_this} have to be taken again."
-        )
-        return again if self._agrees("Take them all again? y/n > ") else []
-
-    def _note(self, given: str, step: SessionStep) -> None:
-        text = given or self._words("Note > ")
-        if text:
-            self.write(events.Noted(at=self.now(), step=step.number, text=text))
-            self._say(f"Noted at step {step.number}.")
-
-    def _skip(self, given: str, step: SessionStep) -> None:
-        first, _, reason = given.partition(" ")
-        if first.lower() == "all":
-            self._skip_all(reason, step)
+            self.asker.say(nothing)
             return
-        why = given or self._words("Why is it skipped? > ")
+        again = with_set_ups(chosen, step.setup, steps, state.accepted)
+        old = [s for s in again if s.number in state.accepted]
+        if any(s.setup != step.setup for s in chosen) and any(s not in chosen for s in old):
+            here = sum(s.setup == step.setup for s in old)
+            of_this = f" and the {here} of this one" if here else ""
+            self.asker.say(
+                "The stands have been moved since then, so the gauges' zeros are others: all"
+                f" {len(old) - here} readings of that set-up{of_this} have to be taken again."
+            )
+            if not self._agrees("Take them all again? y/n > "):
+                return
+        self._take_again(again, reason or "retaken")
+        what = f"step {again[0].number} ({step_name(again[0])})"
+        if len(again) > 1:
+            what = f"{len(again)} steps from step {again[0].number} on"
+        self.asker.say(f"Retaking {what}; the old readings are kept as replaced.")
+
+    def _take_again(self, steps: list[SessionStep], reason: str) -> None:
+        numbers = tuple(step.number for step in steps)
+        self.write(events.Retake(at=self.now(), steps=numbers, reason=reason))
+
+    def _skip(self, why: str, step: SessionStep) -> None:
         with suppress(NotAReading):
             parse_typed(why)
             why = ""  # a reading is no reason
         if not why:
-            self._say("Not skipped: a reason in words is needed.")
+            self.asker.say("Not skipped: a reason in words is needed.")
             return
         self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
-        self._say(f"Skipped: {why}")
+        self.asker.say(f"Skipped: {why}")
 
-    def _skip_all(self, reason: str, step: SessionStep) -> None:
-        left = [item for item in self.setting.steps if self.state.is_open(item.number)]
-        self._say(f"{_counted(len(left))} missing.")
+    def _skip_all(self, reason: str) -> None:
+        left = [step.number for step in self.setting.steps if self.state.is_open(step.number)]
+        self.asker.say(f"{_are(len(left))} missing.")
         # A script that gives its reason has said all.
         told = reason and not self.asker.keyboard.live
         if not told and not self._agrees("End the session here? y/n > "):
-            self._say("Not ended.")
+            self.asker.say("Not ended.")
             return
-        for item in left:
-            self.write(
-                events.Skipped(
-                    at=self.now(), step=item.number, reason=reason or "the session was ended"
-                )
-            )
-
-    def _agrees(self, prompt: str) -> bool:
-        """Whether a question is answered with yes; anything else is no."""
-        return self._words(prompt).lower() in ("y", "yes")
-
-    def _words(self, prompt: str) -> str:
-        answer = self.asker.ask(lambda columns: prompt)
-        if isinstance(answer, Unasked):
-            self._refuse(answer)
-        text = _clean(answer.text) if isinstance(answer, Typed) else ""
-        if text == "q":
-            raise Quit
-        if text == "?":
-            self._say("Type a few words; Return alone goes back; q saves and quits.")
-            return self._words(prompt)
-        return text
+        why = reason or "the session was ended"
+        for number in left:
+            self.write(events.Skipped(at=self.now(), step=number, reason=why))
 
 
-def _counted(readings: int) -> str:
+def _are(readings: int) -> str:
     """ "14 readings are", "1 reading is"."""
     return f"{counted(readings, 'reading')} {'is' if readings == 1 else 'are'}"
-
-
-def _headed(lines: Sequence[str]) -> list[tuple[str, Style]]:
-    """A heading, with a blank line above it, and what belongs to it."""
-    return [(f"\n{lines[0]}", Style.TITLE), ("\n".join(lines[1:]), Style.PLAIN)]
 
 
 def _clean(text: str) -> str:

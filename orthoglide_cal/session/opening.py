@@ -130,7 +130,7 @@ def open_session(
             gauge = serial
         asker = Asker(keyboard, show, gauge)
         if request.resume:
-            asker.say("\n".join(wording.machine_lines(setting.held)))
+            asker.say(wording.machine(setting.held))
             if setting.first:
                 asker.say(setting.first.following.words, Style.TITLE)
         dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
@@ -187,7 +187,7 @@ def _confirmed(
     careful = require_on_bar(_asked(request, given, found), given.machine)
     model = _holding(given, request.offsets_mm)
     while True:
-        asker.say("\n".join(wording.machine_lines(model)))
+        asker.say(wording.machine(model))
         if careful:
             asker.say(" ".join(careful.lines), Style.BAD)
         if found:

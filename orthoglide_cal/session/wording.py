@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.model import AXES, Contact, Floats, Model, Posture, other_axes
-from orthoglide_cal.model.protocols import PlannedReading
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.program import Point
 from orthoglide_cal.planning.steps import (
@@ -19,8 +18,6 @@ from orthoglide_cal.planning.steps import (
     sequence_options,
 )
 from orthoglide_cal.session.events import Questioned
-from orthoglide_cal.session.following import First
-from orthoglide_cal.session.pictures import picture
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.state import State
 from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for
@@ -65,121 +62,104 @@ continuous output (also: AUTO, STREAM, INTERVAL), so that it sends when its
 button is pressed; then press once."""
 
 
-def machine_lines(model: Model) -> list[str]:
+def machine(model: Model) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""
     machine, gauge = model.machine, model.machine.gauge
     low, high = machine.joint_limits_mm
-    known = [effect.cause.id for effect in model.accepted]
-    return [
+    known = ", ".join(effect.cause.id for effect in model.accepted)
+    return "\n".join([
         f"Machine  {visible(machine.name)}",
         f"         legs {machine.leg_length_mm:g} mm, joints {low:+g} to {high:+g} mm from the"
         " isotropic posture",
-        *([f"         known causes: {', '.join(known)}"] if known else []),
+        *([f"         known causes: {known}"] if known else []),
         f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.range_mm:g} mm travel,"
         f" repeats within {gauge.repeatability_mm:g} mm",
         f"Offsets  {_axes(machine.offsets_mm, '+.4g')} mm are in the controller now",
-    ]
+    ])  # fmt: skip
 
 
-def opening_lines(state: State, setting: Setting, name: str) -> list[str]:
+def opening(state: State, setting: Setting, name: str) -> str:
     """What lies ahead; `name` is the session file's."""
     opened, steps, first = state.opened, setting.steps, setting.first
-    setups = len({step.setup for step in steps})
-    gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
-    repeats = counted(opened.cycles, "cycle")
-    head = [f"{opened.protocol} session, {repeats}, order: {opened.order}"]
-    if opened.protocol is MeasuringProtocol.BEST:
-        head.append(BEST)
-    if first:
-        head = [
-            f"Goes on from {visible(first.path)},"
-            f" {len(first.readings)} readings: both are solved together at the end.",
-        ]
     told = sequence_options(opened.protocol, opened.cycles, opened.order, opened.stands)
     made = f"orthocal plan --program FILE.nc {told}".strip()
+    head = [f"{opened.protocol} session, {counted(opened.cycles, 'cycle')}, order: {opened.order}"]
+    if opened.protocol is MeasuringProtocol.BEST:
+        head.append(BEST)
     # What goes on from other readings has no program, and blocks of another one drive elsewhere.
-    program = [] if first else [f"Blocks   are those of this machine's {made}"]
+    program = [f"Blocks   are those of this machine's {made}"]
+    if first:
+        from_here = f"Goes on from {visible(first.path)}, {len(first.readings)} readings:"
+        head, program = [f"{from_here} both are solved together at the end."], []
     minutes = first.following.minutes if first else minutes_left(steps)
-    return [
+    gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
+    return "\n".join([
         *head,
         f"File     {visible(name)}",
-        f"{len(steps)} readings with {gauges}: {counted(setups, 'set-up')},"
+        f"{len(steps)} readings with {gauges}:"
+        f" {counted(len({step.setup for step in steps}), 'set-up')},"
         f" {counted(gauge_moves(steps), 'gauge move')}, {_duration(minutes).lower()}."
         " ? is help.",
         *program,
-    ]
+    ])  # fmt: skip
 
 
-def setup_lines(setting: Setting, setup: int, begun: bool, columns: int) -> list[str]:
-    """Heading, picture and instructions of a gauge set-up.
+def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str, str]:
+    """Heading of a gauge set-up; its picture and instructions.
 
     Once it is `begun`, readings were taken in it: the stands must stay where they are.
     """
     here = [step for step in setting.steps if step.setup == setup]
-    last = max(step.setup for step in setting.steps)
-    leg, contact = here[0].leg, here[0].contact
+    planned, first = here[0].planned, setting.first
+    leg, contact = AXES[planned.leg].upper(), planned.contact
     directions = sorted({step.direction for step in here})
-    names = " and ".join(AXES[direction].upper() for direction in directions)
-    gauges = f"gauge{'s' if len(directions) > 1 else ''} {names}"
-    heading = f"-- Set-up {setup} of {last}: leg {AXES[leg].upper()}, {gauges} "
+    names = [AXES[direction].upper() for direction in directions]
+    s = "s" if len(directions) > 1 else ""
+    last = max(step.setup for step in setting.steps)
+    heading = f"-- Set-up {setup} of {last}: leg {leg}, gauge{s} {' and '.join(names)} "
     right = f" steps {here[0].number}-{here[-1].number}"
+    rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
     if contact is not Contact.FIXED:
         words = [
             "1. Gauge on the XY surface, plunger down on the leg: higher reads more.",
-            f"2. Slide the stand between the ends of leg {AXES[leg].upper()}; never touch the"
-            " gauge's zero.",
+            f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
             "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
         ]
-    elif setting.first and setting.first.following.continues and not begun and setup == 1:
+    elif first and first.following.continues and not begun and setup == 1:
         words = [
             "Do not touch the stands: they must stand as they stood for the last reading",
-            f"of {visible(setting.first.path)}. If one was touched since: q, and another"
-            " measurement.",
+            f"of {visible(first.path)}. If one was touched since: q, and another measurement.",
         ]
     elif begun:
         words = [
-            "The stands are in place: do not touch them. Should one have been moved all the",
-            "same, just go on: the next reading will be questioned; then answer m.",
+            "The stands are in place: do not touch them. If one was moved all the same,",
+            "just go on: the next reading will be questioned; then answer m.",
         ]
     else:
-        words = _fixed_words(here, directions, setting)
-    rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
-    return [rule, "", *picture(leg, directions, contact, columns >= NARROW), "", *words]
-
-
-def _fixed_words(
-    here: Sequence[SessionStep], directions: Sequence[int], setting: Setting
-) -> list[str]:
-    planned = here[0].planned
-    name, at = AXES[planned.leg].upper(), planned.gauge_at
-    place = f"{at * setting.machine.leg_length_mm:.0f} mm from the carriage"
-    moved = [step.displacement_mm for step in here]
-    # A gauge on the + side reads more when the leg is pushed towards +.
-    places = ", ".join(f"{AXES[d].upper()} on the +{AXES[d].upper()} side" for d in directions)
-    s = "s" if len(directions) > 1 else ""
-    return [
-        *_turning_words(planned, setting.first),
-        f"1. Drive to the isotropic posture. Stand{s} on the base, not on a moving part.",
-        f"2. Plunger{s} on leg {name}, {'half-way: ' if at == 0.5 else ''}{place},"
-        " square to the leg.",
-        f"3. Gauge {places}: leg pushed to + must read more.",
-        f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
-        " Then touch no stand.",
-    ]
-
-
-def _turning_words(planned: PlannedReading, first: First | None) -> list[str]:
-    """How the bar of a leg is turned, or turned back."""
-    leg = planned.leg
-    sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(leg))
-    if not planned.turned:
-        back = f"0. Turn the bar of leg {AXES[leg].upper()} back, as it was at first."
-        return [back] if first and first.is_turned(leg) else []
-    return [
-        f"0. Turn the bar of leg {AXES[leg].upper()}, unless it is turned already: loosen both"
-        " ends,",
-        f"   turn it half round its own axis (what faced {sides} then faces away), tighten.",
-    ]
+        words = []
+        if planned.turned:
+            sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
+            words = [
+                f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,",
+                f"   turn it half round its own axis (what faced {sides} then faces away),"
+                " tighten.",
+            ]
+        elif first and first.is_turned(planned.leg):
+            words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
+        half = "half-way: " if planned.gauge_at == 0.5 else ""
+        place = f"{planned.gauge_at * setting.machine.leg_length_mm:.0f} mm from the carriage"
+        moved = [step.displacement_mm for step in here]
+        # A gauge on the + side reads more when the leg is pushed towards +.
+        places = ", ".join(f"{name} on the +{name} side" for name in names)
+        words += [
+            f"1. Drive to the isotropic posture. Stand{s} on the base, not on a moving part.",
+            f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
+            f"3. Gauge {places}: leg pushed to + must read more.",
+            f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
+            " Then touch no stand.",
+        ]
+    shown = picture(planned.leg, directions, contact, columns >= NARROW)
+    return rule, "\n".join(["", *shown, "", *words])
 
 
 def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
@@ -197,22 +177,17 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     )
 
 
-def block_lines(step: SessionStep, setting: Setting) -> list[str]:
-    """Which block of the posture program drives there; none where no program is made."""
-    return [] if setting.first else [f"Block N{step.block} of plan --program"]
-
-
-def place_lines(step: SessionStep, setting: Setting, columns: int) -> list[str]:
+def place(step: SessionStep, setting: Setting, columns: int) -> str:
     """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
     posture = setting.model.orthoglide.joints_at(step.leg, step.displacement_mm)
     point = Point.of(setting.model, posture - setting.short_mm(step))
     narrow = columns < NARROW
     head, indent = ("Drive to, in mm:\n", "") if narrow else ("Drive to  ", " " * 10)
     gap, unit = (" ", "") if narrow else ("   ", "  mm")
-    return [
-        f"{head}joints{gap}{_axes(point.joints, '.3f', gap)}{unit}",
-        f"{indent}tool  {gap}{_axes(point.tool.round(6) + 0.0, '.3f', gap)}{unit}",
-    ]
+    return (
+        f"{head}joints{gap}{_axes(point.joints, '.3f', gap)}{unit}\n"
+        f"{indent}tool  {gap}{_axes(point.tool.round(6) + 0.0, '.3f', gap)}{unit}"
+    )
 
 
 def _axes(values: Iterable[float], form: str, gap: str = "  ") -> str:
@@ -262,17 +237,17 @@ def in_unit(unit: Unit, text: Callable[[float], str]) -> str:
     return metric if unit is Unit.MM else f"{text(1.0 / MM_PER_INCH)} in ({metric})"
 
 
-def offsets_lines(offsets_mm: Floats, expanded_mm: Floats) -> list[str]:
+def offsets(offsets_mm: Floats, expanded_mm: Floats) -> str:
     """The offsets so far with their U; what else may be wrong adds to it at the end only."""
     decimals = decimals_for(float(expanded_mm.min()))
-    parts = [
+    parts = (
         f"{axis.upper()} {value:+.{decimals}f} +/-{reach:.{decimals}f}"
         for axis, value, reach in zip(AXES, offsets_mm, expanded_mm, strict=True)
-    ]
-    return [f"Offsets so far, {UNLESS}:", f"  {'  '.join(parts)} mm"]
+    )
+    return f"Offsets so far, {UNLESS}:\n  {'  '.join(parts)} mm"
 
 
-def saved_line(dropped: Sequence[SessionStep], minutes: float, until_mm: float) -> str:
+def shortened(dropped: Sequence[SessionStep], minutes: float, until_mm: float) -> str:
     """What --until has made unnecessary."""
     cycles = len({(s.leg, s.cycle) for s in dropped if s.posture is not Posture.ISO})
     return (
@@ -282,25 +257,22 @@ def saved_line(dropped: Sequence[SessionStep], minutes: float, until_mm: float) 
     )
 
 
-def closing_lines(state: State, setting: Setting, session: str) -> list[str]:
+def closing(state: State, setting: Setting, session: str) -> str:
     """What was measured and where it is, and what to put back."""
-    reason = state.ended.reason if state.ended else "unfinished"
     counts = f"{len(state.accepted)} readings"
     for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
-        if number:
-            counts += f", {number} {word}"
+        counts += f", {number} {word}" if number else ""
+    reason = state.ended.reason if state.ended else "unfinished"
     lines = ["", f"Session {reason}: {counts}.", f"Written to {visible(session)}"]
     if setting.first:
         lines.append(f"With the {len(setting.first.readings)} readings from before, in one file.")
-    turned = sorted({step.leg for step in setting.steps if step.planned.turned})
-    lines += [
-        f"Before the next session, turn the bar of leg {AXES[leg].upper()} back." for leg in turned
-    ]
-    return [*lines, ""]
+    for leg in sorted({step.leg for step in setting.steps if step.planned.turned}):
+        lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
+    return "\n".join([*lines, ""])
 
 
-def truth_lines(offsets_mm: Floats, interval_mm: Floats, hidden_mm: Floats) -> list[str]:
-    """After a simulated session: what was hidden, beside what was found."""
+def truth(offsets_mm: Floats, interval_mm: Floats, hidden_mm: Floats) -> str:
+    """After a simulated session: what was hidden, and what was found."""
     lines = ["This machine was simulated. Hidden in it, and found (mm):"]
     low, high = interval_mm.T
     for axis, hidden, *known in zip(AXES, hidden_mm, offsets_mm, low, high, strict=True):
@@ -310,12 +282,13 @@ def truth_lines(offsets_mm: Floats, interval_mm: Floats, hidden_mm: Floats) -> l
             f"  {axis.upper()}  hidden {hidden:+.4f}   found {found}   95 % from {least} to {most}"
         )
     if ((low <= hidden_mm) & (hidden_mm <= high)).all():
-        return [*lines, "All three lie inside their intervals."]
-    verdict = "Not all lie inside their intervals; chance alone does that once in seven sessions."
-    return [*lines, verdict]
+        lines.append("All three lie inside their intervals.")
+    else:
+        lines.append("Not all lie inside their intervals; expected once in seven sessions.")
+    return "\n".join(lines)
 
 
-def table_lines(state: State, setting: Setting, unit: Unit, columns: int) -> list[str]:
+def table(state: State, setting: Setting, unit: Unit, columns: int) -> str:
     """The readings so far: one line per leg, gauge and posture, one column per cycle.
 
     Where not all have room, the last ones up to the cycle in hand.
@@ -324,28 +297,28 @@ def table_lines(state: State, setting: Setting, unit: Unit, columns: int) -> lis
     begun = max((steps[number - 1].cycle for number in state.accepted), default=1)
     end = max(begun, min(room, max(step.cycle for step in steps)))
     shown = range(max(end - room, 0) + 1, end + 1)
-    rows: dict[object, list[SessionStep]] = {}
+
+    def cell(number: int) -> str:
+        if number not in state.accepted:
+            return ". " if state.is_open(number) else "- "
+        take = state.accepted[number].take
+        value, _, _ = value_text(take.value_mm, unit).partition(" ")
+        return f"{value}{'?' if isinstance(take, Questioned) else ' '}"
+
+    rows: dict[tuple[object, str], dict[int, str]] = {}
     for step in steps:
-        rows.setdefault(step.cell, []).append(step)
+        leg, direction = (AXES[axis].upper() for axis in step.series)
+        aside = step.end or ("stepped" if setting.short_mm(step).any() else "")
+        rows.setdefault((step.cell, f" {leg}    {direction}    {step.posture} {aside}"), {})[
+            step.cycle
+        ] = cell(step.number)
     heads = "".join(f"{f'cycle {number}':>10}" for number in shown)
     lines = [f"{f'leg gauge posture  [{unit}]':<24}{heads}"]
-    for row in rows.values():
-        cells = {step.cycle: _cell(state, step.number, unit) for step in row}
-        leg, direction = (AXES[axis].upper() for axis in row[0].series)
-        state_of = "stepped" if setting.short_mm(row[0]).any() else ""
-        name = f" {leg}    {direction}    {row[0].posture} {row[0].end or state_of}"
+    for (_, name), cells in rows.items():
         values = "".join(f"{cells.get(number, ''):>10}" for number in shown)
         lines.append(f"{name:<24}{values}".rstrip())
     marks = "? kept although questioned   - skipped   . to come"
-    return [*lines, f"{marks}   replaced: {len(state.replaced)}"]
-
-
-def _cell(state: State, number: int, unit: Unit) -> str:
-    if number in state.accepted:
-        take = state.accepted[number].take
-        shown, _, _ = value_text(take.value_mm, unit).partition(" ")
-        return f"{shown}{'?' if isinstance(take, Questioned) else ' '}"
-    return ". " if state.is_open(number) else "- "
+    return "\n".join([*lines, f"{marks}   replaced: {len(state.replaced)}"])
 
 
 def wrapped(text: str, columns: int) -> str:
@@ -359,3 +332,59 @@ def wrapped(text: str, columns: int) -> str:
             else [line]
         )
     return "\n".join(lines)
+
+
+# Pictures of the gauge set-ups, x to the right, y away, z up: (row, column, text) of the machine's
+# parts, and of each gauge with its plunger, for every leg.
+_Marks = tuple[tuple[int, int, str], ...]
+
+# fmt: off
+_LEGS: tuple[_Marks, ...] = (
+    ((4, 3, "tool o========*========(X)- - - rail X"), (5, 24, "carriage")),
+    ((0, 24, "/ rail Y"), (1, 22, "(Y) carriage"), (2, 21, "/"), (3, 19, "/"), (4, 17, "*"),
+     (5, 15, "/"), (6, 13, "/"), (7, 6, "tool o")),
+    ((0, 17, "| rail Z"), (1, 16, "(Z) carriage"), (2, 17, "|"), (3, 17, "|"), (4, 17, "*"),
+     (5, 17, "|"), (6, 17, "|"), (7, 12, "tool o")),
+)
+_GAUGES: dict[tuple[int, int], _Marks] = {
+    (0, 1): ((2, 21, "[Y]"), (3, 19, "/")),
+    (0, 2): ((1, 16, "[Z]"), (2, 17, "|"), (3, 17, "v")),
+    (1, 0): ((4, 19, "<----[X]"),),
+    (1, 2): ((1, 16, "[Z]"), (2, 17, "|"), (3, 17, "v")),
+    (2, 0): ((4, 19, "<----[X]"),),
+    (2, 1): ((2, 21, "[Y]"), (3, 19, "/")),
+}
+_SLIDING: tuple[_Marks, ...] = (
+    ((1, 8, "[Z] tool end"), (2, 9, "|"), (3, 9, "v"), (1, 25, "[Z] joint end"), (2, 26, "|"),
+     (3, 26, "v"), (4, 4, "tool o===============(X)- - - rail X")),
+    ((0, 20, "[Z] joint end"), (1, 21, "|"), (2, 21, "v"), (3, 20, "(Y) carriage"),
+     (4, 3, "tool end [Z]"), (4, 19, "/"), (5, 13, "|"), (5, 17, "/"), (6, 13, "v"),
+     (6, 15, "/"), (7, 8, "tool o")),
+)
+_AXES: _Marks = (
+    (2, 48, "+Z"), (3, 48, "|   +Y"), (4, 48, "|  /"), (5, 48, "| /"), (6, 48, "+------ +X"),
+)
+# fmt: on
+
+
+def picture(leg: int, directions: Collection[int], contact: Contact, wide: bool) -> list[str]:
+    """The gauges of a set-up, at most 72 columns wide; 38 if not `wide`.
+
+    Fixed on stands half-way along the leg (double-posture), or one that slides on the xy-surface
+    between the ends of the leg (single-posture).
+    """
+    marks = list(_LEGS[leg])
+    if contact is not Contact.FIXED:
+        marks = list(_SLIDING[leg])
+        directions = ()
+    for direction in directions:
+        marks += _GAUGES[leg, direction]
+    marks += _AXES if wide else ()
+    canvas = [[" "] * 72 for _ in range(1 + max(row for row, _, _ in marks))]
+    for row, column, text in marks:
+        canvas[row][column : column + len(text)] = text
+    lines = ["".join(line).rstrip() for line in canvas]
+    lines = lines[next(index for index, line in enumerate(lines) if line) :]
+    if wide:
+        return lines
+    return [*textwrap.dedent("\n".join(lines)).split("\n"), "+X is to the right, +Y away, +Z up."]

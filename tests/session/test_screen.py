@@ -8,7 +8,7 @@ from pathlib import Path
 import pexpect
 import pytest
 
-from orthoglide_cal.session.wording import table_lines, value_text
+from orthoglide_cal.session.wording import table, value_text
 from orthoglide_cal.words import Unit
 
 from .terminal import AT_ONCE, PATIENCE_S, PROMPT, Terminal, environment
@@ -72,12 +72,12 @@ def test_a_screen_of_40_columns_breaks_no_word_number_or_picture(
 def test_a_narrow_table_shows_the_cycle_in_hand(tmp_path: Path) -> None:
     lines = typed(readings_of(steps_of()))[:8]
     dialogue, _ = answered(tmp_path / "s.journal", lines)
-    narrow = table_lines(dialogue.state, dialogue.setting, Unit.MM, 40)
+    narrow = table(dialogue.state, dialogue.setting, Unit.MM, 40).splitlines()
     assert narrow[0].split()[-2:] == ["cycle", "2"]
     assert f"{float(lines[6]):+.3f}" in narrow[1]
-    wide = table_lines(dialogue.state, dialogue.setting, Unit.MM, 80)
+    wide = table(dialogue.state, dialogue.setting, Unit.MM, 80).splitlines()
     assert [word for word in wide[0].split() if word.isdigit()] == ["1", "2", "3", "4"]
-    inches = table_lines(dialogue.state, dialogue.setting, Unit.INCH, 80)
+    inches = table(dialogue.state, dialogue.setting, Unit.INCH, 80).splitlines()
     assert "[in]" in inches[0]
     assert float(inches[1].split()[3]) == pytest.approx(float(lines[0]) / 25.4, abs=6e-6)
 
