@@ -1,4 +1,4 @@
-"""The parts that pictures are made of: scales, axes, marks; and bars in characters for a terminal.
+"""The parts that pictures are made of: scales, axes, marks.
 
 A picture's lengths are CSS pixels at its natural size; the page scales it to its place. Colours are
 classes of the page.
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from orthoglide_cal.report.escape import Html, join, tag
 
 MINUS = "\N{MINUS SIGN}"
-CHARACTERS = 44  # width of a picture in characters
 
 
 @dataclass(frozen=True)
@@ -154,16 +153,10 @@ class Axes:
         """Grid lines with numbers, and the axis' title above them."""
         left, right = self.across.start, self.across.end
         rows = [
-            join((line(left, y, right, y, class_), words(left - 5, y + 3.5, text, "end")))
+            join((line(left, y, right, y, class_), words(left - 5, y + 3.5, text, "end", "tick")))
             for y, class_, text in _marked(self.up, 4)
         ]
         return join((*rows, words(2, self.up.end - 8, title, class_="muted")))
-
-    def bottom_axis(self, places: Sequence[tuple[float, str]], title: str) -> Html:
-        """Texts below the plot at given values, and the axis' title."""
-        base, middle = self.up.start, (self.across.start + self.across.end) / 2
-        parts = [words(self.across(value), base + 14, label, "middle") for value, label in places]
-        return join((*parts, words(middle, base + 28, title, "middle", "muted")))
 
     def band(self, half: float) -> Html:
         """A strip of ± `half` about zero."""
@@ -175,7 +168,7 @@ class Axes:
 def ruler(across: Scale, top: float, bottom: float, count: int, title: str, middle: float) -> Html:
     """Vertical grid lines from top to bottom with numbers below them, and a title at `middle`."""
     parts = [
-        join((line(x, top, x, bottom, class_), words(x, bottom + 14, text, "middle")))
+        join((line(x, top, x, bottom, class_), words(x, bottom + 14, text, "middle", "tick")))
         for x, class_, text in _marked(across, count)
     ]
     return join((*parts, words(middle, bottom + 29, title, "middle", "muted")))
@@ -188,59 +181,3 @@ def _marked(scale: Scale, count: int) -> Iterator[tuple[float, str, str]]:
     for value in values:
         class_ = "zero" if abs(value) < step * 1e-6 else "grid"
         yield scale(value), class_, tick_text(value, step)
-
-
-def interval_lines(
-    names: Sequence[str],
-    values: Sequence[float],
-    halves: Sequence[float],
-    width: int = CHARACTERS,
-) -> tuple[str, ...]:
-    """One line per value: its interval on a common scale, with zero marked.
-
-    >>> print(interval_lines(["x"], [1.0], [0.5], 13)[0])
-    x  │   ├───●───┤
-    """
-    ends = [0.0, *(v + s * h for v, h in zip(values, halves, strict=True) for s in (-1.0, 1.0))]
-    low, high = min(ends), max(ends)
-    span = (high - low) or 1.0
-
-    def place(value: float) -> int:
-        return round((value - low) / span * (width - 1))
-
-    lines = []
-    for name, value, half in zip(names, values, halves, strict=True):
-        cells = [" "] * width
-        cells[place(0.0)] = "│"
-        left, middle, right = place(value - half), place(value), place(value + half)
-        for k in range(left, right + 1):
-            cells[k] = "─"
-        if right > left:
-            cells[left], cells[right] = "├", "┤"
-        cells[middle] = "●"
-        lines.append(f"{name}  {''.join(cells)}".rstrip())
-    return tuple(lines)
-
-
-def bar_lines(
-    names: Sequence[str], values: Sequence[float], texts: Sequence[str], width: int = CHARACTERS
-) -> tuple[str, ...]:
-    """One line per size: a bar on a common scale and its number.
-
-    >>> print("\\n".join(bar_lines(["a", "bc"], [1.0, 0.5], ["1 mm", "0.5 mm"], 4)))
-    a   ████  1 mm
-    bc  ██    0.5 mm
-    """
-    largest = max([*values, 0.0]) or 1.0
-    room = max((len(name) for name in names), default=0)
-    return tuple(
-        f"{name:<{room}}  {_bar(value / largest * width):<{width}}  {text}"
-        for name, value, text in zip(names, values, texts, strict=True)
-    )
-
-
-def _bar(length: float) -> str:
-    """Whole and half cells; what is not zero shows at least the thinnest cell."""
-    whole, rest = divmod(length, 1.0)
-    cells = "█" * int(whole) + ("▌" if rest >= 0.5 else "")
-    return cells or ("▏" if length > 0.0 else "")

@@ -117,21 +117,17 @@ class Figure:
         title: what it is; None if its section's title says it.
         finding: what one sees in it, in words.
         panels: SVG parts that are laid out side by side as far as they fit.
-        sketch: the same for the terminal, in characters; may be empty.
         columns: most panels beside each other, 1 to 3.
         key: explanation of the marks.
-        pairs: the panels are a first half and a second half, which are set side by side.
-        legend: a further panel below all others.
+        sketch: the same in characters, for a terminal; may be empty.
     """
 
     title: str | None
     finding: str
     panels: tuple[Html, ...]
-    sketch: tuple[str, ...] = ()
     columns: int = 3
     key: str | None = None
-    pairs: bool = False
-    legend: Html | None = None
+    sketch: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -168,7 +164,7 @@ class Section:
 
     @property
     def in_characters(self) -> tuple[Block, ...]:
-        """The blocks but pictures without a sketch: their words would speak of nothing."""
+        """The blocks but figures without a sketch: their words would speak of nothing."""
         return tuple(b for b in self.blocks if not isinstance(b, Figure) or b.sketch)
 
 
@@ -197,6 +193,11 @@ class Page:
     sections: tuple[Section, ...] = ()
     signatures: tuple[str, ...] = ()
     scope: str | None = None
+
+    @property
+    def in_characters(self) -> tuple[Section, ...]:
+        """All sections but those of which characters can show nothing."""
+        return tuple(each for each in (*self.sheet, *self.sections) if each.in_characters)
 
     @property
     def closing(self) -> tuple[str, ...]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import datetime
 
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.model import DataKind, Difference, Machine, Source
+from orthoglide_cal.model import DataKind, Machine, Source
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.words import counted
 
@@ -54,9 +54,9 @@ def data_words(source: Source | None, kind: str, count: int) -> str:
     return counted(count, noun) + of_what
 
 
-def comparison_words(differences: Sequence[Difference]) -> tuple[str, str]:
+def comparison_words(single: bool) -> tuple[str, str]:
     """What the differences of an expected-improvement table are, and how their names are meant."""
-    if differences[0].posture:
+    if single:
         return "tool end − joint end", "dz_x+ is along z on leg x at max."
     return "max − min", "dx_y is along x on leg y."
 
@@ -95,3 +95,15 @@ def _written(machine: Machine, names: Mapping[str, str]) -> tuple[tuple[str, doc
 def end_words(end: str | None) -> str:
     """End of the leg that was touched; nothing where the gauge stands still."""
     return f", {end} end" if end else ""
+
+
+def moment(written: str | None) -> doc.Given | None:
+    """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
+    if written is None:
+        return None
+    try:
+        time = datetime.fromisoformat(written)
+    except ValueError:
+        return doc.Given(written)
+    zone = f" {time:%z}" if time.tzinfo else ""
+    return doc.Given(f"{time:%Y-%m-%d %H:%M:%S}{zone[:4]}{':' if zone else ''}{zone[4:6]}")

@@ -162,12 +162,12 @@ def _tiles(grid: doc.Grid) -> Html:
 
 
 def _figure(figure: doc.Figure) -> Html:
-    layout = "pairs" if figure.pairs else _COLUMNS[figure.columns]
     return tag(
         "figure",
         tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding),
-        tag("div", *figure.panels, class_=f"panels {layout}"),
-        tag("div", figure.legend, class_="legend") if figure.legend else None,
+        tag("div", *figure.panels, class_=f"panels {_COLUMNS[figure.columns]}")
+        if figure.panels
+        else tag("pre", join(figure.sketch, "\n")),
         tag("p", figure.key, class_="small") if figure.key else None,
     )
 

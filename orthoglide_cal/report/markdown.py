@@ -17,7 +17,7 @@ def markdown(page: doc.Page) -> str:
     title = f": {in_markdown(page.title)}" if page.title is not None else ""
     parts = [f"# {in_markdown(page.kind)}{title}"]
     parts += [_block(block) for block in (page.facts, page.notice) if block is not None]
-    for section in (*page.sheet, *page.sections):
+    for section in page.in_characters:
         if section.title is not None:
             parts.append(f"## {in_markdown(section.title)}")
         parts += [_block(block) for block in section.in_characters]

@@ -43,7 +43,7 @@ class Terminal:
             yield from self._facts(page.facts)
         if page.notice is not None:
             yield from self._notice(page.notice)
-        for section in (*page.sheet, *page.sections):
+        for section in page.in_characters:
             if headed:
                 yield Text()
             if section.title is not None:

@@ -22,7 +22,8 @@ from orthoglide_cal.model import Model, Source, View
 from orthoglide_cal.model.workspace import WorkspaceError, workspace_error
 from orthoglide_cal.planning import Next, best_next
 from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
-from orthoglide_cal.results.answer import Release, Remedy
+from orthoglide_cal.results.answer import Answer, Release, Remedy
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.results.release import release
 from orthoglide_cal.results.residuals import Explained, Residuals, explained, residuals
 from orthoglide_cal.verification import Size, Verification
@@ -92,6 +93,13 @@ class Calibration:
     diagnosis: Diagnosis | None = None
     verification: Verification | None = None
     following: Next | None = None
+
+    @cached_property
+    def answer(self) -> Answer:
+        """What every page and `--json` say."""
+        chosen = self.solution and not self.solution.method_is_default
+        method = str(self.solution.method) if self.solution and chosen else None
+        return answer_to(self.input, method, diagnosed=self.diagnosis, details=True)
 
     @cached_property
     def model(self) -> Model:

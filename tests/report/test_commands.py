@@ -45,7 +45,7 @@ def test_report_takes_the_latest_session(tmp_path: Path, monkeypatch: pytest.Mon
         write(session(TRUE, day), NOMINAL, path, finished=f"2026-01-{day}T09:30:00+00:00")
     monkeypatch.chdir(tmp_path)
     found = run("report", "--json")
-    assert json.loads(found.stdout)["input"]["path"] == "session-30.yaml"
+    assert json.loads(found.stdout)["answer"]["input"]["path"] == "session-30.yaml"
     monkeypatch.chdir(tmp_path.parent)
     (tmp_path.parent / "empty").mkdir(exist_ok=True)
     monkeypatch.chdir(tmp_path.parent / "empty")
@@ -78,16 +78,18 @@ def test_report_files_are_not_replaced_unasked(healthy: Path, tmp_path: Path):
 
 def test_report_json(healthy: Path):
     found = json.loads(run("report", healthy, "--json").stdout)
-    assert found["usable"] is True
-    assert found["number"].startswith("OC-")
-    # Student's t of more than the 51 that the noise alone has.
-    answer = found["answer"]
-    assert answer["dof"] > 51
-    assert answer["coverage_factor"] == pytest.approx(student.ppf(0.975, answer["dof"]), abs=1e-4)
-    assert found["solution"]["offsets_mm"]["z"] == pytest.approx(-1.76, abs=0.02)
-    assert found["diagnosis"]["verdict"] == "consistent"
+    assert found["identity"]["number"].startswith("OC-")
     assert found["conditions"]["operator"] is None
-    assert found["as_left"] is None
+    assert found["after"] is None
+    answer = found["answer"]
+    assert answer["release"]["usable"] is True
+    # Student's t of more than the 51 that the noise alone has.
+    assert answer["dof"] > 51
+    assert answer["k"] == pytest.approx(student.ppf(0.975, answer["dof"]), abs=1e-4)
+    assert answer["parameters"][2]["found"] == pytest.approx(-1.76, abs=0.02)
+    assert answer["verdict"] == "consistent"
+    alone = json.loads(run("solve", healthy, "--json").stdout)
+    assert alone["parameters"] == answer["parameters"]
 
 
 def test_report_of_a_failed_session_is_made_and_tells_so(tmp_path: Path):
@@ -96,7 +98,7 @@ def test_report_of_a_failed_session_is_made_and_tells_so(tmp_path: Path):
     found = run("report", path)
     assert found.exit_code == 4
     assert "There is no result" in found.stdout
-    assert json.loads(run("report", path, "--json").stdout)["usable"] is False
+    assert json.loads(run("report", path, "--json").stdout)["answer"]["release"]["usable"] is False
 
 
 def test_report_as_left(healthy: Path, tmp_path: Path):
@@ -104,7 +106,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     write(session(TRUE - TRUE, 4), NOMINAL, after)
     applied = ("--applied", *TRUE.tolist())
     found = json.loads(run("report", healthy, "--json", "--after", after, *applied).stdout)
-    assert found["as_left"]["answer"] == "as modelled"
+    assert found["after"]["answer"] == "as modelled"
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
     assert "Promised and measured" in page.stdout
     assert "Pass: limit 0.05 mm" in page.stdout
@@ -115,7 +117,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
 
 
 def test_the_same_inputs_and_options_give_the_same_number(healthy: Path, tmp_path: Path):
-    numbers = [json.loads(run(*command, "--json").stdout)["number"] for command in (
+    numbers = [json.loads(run(*command, "--json").stdout)["identity"]["number"] for command in (
         ("report", healthy), ("report", healthy), ("report", healthy, "--method", "readings"),
         ("report", healthy, "--method", "six"),
     )]  # fmt: skip

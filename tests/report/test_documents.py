@@ -117,7 +117,7 @@ def test_the_green_tick_is_for_what_the_offsets_mend() -> None:
 def test_the_faulty_axes_are_marked_on_the_machine() -> None:
     page = repr(calibration_document(cases.named_in_machine()).page())
     assert "Marked: axis_gap: " in page
-    assert "Marked, because a fault is in it: axis" in page
+    assert "Marked, because of a fault: axis" in page
 
 
 def test_the_faulty_gauge_is_marked_on_the_machine() -> None:
@@ -229,22 +229,19 @@ def test_the_page_promises_what_the_forced_export_does() -> None:
     """A gap is found: what is expected belongs to the offsets beside it, wherever it stands."""
     session_file = read_input(str(SAMPLES / "session.yaml"))
     calibration = calibrate(session_file, issued=cases.ISSUED)
-    adjustment, alone = calibration.adjustment, calibration.alone
-    assert adjustment is not None
-    assert alone is not None
-    assert adjustment.causes == ("axis_gap",)
+    assert calibration.answer.named == ("axis_gap",)
     document = calibration_document(calibration)
     table = next(grid for grid in grids(document) if grid.head[-1:] == ("r.m.s.",))
-    expected = next(row for row in table.rows if row[0] == "left after")
+    expected = next(row for row in table.rows if row[0] == "would be left")
     check = json.loads(as_json(export(calibration, force=True)))["check"]
     column = table.head.index(check["difference"])
     assert expected[column] == signed(check["expected_mm"], 3)
     found_and_left = next(grid for grid in grids(document) if "as found" in grid.head)
     assert found_and_left.rows[0][2] == expected[-1]
     data = document.data()
-    own = {row["difference"]: row["expected_mm"] for row in data["solution"]["table"]}
-    assert own == {row.difference.name: row.expected_mm for row in alone.promised}
-    assert data["expected"]["rms_mm"] == pytest.approx(float(str(expected[-1])), abs=5.1e-4)
+    assert data["answer"]["expected"]["rms_mm"] == pytest.approx(
+        float(str(expected[-1])), abs=5.1e-4
+    )
 
 
 def beyond_the_limit() -> Calibration:
@@ -266,10 +263,10 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], Calibra
 
 def test_a_document_without_a_result_makes_no_claims() -> None:
     document = documents()["failed"]()
-    data = document.data()
-    assert data["usable"] is False
-    for key in ("as_found", "expected", "answer", "adjustment", "workspace", "solution"):
-        assert data[key] is None
+    answer = document.data()["answer"]
+    assert answer["release"]["usable"] is False
+    for key in ("as_found", "expected", "workspace", "check", "verdict"):
+        assert answer[key] is None
     assert not [grid for grid in grids(document) if "Δρ" in " ".join(grid.head)]
 
 
@@ -279,7 +276,7 @@ def test_values_for_programs_are_plain_json(kind: str) -> None:
     line = json_line(data)
     assert "\n" not in line
     assert json.loads(line) == data
-    assert data["schema_version"] == 1
+    assert data["schema_version"] in (1, 2)
 
 
 def test_not_a_number_is_refused() -> None:

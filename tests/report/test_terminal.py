@@ -111,7 +111,7 @@ def test_every_format_says_the_same(kind):
     page = documents()[kind]().page()
     terminal = "".join(shown(page, width=5000).split())
     text = "".join(markdown(page).split())
-    wanted = [section.title or "" for section in (*page.sheet, *page.sections)]
+    wanted = [section.title or "" for section in page.in_characters]
     for block in blocks_of(page):
         match block:
             case doc.Grid():

@@ -35,7 +35,7 @@ from orthoglide_cal.report.documents.parameters import (
     release_of,
     result_of,
 )
-from orthoglide_cal.report.documents.pictures import residual_pictures
+from orthoglide_cal.report.documents.pictures import residual_sections
 from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.results import Calibration
@@ -132,7 +132,7 @@ def _diagnosis_page(
         notice=doc.Notice(tone if release.sound else doc.Tone.BAD, headline(diagnosis), told),
         sections=(
             *((doc.Section(None, causes),) if causes else ()),
-            *residual_pictures(diagnosis, fit_blocks(diagnosis)),
+            *residual_sections(calibration.answer, vocabulary.many, fit_blocks(diagnosis)),
             doc.Section(
                 title if found is calibration.alone else title + taken.format(spread=spread),
                 (

@@ -1,171 +1,221 @@
-"""What is left of each reading, as pictures in characters or colours, by how it was measured."""
+"""What is left of each reading, in characters for a terminal and as figures for a page."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Sequence
 
 import numpy as np
 
-from orthoglide_cal.diagnosis import Diagnosis
-from orthoglide_cal.estimation.accuracy import rms
-from orthoglide_cal.model import Contact, Differences, Floats, Ints, Readings, Series, View
+from orthoglide_cal.model import AXES, DataKind, Floats, Series
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.bed import colours, limits_of, sign, signs
+from orthoglide_cal.report import figures
 from orthoglide_cal.report.facts import comparison_words, end_words
-from orthoglide_cal.words import counted, plain, signed
+from orthoglide_cal.results.answer import Answer, Residual
+from orthoglide_cal.words import signed
 
+SIGNS = "· noise, + − over 2σ, ▲ ▼ over 4σ"
+LEG_LEGEND = f"Mean of the repeats, then one sign for each: {SIGNS}."
 BED_LEGEND = (
     "The bed from above, y upwards: + the probe triggered too high, − too low. In characters:"
-    " · noise, + − over 2σ, ▲ ▼ over 4σ."
+    f" {SIGNS}."
 )
 # More signs than this would not fit beside a name: the largest deviations of each stand for all.
 _SIGNS = 30
+_CELLS = 17  # of a bed in signs, along x and along y
 
 
-def residual_pictures(diagnosis: Diagnosis, fit: tuple[doc.Block, ...]) -> tuple[doc.Section, ...]:
-    """Measured minus predicted, without and with the accepted causes.
-
-    Args:
-        diagnosis: of any data.
-        fit: says whether the calibrated parameters suffice; comes last.
-    """
-    measured = diagnosis.measured
-    if isinstance(measured, Differences):
-        return (doc.Section("Differences, mm", (_differences(measured, diagnosis), *fit)),)
-    models = {f"{diagnosis.model.machine.vocabulary.many} only": diagnosis.nominal_mm}
-    if diagnosis.causes:
-        names = " and ".join(cause.id for cause in diagnosis.causes)
-        models[f"with {names}"] = diagnosis.explained_mm
-    left = {name: diagnosis.measured_mm - predicted for name, predicted in models.items()}
-    draw, legend = _VIEWS[measured.view]
-    drawn = draw(measured, left, diagnosis.lack_of_fit.noise_mm)
-    sections = (
-        doc.Section(f"Measured minus predicted, µm: {name}", blocks)
-        for name, blocks in zip(models, drawn, strict=True)
-    )
-    return (*sections, doc.Section(None, (doc.Paragraph(legend, small=True), *fit)))
-
-
-def _by_leg(
-    measured: Readings, left: Mapping[str, Floats], sigma: float
-) -> Iterator[tuple[doc.Block, ...]]:
-    """A table of signs by leg and posture for each model."""
-    for residual in left.values():
-        yield (_residuals(measured, residual, sigma),)
-
-
-def bed_maps(
-    measured: Readings, left: Mapping[str, Floats], sigma: float
-) -> Iterator[tuple[doc.Block, ...]]:
-    """A map of the bed for each model, and what is left of the distances.
+def residual_sections(answer: Answer, many: str, fit: Sequence[doc.Block]) -> list[doc.Section]:
+    """Measured minus modelled in characters, without and with the causes found.
 
     Args:
-        measured: touches, and distances.
-        left: name of a model → measured − predicted, shape (n,) [mm].
-        sigma: standard deviation of one touch [mm].
+        answer: to any data.
+        many: what the calibrated parameters are called.
+        fit: says whether they suffice; comes last.
     """
-    plan = measured.plan
-    touched, place = ~plan.distance, plan.place[:, :2]
-    heights = np.unique(plan.surface[touched]).tolist()
-    limits = limits_of(*(values[touched] for values in left.values()))
-    for number, (name, values) in enumerate(left.items()):
+    if answer.input.kind != DataKind.READINGS:
+        return [doc.Section("Differences, mm", (_differences(answer), *fit))]
+    bed, sigma, sections = _on_bed(answer), _sigma_mm(answer), []
+    for model, left in _left(answer, many).items():
+        blocks: list[doc.Block] = [] if bed else [_by_leg(answer.residuals, left, sigma)]
+        for title, own in _surfaces(answer).items() if bed else ():
+            sketch = _signs(_places(answer)[own], left[own], sigma)
+            blocks.append(doc.Figure(title or None, "", (), sketch=sketch))
+        blocks += _distances(answer)
+        sections.append(doc.Section(f"Measured minus modelled, µm: {model}", tuple(blocks)))
+    legend = doc.Paragraph(BED_LEGEND if bed else LEG_LEGEND, small=True)
+    return [*sections, doc.Section(None, (legend, *fit))]
+
+
+def residual_blocks(answer: Answer, many: str) -> list[doc.Block]:
+    """The same as figures; nothing of differences, which have a figure of their own."""
+    if answer.input.kind != DataKind.READINGS:
+        return []
+    left = _left(answer, many)
+    if _on_bed(answer):
         blocks: list[doc.Block] = []
-        for height in heights:
-            own = touched & (plan.surface == height)
-            size = 1000.0 * rms(values[own])
-            at = f"{name}, at {height:g} mm" if len(heights) > 1 else name
-            finding = f"{plain(size, 1)} µm r.m.s. at {counted(int(own.sum()), 'touch')}"
-            panel = f"bed-{number}-{len(blocks)}"
-            figure = doc.Figure(
-                at if len(heights) > 1 else None,
-                f"{finding}.".replace("touchs", "touches"),
-                (colours(panel, at, place[own], values[own], limits),),
-                sketch=signs(place[own], values[own], sigma),
-                columns=2,
-            )
-            blocks.append(figure)
-        if plan.distance.any():
-            apart = 1000.0 * values[plan.distance]
-            blocks.append(
-                doc.Paragraph(
-                    f"{apart.size} distances: {plain(rms(apart), 0)} µm r.m.s., at most"
-                    f" {plain(float(np.abs(apart).max()), 0)} µm."
-                )
-            )
-        yield tuple(blocks)
-
-
-def _differences(measured: Differences, diagnosis: Diagnosis) -> doc.Grid:
-    """One row per difference: measured, predicted, left without and with the causes [mm]."""
-    columns = {
-        "measured": diagnosis.measured_mm,
-        "predicted by offsets": diagnosis.nominal_mm,
-        "left": diagnosis.measured_mm - diagnosis.nominal_mm,
-    }
-    if diagnosis.causes:
-        head = "left with the cause" + "s" * (len(diagnosis.causes) > 1)
-        columns[head] = diagnosis.measured_mm - diagnosis.explained_mm
-    rows = (
-        (each.name, *(signed(float(values[k]), 3) for values in columns.values()))
-        for k, each in enumerate(measured.which)
+        for title, own in _surfaces(answer).items():
+            chosen = {model: values[own] for model, values in left.items()}
+            maps = figures.bed_maps(title, _places(answer)[own], chosen)
+            sketch = _signs(_places(answer)[own], left[list(left)[-1]][own], _sigma_mm(answer))
+            blocks.append(doc.Figure(title or None, "", maps, sketch=sketch, columns=2))
+        return [*blocks, *_distances(answer), doc.Paragraph(BED_LEGEND, small=True)]
+    rows = answer.residuals
+    panels = figures.residual_panels(
+        [_series_of(row) for row in rows],
+        [" ".join(filter(None, (row.posture, row.end))) for row in rows],
+        [row.displacement_mm or 0.0 for row in rows],
+        [row.cycle for row in rows],
+        left,
+        _sigma_mm(answer),
     )
-    return doc.Grid(("", *columns), tuple(rows), caption=comparison_words(measured.which)[1])
+    key = "Marks: cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: what the gauge's noise explains (95 %)."
+    if len(left) > 1:
+        key = f"Open: {', filled: '.join(left)}. {key}"
+    return [doc.Figure(None, "By leg, posture and cycle.", panels, key=key)]
 
 
-def _residuals(measured: Readings, residual: Floats, sigma: float) -> doc.Grid:
+def _on_bed(answer: Answer) -> bool:
+    return any(row.x_mm is not None for row in answer.residuals)
+
+
+def _sigma_mm(answer: Answer) -> float:
+    """Standard deviation of one reading, as stated."""
+    if answer.lack_of_fit is not None:
+        return answer.lack_of_fit.noise_mm
+    return answer.noise.stated_mm if answer.noise else 0.0
+
+
+def _left(answer: Answer, many: str) -> dict[str, Floats]:
+    """Model → measured − modelled, shape (n,) [mm]."""
+    rows = answer.residuals
+    left = {f"{many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])}
+    if answer.causes:
+        modelled = [row.modelled_mm if row.with_causes_mm is None else row.with_causes_mm
+                    for row in rows]  # fmt: skip
+        names = " and ".join(cause.id for cause in answer.causes)
+        left[f"with {names}"] = np.array([row.measured_mm for row in rows]) - modelled
+    return left
+
+
+def _series_of(row: Residual) -> Series:
+    return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
+
+
+# --- touches of a bed -------------------------------------------------------------------------
+
+
+def _places(answer: Answer) -> Floats:
+    """Of each touch on the bed, shape (n, 2) [mm]."""
+    return np.array([(row.x_mm or 0.0, row.y_mm or 0.0) for row in answer.residuals])
+
+
+def _surfaces(answer: Answer) -> dict[str, list[int]]:
+    """The height of each touched surface, in words where there are several: its touches."""
+    touched = [(k, row.surface_mm or 0.0) for k, row in enumerate(answer.residuals)
+               if not row.distance]  # fmt: skip
+    heights = sorted({height for _, height in touched})
+    return {
+        f"at {height:g} mm" if len(heights) > 1 else "": [k for k, own in touched if own == height]
+        for height in heights
+    }
+
+
+def _distances(answer: Answer) -> list[doc.Block]:
+    """Measured distances, with what the models make of them [mm]."""
+    rows = [row for row in answer.residuals if row.distance]
+    if not rows:
+        return []
+    models = ("modelled", *(["with causes"] if answer.causes else []))
+    cells = (
+        (row.measured_mm, row.modelled_mm, row.with_causes_mm or row.modelled_mm)[: len(models) + 1]
+        for row in rows
+    )
+    written = tuple(tuple(signed(value, 3) for value in values) for values in cells)
+    return [doc.Grid(("distance", *models), written, words=(), caption="Distances, mm.")]
+
+
+def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> tuple[str, ...]:
+    """Rows of signs, y upwards; blank where nothing was touched.
+
+    Args:
+        place_mm: of n touches, shape (n, 2).
+        left_mm: measured − modelled; touches of one cell are averaged, shape (n,).
+        sigma_mm: standard deviation of one touch.
+    """
+    reach = float(np.abs(place_mm).max(initial=1.0)) * (1.0 + 1e-9)
+    cell = np.floor((place_mm / reach + 1.0) / 2.0 * _CELLS).astype(int)
+    number = cell[:, 1] * _CELLS + cell[:, 0]
+    count = np.bincount(number, minlength=_CELLS**2)
+    total = np.bincount(number, weights=left_mm, minlength=_CELLS**2)
+    rows = []
+    for row in reversed(range(_CELLS)):
+        cells = range(row * _CELLS, (row + 1) * _CELLS)
+        texts = [_sign(total[k] / count[k], sigma_mm) if count[k] else " " for k in cells]
+        rows.append(" ".join(texts).rstrip())
+    return tuple(f"  {text}" for text in rows if text)
+
+
+def _sign(left_mm: float, sigma_mm: float) -> str:
+    """What is left of one reading, against its standard deviation."""
+    if abs(left_mm) <= 2.0 * sigma_mm:
+        return "·"
+    large = abs(left_mm) > 4.0 * sigma_mm
+    return ("▲" if large else "+") if left_mm > 0.0 else ("▼" if large else "−")
+
+
+# --- differences, and readings at legs --------------------------------------------------------
+
+
+def _differences(answer: Answer) -> doc.Grid:
+    """One row per difference: measured, modelled, left without and with the causes [mm]."""
+    left = _left(answer, "offsets")
+    names = ["left", f"left with the cause{'s' * (len(answer.causes) > 1)}"]
+    rows = tuple(
+        (
+            row.posture or "",
+            signed(row.measured_mm, 3),
+            signed(row.modelled_mm, 3),
+            *(signed(float(values[k]), 3) for values in left.values()),
+        )
+        for k, row in enumerate(answer.residuals)
+    )
+    head = ("", "measured", "modelled by offsets", *names[: len(left)])
+    return doc.Grid(head, rows, caption=comparison_words(answer.input.kind == DataKind.SINGLE)[1])
+
+
+def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float) -> doc.Grid:
     """One row per series, one column per posture.
 
     Args:
-        measured: n readings.
-        residual: measured − predicted, shape (n,) [mm].
-        sigma: standard deviation of one reading [mm].
+        rows: n readings.
+        left_mm: measured − modelled, shape (n,).
+        sigma_mm: standard deviation of one reading.
     """
-    postures = list(dict.fromkeys(measured.posture))
-    columns: list[list[str]] = [[] for _ in postures]
-    names = []
-    for name, own in _series(measured):
-        names.append(name)
-        in_time = own[np.argsort(measured.plan.order[own], kind="stable")]
-        for posture, column in zip(postures, columns, strict=True):
-            chosen = [k for k in in_time if measured.posture[k] == posture]
-            column.append(_mean_and_signs(residual[chosen], sigma))
-    for column in columns:
+    postures = list(dict.fromkeys(row.posture or "" for row in rows))
+    several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
+    cells: dict[str, dict[str, list[tuple[int, float]]]] = {}
+    keys = [(_series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1) for row in rows]
+    for k in sorted(range(len(rows)), key=keys.__getitem__):
+        row, name = rows[k], keys[k][0].words
+        name += end_words(row.end) if row.end else f", at {row.gauge_at:g}" if several else ""
+        name += f", part {row.part}" if parts else ""
+        own = cells.setdefault(name, {posture: [] for posture in postures})
+        own[row.posture or ""].append((row.order, float(left_mm[k])))
+    columns = []
+    for posture in postures:
+        column = [_mean_and_signs(own[posture], sigma_mm) for own in cells.values()]
         # Signs begin below each other, however many repeats there are.
         longest = max(len(cell.partition(" ")[2]) for cell in column)
-        column[:] = [cell + " " * (longest - len(cell.partition(" ")[2])) for cell in column]
-    return doc.Grid(("leg, direction", *postures), tuple(zip(names, *columns, strict=True)))
+        padded = [cell + " " * (longest - len(cell.partition(" ")[2])) for cell in column]
+        columns.append(padded)
+    return doc.Grid(("leg, direction", *postures), tuple(zip(cells, *columns, strict=True)))
 
 
-def _series(measured: Readings) -> Iterator[tuple[str, Ints]]:
-    """Readings of one leg, direction, leg end, gauge place and part: its name, which they are."""
-    plan = measured.plan
-    several = np.unique(plan.gauge_at).size > 1
-    keys = np.stack((plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part), axis=1)
-    for key in np.unique(keys, axis=0):
-        name, contact = Series(int(key[0]), int(key[1])).words, Contact(int(key[2]))
-        if contact.end:
-            name += end_words(contact.end)
-        elif several:
-            name += f", at {key[3]:g}"
-        if plan.parts > 1:
-            name += f", part {key[4] + 1:.0f}"
-        yield name, np.flatnonzero(np.all(keys == key, axis=1))
-
-
-def _mean_and_signs(residual: Floats, sigma: float) -> str:
+def _mean_and_signs(left: Sequence[tuple[int, float]], sigma_mm: float) -> str:
     """The mean over the repeats [µm] and a sign for each, in order of time."""
-    if not residual.size:
+    if not left:
         return ""
-    parts = np.array_split(residual, min(residual.size, _SIGNS))
-    marks = "".join(sign(float(part[np.argmax(np.abs(part))]), sigma) for part in parts)
-    return f"{signed(1000.0 * float(residual.mean()), 1)} {marks}"
-
-
-# How readings were taken → how what is left of them is drawn, and what the signs mean.
-_VIEWS = {
-    View.LEGS: (
-        _by_leg,
-        "Mean of the repeats, then one sign for each: · noise, + − over 2σ, ▲ ▼ over 4σ.",
-    ),
-    View.BED: (bed_maps, BED_LEGEND),
-}
+    values = np.array([value for _, value in sorted(left)])
+    parts = np.array_split(values, min(values.size, _SIGNS))
+    marks = "".join(_sign(float(part[np.argmax(np.abs(part))]), sigma_mm) for part in parts)
+    return f"{signed(1000.0 * float(values.mean()), 1)} {marks}"

@@ -158,7 +158,7 @@ def left_after(
     reach = (f"± {plain(row.expanded_mm, digits)}" for row in table)
     rows.insert(2, ("", *reach, ""))
     differences = [row.difference for row in table]
-    what, meaning = comparison_words(differences)
+    what, meaning = comparison_words(bool(differences[0].posture))
     names = (each.name for each in differences)
     grid = doc.Grid(("", *names, "r.m.s."), tuple(rows), caption=meaning)
     title = "Left after correction" if usable else "Left if these offsets were entered"

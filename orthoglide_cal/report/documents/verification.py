@@ -10,17 +10,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.files import Conditions
 from orthoglide_cal.model import AXES, DataKind
-from orthoglide_cal.report import charts
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report import figures
 from orthoglide_cal.report.controller import remainder
-from orthoglide_cal.report.documents.evidence import moment
-from orthoglide_cal.report.facts import SCOPE, owner_facts
+from orthoglide_cal.report.facts import SCOPE, moment, owner_facts
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
 from orthoglide_cal.results import Adjustment, Identity
 from orthoglide_cal.verification import (
@@ -311,15 +308,18 @@ def verification_outcome(verification: Verification) -> doc.Section:
     figure = doc.Figure(
         None,
         "What is left of each difference, and what was promised.",
-        charts.corrected_rows(
-            [d.difference for d in deviations],
-            np.array([d.promised_mm for d in deviations]),
-            np.array([d.after_mm for d in deviations]),
-            np.array([d.expanded_mm for d in deviations]),
-            limit,
+        (
+            figures.deviation_rows(
+                [d.difference.name for d in deviations],
+                [d.before_mm for d in deviations],
+                [d.promised_mm for d in deviations],
+                [d.expanded_mm for d in deviations],
+                [d.after_mm for d in deviations],
+                limit,
+            ),
         ),
         columns=1,
-        key="○ left after correction with U (95 %), ■ promised"
+        key="○ as found, ■ promised, ● left after correction with U (95 %)"
         + ("." if limit is None else "; dotted: the limit."),
     )
     decided = [doc.Paragraph(doc.Strong(sentence)) for sentence in _decision(verification)]
