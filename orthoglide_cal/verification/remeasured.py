@@ -106,7 +106,7 @@ def remeasure(before: Input, after: Input) -> Remeasured:
     check_same_printer(before.model.machine, after.model.machine)
     first, second = (solve(each.measured, each.model) for each in (before, after))
     machine = first.model.machine
-    old, new = (np.array(machine.active) for each in (first, second))
+    old, new = (np.array(each.model.machine.active) for each in (first, second))
     # A table says nothing of the firmware: with one machine file for both nobody knows.
     stated = before.model.machine != after.model.machine
     entered = (new - old).round(9).tolist() if stated else [None] * len(old)
