@@ -34,6 +34,22 @@ def lines(result: Result) -> list[dict[str, Any]]:
     return [json.loads(line, parse_constant=refuse) for line in result.stdout.splitlines()]
 
 
+def answer(*arguments: str, text: str = "") -> dict[str, Any]:
+    """The JSON object that one command prints about one file."""
+    (found,) = lines(run(*arguments, "--json", text=text))
+    return found
+
+
+def parameters(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The parameters of an answer by their names."""
+    return {each["name"]: each for each in found["parameters"]}
+
+
+def words(text: str) -> str:
+    """What is said, without the breaks of its lines."""
+    return " ".join(text.replace("│", " ").split())
+
+
 def process(
     *arguments: str, text: str = "", environment: dict[str, str] | None = None, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
