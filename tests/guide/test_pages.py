@@ -9,8 +9,6 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.words import unit_words
 from tests.cli.program import DOUBLE, lines, run
 from tests.machines import ROOT
@@ -40,7 +38,10 @@ def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
         usual = next(iter(cause.sizes.values()))
         assert size[1].startswith(f"{usual:g} {unit_words(cause.unit)}")
     # Another kind of machine may have another size.
-    sizes = {kind.model_fields["kind"].default: usual for kind, usual in cause.sizes.items()}
+    sizes = {
+        re.sub("(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower(): usual
+        for kind, usual in cause.sizes.items()
+    }
     for kind, usual in sizes.items():
         if usual != sizes.get("orthoglide", usual):
             said = rf"{usual:g} {re.escape(unit_words(cause.unit))}.*{kind.replace('_', ' ')}"
