@@ -11,7 +11,8 @@ from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
-    from orthoglide_cal.planning.prospect import Prospect
+    from orthoglide_cal.model import Model
+    from orthoglide_cal.planning.plan import Wanted
 
 
 def plan(
@@ -83,55 +84,38 @@ def plan(
     """Say what readings will be worth, which causes they can tell apart, and what to read next."""
     from orthoglide_cal.diagnosis import diagnose
     from orthoglide_cal.planning import ranked
-    from orthoglide_cal.planning.layouts import layout_prospect
-    from orthoglide_cal.planning.prospect import prospect
-    from orthoglide_cal.planning.steps import CYCLES, MeasuringProtocol
-    from orthoglide_cal.report.documents.layouts import layouts_document
+    from orthoglide_cal.planning.plan import Wanted, measurement_plan
     from orthoglide_cal.report.documents.plan import plan_document
-    from orthoglide_cal.results import calibrate
+    from orthoglide_cal.results import answer_to
 
     if target is not None and target <= 0.0:
         raise UsageError("--target must be greater than 0.", "Give millimetres, such as 0.02.")
     if target is not None and cycles is not None:
         raise UsageError("--target finds the number of cycles itself.", "Leave out --cycles.")
-    if program is None and (template, order, approach, travel) != (None,) * 4:
+    moves = (template, order, approach, travel)
+    if program is None and moves != (None,) * 4:
         raise UsageError("These options are for a program.", "Name its file: --program FILE")
     if program is not None and (json or html is not None or overwrite):
         raise _alone()
-    way = common.measuring_protocol(protocol, design)
+    wanted = Wanted(common.measuring_protocol(protocol, design), cycles, gauges, target, layout)
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.given_machine(machine) or common.folder_machine()
-    diagnosis = diagnose(given.measured, model) if given and program is None else None
-    following = () if diagnosis is None else ranked(diagnosis)
-    if model.machine.layouts():
-        beside = (way, cycles, target, template, order, approach, travel)
-        if beside != (None,) * 7 or gauges != 2:
-            raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
-        laid = layout_prospect(model, layout)
-        if program is not None:
-            from orthoglide_cal.cli.program import write_places
-
-            write_places(laid.chosen, program)
-            return
-        source = given.measured.source if given else None
-        document = layouts_document(laid, source, machine, following)
-    else:
-        if layout is not None:
-            raise UsageError("--layout is for printers.", "Name a --protocol instead.")
-        if program is not None and given is not None:
+    if program is not None:
+        if given is not None and not model.machine.layouts():
             raise _alone()
-        way = way or MeasuringProtocol.DOUBLE
-        found = prospect(model, way, cycles or CYCLES, gauges, target)
-        if program is not None:
-            _write_program(found, machine, program, template, order, approach, travel)
-            return
-        begun = calibrate(given, diagnosed=diagnosis) if given else None
-        document = plan_document(found, machine, begun, following)
+        _write_program(model, wanted, machine, program, *moves)
+        return
+    diagnosis = diagnose(given.measured, model) if given else None
+    found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else ())
+    begun = answer_to(given, diagnosed=diagnosis) if given else None
+    source = given.measured.source if given else None
+    document = plan_document(found, machine, begun, source)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite)
 
 
 def _write_program(
-    found: Prospect,
+    model: Model,
+    wanted: Wanted,
     machine: Path | None,
     program: Path,
     template: Path | None,
@@ -139,21 +123,30 @@ def _write_program(
     approach: float | None,
     travel: tuple[float, float] | None,
 ) -> None:
-    """Write the postures of a session."""
-    from orthoglide_cal.cli.program import write_program
+    """Write the postures of a session, or the places of a layout."""
+    from orthoglide_cal.cli.program import write_places, write_program
     from orthoglide_cal.planning.bar import require_on_bar
+    from orthoglide_cal.planning.plan import chosen_session
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
-    from orthoglide_cal.planning.steps import Order, sequence, sequence_options
+    from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence, sequence_options
 
-    careful = require_on_bar(found.chosen.session.plan, found.model.machine)
+    chosen = chosen_session(model, wanted)
+    if model.machine.layouts():
+        if (template, order, approach, travel) != (None,) * 4:
+            raise UsageError(
+                "A printer's places are written as a table.", "Leave these options out."
+            )
+        write_places(chosen, program)
+        return
+    careful = require_on_bar(chosen.plan, model.machine)
     if careful is not None:
         common.tell(" ".join(careful.lines))
     turn = common.named(Order, "order", order) or Order.PAPER
-    session = (found.protocol, found.cycles, turn, found.stands)
+    session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
     told = command("measure", machine=machine, options=sequence_options(*session))
     length = APPROACH_MM if approach is None else approach
-    steps = sequence(found.model.machine, *session)
-    write_program(posture_program(found.model, steps, told, length, travel), program, template)
+    steps = sequence(model.machine, *session)
+    write_program(posture_program(model, steps, told, length, travel), program, template)
 
 
 def _alone() -> UsageError:

@@ -10,7 +10,7 @@ from orthoglide_cal.errors import UsageError
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.gcode_template import Template
-    from orthoglide_cal.planning.layouts import Laid
+    from orthoglide_cal.planning.forecast import SessionForecast
     from orthoglide_cal.planning.program import PostureProgram
 
 _GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")
@@ -66,7 +66,7 @@ def _template(program: PostureProgram, path: Path | None) -> Template:
         return gcode_template(read_document(str(shipped), YAML_LIMIT), numbers)
 
 
-def write_places(laid: Laid, target: Path) -> None:
+def write_places(found: SessionForecast, target: Path) -> None:
     """Write the places of a layout as a file to be filled in; "-" shows it.
 
     Raises:
@@ -74,13 +74,13 @@ def write_places(laid: Laid, target: Path) -> None:
     """
     from orthoglide_cal.files import places_csv, write_text
 
-    if laid.layout.plan.distance.any():
+    if not found.can_be_sent:
         raise UsageError(
-            f"{laid.layout.name} holds distances on a printed object: they are not probed.",
+            f"{found.name} holds distances on a printed object: they are not probed.",
             "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
             " choose a layout without distances: --layout bed-13",
         )
-    text = places_csv(laid.layout.plan)
+    text = places_csv(found.plan)
     if str(target) == "-":
         print(text, end="")
         return
@@ -88,7 +88,7 @@ def write_places(laid: Laid, target: Path) -> None:
         raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
     write_text(target, text)
     common.tell(
-        f"{len(laid.layout.plan)} places written to {target}: {laid.layout.what}. Fill in"
+        f"{len(found.plan)} places written to {target}: {found.what}. Fill in"
         " reading_mm, the height at which the probe triggers, bed mesh off."
     )
 

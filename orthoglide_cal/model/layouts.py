@@ -32,19 +32,23 @@ GOLDEN = (5.0**0.5 - 1.0) / 2.0
 
 
 class Layout(NamedTuple):
-    """A way to measure that a kind of machine has to offer.
+    """A way to measure: which readings, in which order.
 
     Attributes:
         name: one word, for tables and commands.
         what: in words.
         plan: its readings.
         minutes: that it takes.
+        cycles: repeats of its postures.
+        gauge_moves: how often a stand is put to another place.
     """
 
     name: str
     what: str
     plan: Any
     minutes: float
+    cycles: int = 1
+    gauge_moves: int = 0
 
 
 def rings(count: int, radius: float) -> Floats:

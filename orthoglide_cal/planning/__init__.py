@@ -1,6 +1,11 @@
 """Planning: what to measure, before it is measured."""
 
-from orthoglide_cal.planning.next_reading import Next, best_next, ranked
+from orthoglide_cal.planning.next_measurement import (
+    NextMeasurement,
+    RankedMeasurement,
+    best_next,
+    ranked,
+)
 from orthoglide_cal.planning.options import Option, joined
 
-__all__ = ["Next", "Option", "best_next", "joined", "ranked"]
+__all__ = ["NextMeasurement", "Option", "RankedMeasurement", "best_next", "joined", "ranked"]

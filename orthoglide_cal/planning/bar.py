@@ -21,7 +21,7 @@ ROUNDING = 1e-9
 PLACE_STEP = 0.05
 
 
-class Touch(NamedTuple):
+class WorstTouch(NamedTuple):
     """The reading whose plunger comes nearest to an end of its bar, or beyond it.
 
     Attributes:
@@ -45,7 +45,7 @@ def keeps_off(touched: Floats) -> np.ndarray:
     return np.asarray((touched < MARGIN - ROUNDING) | (touched > 1.0 - MARGIN + ROUNDING))
 
 
-def worst_touch(plan: GaugePlan, machine: Machine) -> Touch | None:
+def worst_touch(plan: GaugePlan, machine: Machine) -> WorstTouch | None:
     """The touch nearest to a joint; None if no gauge stands fixed in space."""
     rows = np.flatnonzero(plan.contact == Contact.FIXED)
     if not rows.size:
@@ -53,7 +53,7 @@ def worst_touch(plan: GaugePlan, machine: Machine) -> Touch | None:
     at = plan.gauge_at[rows] + plan.displacement[rows] / machine.leg_length_mm
     worst = int(np.argmin(np.minimum(at, 1.0 - at)))
     row = int(rows[worst])
-    return Touch(int(plan.leg[row]), float(plan.displacement[row]), float(at[worst]))
+    return WorstTouch(int(plan.leg[row]), float(plan.displacement[row]), float(at[worst]))
 
 
 def reach_mm(machine: Machine, gauge_at: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from orthoglide_cal.model import (
     GaugePlan,
     Machine,
     Model,
-    Plan,
     double_posture,
     other_axes,
 )
@@ -32,6 +31,7 @@ from orthoglide_cal.model.protocols import (
     plan_of,
 )
 from orthoglide_cal.planning.bar import bar_warning, places, reach_mm, worst_touch
+from orthoglide_cal.planning.separation import AnyPlan
 from orthoglide_cal.planning.steps import (
     NOTHING_ENTERED,
     MeasuringProtocol,
@@ -69,13 +69,13 @@ class Option:
     """
 
     what: str
-    plan: Any
+    plan: AnyPlan
     minutes: float
     continues: bool
     session: str | None = None
 
 
-def joined(*plans: Any) -> Any:
+def joined(*plans: AnyPlan) -> AnyPlan:
     """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
     return replace(
         plans[0],
@@ -101,7 +101,7 @@ def options(first: GaugePlan | None, machine: Machine) -> tuple[Option, ...]:
     return (*going_on, *_afresh(first, machine))
 
 
-def beyond(first: Plan | None, model: Model) -> tuple[Option, ...]:
+def further(first: AnyPlan | None, model: Model) -> tuple[Option, ...]:
     """What the kind of machine has to offer beside gauges on legs; none for an Orthoglide."""
     if first is None:
         return ()
@@ -269,7 +269,7 @@ def _sitting(
     return Option(what, plan, minutes, continues=False)
 
 
-def _clock(plan: Any, machine: Machine, start: float) -> list[float]:
+def _clock(plan: GaugePlan, machine: Machine, start: float) -> list[float]:
     """When each reading of a plan in time order is taken, and when all are, shape (n + 1,) [min].
 
     Args:

@@ -1,4 +1,4 @@
-"""Which causes can be told apart, before a reading is taken.
+"""Which causes can be distinguished, before a reading is taken.
 
 A cause of plausible size changes the readings; a rival explains them as well as it can, at its best
 place and with whatever sizes, offsets, gauge zeros and influences suit it. What it then costs more
@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Cause,
@@ -31,8 +32,18 @@ from orthoglide_cal.model import (
     zero_free,
 )
 
-# A cause whose trace is smaller than this cannot be seen, nor two be told apart [σ].
+# Of any kind of machine: each cause and estimator reads what its own has.
+AnyPlan = Any
+# A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0
+
+
+@dataclass(frozen=True)
+class SeparatedPair:
+    """Ids of two causes, and how far apart they are [standard deviations]."""
+
+    causes: tuple[str, str]
+    sigma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,17 +74,17 @@ class Separations(ReadOnly):
         return Separations(causes, self.sigma[np.ix_(seen, seen)], self.trace[seen])
 
     @cached_property
-    def pairs(self) -> tuple[tuple[Cause, Cause, float], ...]:
+    def pairs(self) -> tuple[SeparatedPair, ...]:
         """Each pair with its separation, nearest first."""
-        rows, columns = np.tril_indices(len(self.causes), -1)
         found = [
-            (self.causes[b], self.causes[a], float(self.sigma[a, b]))
-            for a, b in zip(rows.tolist(), columns.tolist(), strict=True)
+            SeparatedPair((self.causes[b].id, self.causes[a].id), float(self.sigma[a, b]))
+            for a in range(len(self.causes))
+            for b in range(a)
         ]
-        return tuple(sorted(found, key=lambda pair: pair[2]))
+        return tuple(sorted(found, key=lambda pair: pair.sigma))
 
 
-def separations(model: Model, plan: Any, among: Collection[str] | None = None) -> Separations:
+def separations(model: Model, plan: AnyPlan, among: Collection[str] | None = None) -> Separations:
     """Every cause that is possible on this machine against every other.
 
     Args:
@@ -91,7 +102,7 @@ def separations(model: Model, plan: Any, among: Collection[str] | None = None) -
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
 
-def _candidates(model: Model, plan: Any) -> tuple[Cause, ...]:
+def _candidates(model: Model, plan: AnyPlan) -> tuple[Cause, ...]:
     """Causes that can be behind such readings: of the machine first, then of the measurement."""
     known = {effect.cause.id for effect in model.accepted}
     possible = [
@@ -105,7 +116,7 @@ def _candidates(model: Model, plan: Any) -> tuple[Cause, ...]:
     return tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
 
 
-def _relabellings(cause: RelabelCause, plan: Any, machine: Machine) -> list[Place]:
+def _relabellings(cause: RelabelCause, plan: AnyPlan, machine: Machine) -> list[Place]:
     """The places at which the readings can express it."""
     return [place for place in cause.places(plan, machine) if cause.reversible(plan, place)]
 
@@ -137,7 +148,9 @@ class _Near:
     what offsets, zeros and influences of plausible size imitate has been taken out.
     """
 
-    def __init__(self, model: Model, plan: Any, offsets: Floats, causes: tuple[Cause, ...]) -> None:
+    def __init__(
+        self, model: Model, plan: AnyPlan, offsets: Floats, causes: tuple[Cause, ...]
+    ) -> None:
         self._machine, self._plan = model.machine, plan
         self._offsets, self._causes = offsets, causes
         sigma = model.machine.gauge.noise_mm
@@ -153,11 +166,9 @@ class _Near:
         }
         contrasts = zero_free(plan) / sigma
         carried = contrasts @ np.hstack([u.columns for u in influences(model, offsets, plan)])
-        root = np.linalg.cholesky(np.eye(len(contrasts)) + carried @ carried.T)
-        white = np.linalg.solve(root, np.column_stack((contrasts, contrasts @ slope)))
-        basis = np.linalg.qr(white[:, len(plan) :])[0]
-        white = white[:, : len(plan)]
-        self._left = white - basis @ (basis.T @ white)
+        noise = np.eye(len(contrasts)) + carried @ carried.T
+        white, white_slope = whiten(noise, contrasts, contrasts @ slope)
+        self._left = unexplained(white_slope, white)
 
     def margins(self) -> Floats:
         """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1)."""

@@ -15,6 +15,7 @@ from pydantic.json_schema import SkipJsonSchema
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.model.workspace import WorkspaceError
+from orthoglide_cal.planning import NextMeasurement
 
 Ids = tuple[str, ...]
 
@@ -289,16 +290,6 @@ class AssumedSize(Part):
     id: str
     size: float
     unit: str
-
-
-class NextMeasurement(Part):
-    """The reading that would decide what is open."""
-
-    what: str
-    minutes: float
-    separates: Ids
-    between: tuple[Ids, ...] = Field(description="the two explanations that it distinguishes")
-    separation_sigma: float
 
 
 class CheckReading(Part):

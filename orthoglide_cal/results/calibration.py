@@ -20,7 +20,7 @@ from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files import Input, machine_values
 from orthoglide_cal.model import Model, Source, View
 from orthoglide_cal.model.workspace import WorkspaceError, workspace_error
-from orthoglide_cal.planning import Next, best_next
+from orthoglide_cal.planning import RankedMeasurement, best_next
 from orthoglide_cal.results.adjustment import Adjustment, as_diagnosed, as_found
 from orthoglide_cal.results.answer import Answer, Release, Remedy
 from orthoglide_cal.results.making import answer_to
@@ -92,7 +92,7 @@ class Calibration:
     solution: Solution | None = None
     diagnosis: Diagnosis | None = None
     verification: Verification | None = None
-    following: Next | None = None
+    following: RankedMeasurement | None = None
 
     @cached_property
     def answer(self) -> Answer:

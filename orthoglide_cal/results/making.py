@@ -46,7 +46,7 @@ from orthoglide_cal.model import (
     View,
 )
 from orthoglide_cal.model.workspace import workspace_error
-from orthoglide_cal.planning import Next, best_next
+from orthoglide_cal.planning import RankedMeasurement, best_next
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.release import release
 from orthoglide_cal.words import entered_decimals
@@ -474,7 +474,7 @@ def _explained(diagnosis: Diagnosis) -> tuple[Floats, Floats]:
 
 
 def _of_diagnosis(
-    diagnosis: Diagnosis, solution: Solution, alone: _Found, following: Next | None
+    diagnosis: Diagnosis, solution: Solution, alone: _Found, following: RankedMeasurement | None
 ) -> dict[str, object]:
     """The parts of the answer that a diagnosis gives."""
     consistent = diagnosis.verdict is Verdict.CONSISTENT
@@ -508,15 +508,7 @@ def _of_diagnosis(
             schema.AssumedSize(id=id, size=size, unit=CAUSES[id].unit)
             for id, size in diagnosis.assumed_tolerances.items()
         ),
-        "next_measurement": None
-        if following is None
-        else schema.NextMeasurement(
-            what=following.option.what,
-            minutes=following.option.minutes,
-            separates=_apart(*following.separates) if following.separates else (),
-            between=following.separates or (),
-            separation_sigma=following.separation_sigma,
-        ),
+        "next_measurement": following,
         "sensitivity": {
             how: schema.Otherwise(verdict=verdict, ids=ids)
             for how, (verdict, ids) in diagnosis.sensitivity.items()
@@ -524,12 +516,6 @@ def _of_diagnosis(
         or None,
         "notes": diagnosis.notes,
     }
-
-
-def _apart(one: schema.Ids, other: schema.Ids) -> schema.Ids:
-    """Of each of two explanations the first cause that the other lacks, or has as well."""
-    pairs = ((one, other), (other, one))
-    return tuple(min(ids, key=lambda id: id in rival, default="") for ids, rival in pairs)
 
 
 def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:

@@ -10,12 +10,12 @@ from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.model import DataKind, gauge_doubts
-from orthoglide_cal.planning import Next
+from orthoglide_cal.planning import RankedMeasurement
 from orthoglide_cal.results.answer import Release, Remedy
 
 
 def release(
-    solution: Solution, diagnosis: Diagnosis | None, following: Next | None = None
+    solution: Solution, diagnosis: Diagnosis | None, following: RankedMeasurement | None = None
 ) -> Release:
     """Whether the solution's offsets may be entered, from its own check and the diagnosis.
 
@@ -96,7 +96,9 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         yield solution.judgement, Remedy(sentence=vocabulary.more)
 
 
-def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
+def _judged(
+    solution: Solution, diagnosis: Diagnosis, following: RankedMeasurement | None
+) -> Release:
     """What the diagnosis has against the offsets."""
     vocabulary = solution.model.machine.vocabulary
     if diagnosis.verdict is Verdict.CONSISTENT:
@@ -115,7 +117,9 @@ def _judged(solution: Solution, diagnosis: Diagnosis, following: Next | None) ->
     )
 
 
-def _ambiguous(solution: Solution, diagnosis: Diagnosis, following: Next | None) -> Release:
+def _ambiguous(
+    solution: Solution, diagnosis: Diagnosis, following: RankedMeasurement | None
+) -> Release:
     vocabulary = solution.model.machine.vocabulary
     first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
     rivals = ", ".join(map(" with ".join, diagnosis.rivals)) or "another cause"

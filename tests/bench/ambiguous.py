@@ -12,7 +12,7 @@ import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.model import GaugePlan
-from orthoglide_cal.planning import Next, Option, ranked
+from orthoglide_cal.planning import Option, RankedMeasurement, ranked
 from tests.diagnosis.sessions import known
 from tests.truth import (
     GAUGES,
@@ -37,7 +37,7 @@ class Ambiguous:
 
     session: Session
     found: Diagnosis
-    following: tuple[Next, ...]
+    following: tuple[RankedMeasurement, ...]
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -46,10 +46,10 @@ class Ambiguous:
         return accepted, ", ".join(sorted(self.found.ambiguous_with))
 
     @property
-    def recommended(self) -> Next | None:
+    def recommended(self) -> RankedMeasurement | None:
         """The best; None where no measurement tells anything of what is open."""
         best = self.following[0]
-        return None if best.separates is None else best
+        return best if best.between else None
 
 
 def continued(session: Session, option: Option, seed: int, rest_min: float = 0.0) -> Session:

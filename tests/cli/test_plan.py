@@ -79,8 +79,8 @@ def test_solve_then_finds_what_was_planned(tmp_path: Path) -> None:
     offsets = ("--offsets", "0.4", "-0.5", "0.6")
     run("simulate", "--seed", "5", *offsets, "--output", str(path))
     (found,) = lines(run("solve", str(path), "--json"))
-    for axis, reach in row["expanded_mm"].items():
-        assert found["expanded_mm"][axis] == pytest.approx(reach, rel=0.12)
+    for each in found["parameters"]:
+        assert each["expanded"] == pytest.approx(row["expanded_mm"][each["name"]], rel=0.12)
 
 
 def test_a_target_takes_as_many_cycles_as_it_needs() -> None:

@@ -89,7 +89,7 @@ def test_one_flat_mesh_leaves_leaning_towers_and_a_bent_bed_open(
     following = best_next(found)
     assert following is not None
     assert "block of known height" in following.option.what
-    assert following.separates == (("tower_lean",), ("bed_shape",))
+    assert following.between == (("tower_lean",), ("bed_shape",))
     assert any("direction" in note and "is not" in note for note in found.notes)
 
 

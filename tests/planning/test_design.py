@@ -16,8 +16,8 @@ from orthoglide_cal.estimation import fit_offsets, pose_plan
 from orthoglide_cal.model import DataKind, Floats, GaugePlan, Machine, Model, double_posture
 from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import design_of, readings_needed
-from orthoglide_cal.planning.expected import Session
-from orthoglide_cal.planning.prospect import prospect
+from orthoglide_cal.planning.forecast import session_of
+from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests.machines import LARGE, NOMINAL, PROTOTYPE, both_machines, both_models, sure
@@ -138,7 +138,9 @@ def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
     assert share <= 0.65
     assert found[0] / found[1] <= 0.65
     assert found[0] / found[1] == pytest.approx(share, rel=0.05)
-    assert prospect(model).share == pytest.approx(share, rel=1e-12)
+    best = measurement_plan(model, Wanted()).design
+    assert best is not None
+    assert best.share_of_readings == pytest.approx(share, rel=1e-12)
 
 
 def _variance(model: Model, plan: GaugePlan) -> float:
@@ -181,24 +183,25 @@ def trace(found: Separations, id: str) -> float:
 @both_models
 def test_what_it_gives_up_is_what_is_said(model: Model) -> None:
     """`GIVES_UP`, part by part, for the same U."""
-    plan = prospect(model)
-    usual, best = (separations(model, each.session.plan) for each in (plan.chosen, plan.best))
+    plan = measurement_plan(model, Wanted())
+    assert plan.design is not None
+    usual, best = (separations(model, each.plan) for each in (plan.chosen, plan.design))
     left = {id: trace(best, id) / trace(usual, id) for id in ("encoder_scale", "backlash",
             "gauge_drift", "stand_shift", "thermal_drift")}  # fmt: skip
     assert max(left[id] for id in ("encoder_scale", "backlash", "gauge_drift")) < 0.6
     assert 0.8 < left["stand_shift"] < 0.95
     # A machine that warms shows more, not less: it is not said, and not listed.
     assert left["thermal_drift"] > 1.0
-    lost = {frozenset((g.cause.id, g.rival.id if g.rival else None)): g for g in plan.given_up}
+    lost = {frozenset(each.causes): each for each in plan.design.given_up}
     for id in ("stand_shift", "gauge_drift"):
-        assert lost[frozenset((id, None))].usual_sigma == trace(usual, id)
-        assert lost[frozenset((id, None))].best_sigma == trace(best, id)
-    assert all(each.best_sigma < each.usual_sigma for each in plan.given_up)
+        assert lost[frozenset((id,))].usual_sigma == trace(usual, id)
+        assert lost[frozenset((id,))].best_sigma == trace(best, id)
+    assert all(each.best_sigma < each.usual_sigma for each in lost.values())
     for pair in combinations(("axis_gap", "axis_squareness", "bar_skew"), 2):
         assert lost[frozenset(pair)].best_sigma < 0.1 < 5.0 < lost[frozenset(pair)].usual_sigma
 
 
 def test_the_default_stays_the_double_posture_protocol() -> None:
-    assert prospect(NOMINAL).protocol is MeasuringProtocol.DOUBLE
-    assert Session.of(NOMINAL, MeasuringProtocol.BEST, 3).readings == 36
+    assert measurement_plan(NOMINAL, Wanted()).protocol == MeasuringProtocol.DOUBLE
+    assert len(session_of(NOMINAL, MeasuringProtocol.BEST, 3).plan) == 36
     assert design_of(LARGE).displacements_mm == (90.0, -140.0)

@@ -9,11 +9,17 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import Floats, Model
-from orthoglide_cal.model.layouts import Layout, mixed, rings
+from orthoglide_cal.model.layouts import mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_plan
-from orthoglide_cal.planning.layouts import TOLD_SIGMA, Laid, layout_prospect
+from orthoglide_cal.planning.forecast import SessionForecast
+from orthoglide_cal.planning.plan import (
+    CERTAIN_SIGMA,
+    MeasurementPlan,
+    Wanted,
+    measurement_plan,
+)
 from orthoglide_cal.planning.separation import separations
 from tests.machines import NOMINAL
 from tests.printers import UNEVEN, printer, readings_of_touches, true_values
@@ -44,7 +50,8 @@ def model_of(machine: Delta) -> Model:
 
 
 V400_MODEL = model_of(V400)
-LAYOUTS = {each.layout.name: each.layout for each in layout_prospect(V400_MODEL).shown}
+PLAN = measurement_plan(V400_MODEL, Wanted())
+LAYOUTS = {each.name: each for each in PLAN.by_cycles}
 
 
 def true_readings(machine: Delta, truth: Truth, plan: ProbePlan) -> tuple[ProbePlan, Floats]:
@@ -79,9 +86,9 @@ def drawn(machine: Delta, plan: ProbePlan, value: Floats, rng: np.random.Generat
     ],
 )
 def test_predicted_standard_deviations_are_what_monte_carlo_finds(name: str) -> None:
-    laid = Laid.of(V400_MODEL, LAYOUTS[name])
+    laid = LAYOUTS[name]
     rng = np.random.default_rng(13)
-    plan, value = true_readings(V400, TRUTH, laid.layout.plan)
+    plan, value = true_readings(V400, TRUTH, laid.plan)
     expected = true_values(V400, TRUTH)
     problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
     columns = np.hstack([each.columns for each in influences(V400_MODEL, expected, plan)])
@@ -93,16 +100,17 @@ def test_predicted_standard_deviations_are_what_monte_carlo_finds(name: str) -> 
         assert np.all(fit.converged)
         found.append(fit.offsets_mm)
     every = np.concatenate(found)
-    assert laid.seen.std_mm == pytest.approx(every.std(axis=0), rel=WITHIN)
-    error = np.abs(every.mean(axis=0) - expected) / laid.seen.std_mm
+    assert laid.averaged is not None
+    assert laid.averaged.std_mm == pytest.approx(every.std(axis=0), rel=WITHIN)
+    error = np.abs(every.mean(axis=0) - expected) / laid.averaged.std_mm
     assert error.max() < 0.05
 
 
 @pytest.mark.parametrize("name", ["bed-7", "blocks-13", "print-13"])
 def test_what_the_arms_add_is_what_wrong_arms_do(name: str) -> None:
     """Arms that the controller has wrongly by one tolerance each, alone and in turn."""
-    laid = Laid.of(V400_MODEL, LAYOUTS[name])
-    plan = laid.layout.plan
+    laid = LAYOUTS[name]
+    plan = laid.plan
     problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
     columns = np.hstack([each.columns for each in influences(V400_MODEL, np.zeros(6), plan)])
     ratio = problem.matrix @ columns / V400_MODEL.machine.gauge.noise_mm
@@ -113,21 +121,20 @@ def test_what_the_arms_add_is_what_wrong_arms_do(name: str) -> None:
         truth = Truth(arms=frozen(0.1 * size * np.eye(3)[arm]))
         _, value = true_readings(V400, truth, plan)
         shifted.append(10.0 * fit_offsets(problem, problem.matrix @ value[None].T[:, 0]).offsets_mm)
-    assert laid.held is not None
-    assert [each.source for each in laid.held.contributions] == ["leg_length"]
-    assert laid.held.std_mm == pytest.approx(np.linalg.norm(shifted, axis=0), rel=0.02)
+    (arms,) = (each for each in laid.budget.contributions if each.source == "leg_length")
+    assert arms.std_mm == pytest.approx(np.linalg.norm(shifted, axis=0), rel=0.02)
 
 
 def test_the_expected_uncertainty_is_what_solve_gives() -> None:
     """The mean of 40 sessions of 69 degrees of freedom: U scatters by 9 % at most, it by 1.4 %."""
-    laid = Laid.of(V400_MODEL, LAYOUTS["blocks-25"])
-    plan, value = true_readings(V400, TRUTH, laid.layout.plan)
+    laid = LAYOUTS["blocks-25"]
+    plan, value = true_readings(V400, TRUTH, laid.plan)
     every = drawn(V400, plan, value, np.random.default_rng(14))[:40]
     reach = [solve(readings_of_touches(plan, each), V400_MODEL).expanded_mm for each in every]
-    assert laid.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=0.04)
+    assert laid.budget.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=0.04)
 
 
-def session(machine: Delta, truth: Truth, hidden: str, layout: Layout) -> DeltaSession:
+def session(machine: Delta, truth: Truth, hidden: str, layout: SessionForecast) -> DeltaSession:
     plan: ProbePlan = layout.plan
     x, y, block = frozen(plan.place[:, 0]), frozen(plan.place[:, 1]), frozen(plan.surface)
     clean = touches(machine, truth, x, y, block, plan.hours)
@@ -138,7 +145,7 @@ def session(machine: Delta, truth: Truth, hidden: str, layout: Layout) -> DeltaS
     )  # fmt: skip
 
 
-def true_separation(machine: Delta, layout: Layout) -> float:
+def true_separation(machine: Delta, layout: SessionForecast) -> float:
     """Root mean square over all signs of sizes of one tolerance each, the smaller direction.
 
     In the mean over signs the parameters of a cause do not mix: their squares add up.
@@ -164,66 +171,73 @@ def true_separation(machine: Delta, layout: Layout) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", [V400, UNEVEN], ids=lambda each: each.name)
 def test_the_separation_of_frame_and_bed_is_that_of_the_truth(machine: Delta) -> None:
-    prospect = layout_prospect(model_of(machine))
-    names = {each.layout.name: each for each in prospect.shown}
+    plan = measurement_plan(model_of(machine), Wanted())
+    names = {each.name: each for each in plan.by_cycles}
     for name in ("bed-49", "blocks-13", "telling"):
         laid = names[name]
         assert laid.rivals_sigma is not None
-        true = true_separation(machine, laid.layout)
+        true = true_separation(machine, laid)
         # What costs less than the truth itself is no distance: a single one counts as none here,
         # only their sum does in the truth. It matters where hardly anything can be told.
         assert laid.rivals_sigma == pytest.approx(true, rel=0.05, abs=0.4), name
 
 
 def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
-    prospect = layout_prospect(V400_MODEL)
-    assert prospect.telling is not None
-    assert prospect.chosen is prospect.telling
-    assert prospect.tells
-    sigma = {each.layout.name: each.rivals_sigma or 0.0 for each in prospect.shown}
+    best = PLAN.design
+    assert best is not None
+    assert PLAN.chosen is best
+    assert best.reached
+    sigma = {each.name: each.rivals_sigma or 0.0 for each in PLAN.by_cycles}
     assert all(sigma[f"bed-{count}"] < 1.0 for count in (7, 13, 25, 49, 121))
-    assert sigma["telling"] >= TOLD_SIGMA
+    assert sigma["telling"] >= CERTAIN_SIGMA
     # Nothing that can be touched in less time does as well.
     quicker = [
         layout
         for layout in V400_MODEL.machine.distinguishing_layouts()
-        if layout.minutes < prospect.telling.layout.minutes
+        if layout.minutes < best.minutes
     ]
     assert len(quicker) > 5
     for layout in quicker:
         (pair,) = separations(V400_MODEL, layout.plan, V400_MODEL.machine.rivals).pairs
-        assert pair[2] < TOLD_SIGMA
-    longer = [each for each in prospect.compared if (each.rivals_sigma or 0.0) >= TOLD_SIGMA]
-    assert all(each.layout.minutes > prospect.telling.layout.minutes for each in longer)
+        assert pair.sigma < CERTAIN_SIGMA
+    longer = [each for each in PLAN.by_cycles if (each.rivals_sigma or 0.0) >= CERTAIN_SIGMA]
+    assert all(each.minutes >= best.minutes for each in longer)
 
 
 def test_where_nothing_tells_the_best_is_named() -> None:
     rough = replace(V400_MODEL.machine, texture_mm=0.2)
-    prospect = layout_prospect(Model(rough))
-    assert prospect.telling is not None
-    assert not prospect.tells
+    design = measurement_plan(Model(rough), Wanted()).design
+    assert design is not None
+    assert not design.reached
     best = max(
-        separations(Model(rough), layout.plan, V400_MODEL.machine.rivals).pairs[0][2]
-        for layout in V400_MODEL.kind.telling(rough)
+        separations(Model(rough), layout.plan, rough.rivals).pairs[0].sigma
+        for layout in rough.distinguishing_layouts()
     )
-    assert prospect.telling.rivals_sigma == best
+    assert design.rivals_sigma == best
 
 
 def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
     upright = replace(V400_MODEL.machine, tolerances={**TOLERANCES, "tower_lean": 0.0})
-    prospect = layout_prospect(Model(upright))
-    assert prospect.telling is None
-    assert prospect.chosen.layout.name == "bed-7"
-    assert all(each.rivals_sigma is None for each in prospect.compared)
+    plan = measurement_plan(Model(upright), Wanted())
+    assert plan.design is None
+    assert plan.chosen.name == "bed-7"
+    assert all(each.rivals_sigma is None for each in plan.by_cycles)
 
 
 def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
     gauge = replace(V400_MODEL.machine.gauge, repeatability_mm=2.0)
-    coarse = layout_prospect(Model(replace(V400_MODEL.machine, gauge=gauge)))
-    determined = {each.layout.name: each.determined for each in coarse.compared}
-    assert not all(determined["bed-7"])
-    assert all(determined["blocks-121"])
-    assert all(all(each.determined) for each in layout_prospect(V400_MODEL).compared)
+    coarse = measurement_plan(Model(replace(V400_MODEL.machine, gauge=gauge)), Wanted())
+
+    def undetermined(plan: MeasurementPlan) -> set[str]:
+        return {
+            each.name
+            for each in plan.by_cycles
+            if not all(parameter.determined for parameter in each.parameters.values())
+        }
+
+    assert "bed-7" in undetermined(coarse)
+    assert "blocks-121" not in undetermined(coarse)
+    assert not undetermined(PLAN)
 
 
 def test_minutes_are_those_of_touches_blocks_and_the_print() -> None:
@@ -241,7 +255,11 @@ def test_minutes_are_those_of_touches_blocks_and_the_print() -> None:
 def test_an_orthoglide_has_no_layouts_and_an_unknown_one_is_refused() -> None:
     assert NOMINAL.machine.layouts() == ()
     with pytest.raises(UsageError, match="There is no layout 'bed-8'"):
-        layout_prospect(V400_MODEL, "bed-8")
+        measurement_plan(V400_MODEL, Wanted(layout="bed-8"))
+    with pytest.raises(UsageError, match="for printers"):
+        measurement_plan(NOMINAL, Wanted(layout="bed-7"))
+    with pytest.raises(UsageError, match="no gauges"):
+        measurement_plan(V400_MODEL, Wanted(cycles=2))
 
 
 @pytest.mark.parametrize("count", [7, 13, 19, 25, 31, 37, 49, 81, 121, 169, 241])

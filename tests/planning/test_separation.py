@@ -9,7 +9,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
-from orthoglide_cal.planning.expected import Session
+from orthoglide_cal.planning.forecast import session_of
 from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests import truth
@@ -103,7 +103,7 @@ def test_a_trace_is_how_far_a_cause_is_from_nothing() -> None:
 @both_models
 @pytest.mark.parametrize("protocol", [DOUBLE, SINGLE, BEST])
 def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -> None:
-    found = separations(model, Session.of(model, protocol, 3).plan)
+    found = separations(model, session_of(model, protocol, 3).plan)
     assert CAUSES["leg_length"] in found.invisible
     assert CAUSES["leg_length"] not in found.visible.causes
     assert CAUSES["axis_gap"] in found.visible.causes
@@ -111,20 +111,20 @@ def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -
 
 
 def test_the_table_is_symmetric_and_its_pairs_are_sorted() -> None:
-    found = separations(NOMINAL, Session.of(NOMINAL, DOUBLE, 3).plan)
+    found = separations(NOMINAL, session_of(NOMINAL, DOUBLE, 3).plan)
     count = len(found.causes)
     assert found.sigma == pytest.approx(found.sigma.T)
     assert np.all(np.diag(found.sigma) == 0.0)
     assert len(found.pairs) == count * (count - 1) // 2
-    sigmas = [pair[2] for pair in found.pairs]
+    sigmas = [pair.sigma for pair in found.pairs]
     assert sigmas == sorted(sigmas)
-    for a, b, between in found.pairs:
-        assert between == sigma(found, a.id, b.id)
+    for pair in found.pairs:
+        assert pair.sigma == sigma(found, *pair.causes)
 
 
 def test_turning_the_bar_tells_its_skew_from_rails_that_do_not_meet() -> None:
     """More readings of another kind separate what the first left together."""
-    plan = Session.of(NOMINAL, BEST, 5).plan
+    plan = session_of(NOMINAL, BEST, 5).plan
     turned = replace(plan, turned=np.arange(len(plan)) // 4 % 2 == 1)
     parted = [sigma(separations(NOMINAL, each), "axis_gap", "bar_skew") for each in (plan, turned)]
     assert parted[0] < 0.1
@@ -134,7 +134,7 @@ def test_turning_the_bar_tells_its_skew_from_rails_that_do_not_meet() -> None:
 def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
     machine = NOMINAL.machine
     without = replace(machine, tolerances={**machine.tolerances, "backlash": 0.0})
-    plan = Session.of(NOMINAL, DOUBLE, 3).plan
+    plan = session_of(NOMINAL, DOUBLE, 3).plan
     ids = [cause.id for cause in separations(Model(without), plan).causes]
     assert "backlash" not in ids
     assert set(ids) == set(OWN) - {"backlash"}
@@ -142,7 +142,7 @@ def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
 
 def test_the_whole_table_takes_less_than_half_a_second() -> None:
     """About 0.04 s of one processor."""
-    plan = Session.of(NOMINAL, DOUBLE, 3).plan
+    plan = session_of(NOMINAL, DOUBLE, 3).plan
     start = time.process_time()
     separations(NOMINAL, plan)
     assert time.process_time() - start < 0.5
@@ -150,7 +150,7 @@ def test_the_whole_table_takes_less_than_half_a_second() -> None:
 
 def test_a_machine_on_which_nothing_can_be_wrong_has_no_pairs() -> None:
     sound = replace(NOMINAL.machine, tolerances=dict.fromkeys(OWN, 0.0))
-    found = separations(Model(sound), Session.of(NOMINAL, DOUBLE, 3).plan)
+    found = separations(Model(sound), session_of(NOMINAL, DOUBLE, 3).plan)
     assert found.causes == found.invisible == found.pairs == ()
 
 

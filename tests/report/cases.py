@@ -13,7 +13,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files import Check, Input, read_input
 from orthoglide_cal.model import Gauge, Model
 from orthoglide_cal.paper.tables import table_5
-from orthoglide_cal.planning.prospect import prospect
+from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.checks import check_document, paper_document
@@ -92,7 +92,7 @@ def faulty() -> Document:
 
 def planned() -> Document:
     """A machine with a hostile name, and a target that no number of cycles reaches."""
-    plan = prospect(changed(NOMINAL, name=HOSTILE[3]), target_mm=0.01)
+    plan = measurement_plan(changed(NOMINAL, name=HOSTILE[3]), Wanted(target_mm=0.01))
     return plan_document(plan, Path(HOSTILE[0]))
 
 

@@ -8,7 +8,7 @@ import pytest
 from orthoglide_cal.estimation.budget import Budget, Contribution, Evaluation
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.influence import Origin
-from orthoglide_cal.planning.prospect import prospect
+from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.budget import budget_section
 from orthoglide_cal.report.documents.plan import plan_document
@@ -23,7 +23,7 @@ def grid_of(section: doc.Section) -> doc.Grid:
 @both_models
 @pytest.mark.parametrize("cycles", [1, 3, 10])
 def test_a_way_that_takes_longer_is_shown_as_less_sure(model: Model, cycles: int) -> None:
-    sections = plan_document(prospect(model, cycles=cycles)).page().sections
+    sections = plan_document(measurement_plan(model, Wanted(cycles=cycles))).page().sections
     grid = grid_of(next(s for s in sections if s.title == "Other ways to the same uncertainty"))
     assert grid.caption
     (wanted,) = re.findall(r"± ([\d.]+) mm", grid.caption)
@@ -42,7 +42,7 @@ def test_small_sources_are_counted(count: int, said: str) -> None:
 
     small = (Origin.RESOLUTION, Origin.GAUGE_SCALE)[:count]
     budget = Budget((source(Origin.NOISE, 1.0), *(source(name, 0.01) for name in small)))
-    rows = grid_of(budget_section(budget, NOMINAL.kind)).rows
+    rows = grid_of(budget_section(budget, NOMINAL.machine)).rows
     assert [row[0] for row in rows if "smaller" in str(row[0])] == [said]
 
 

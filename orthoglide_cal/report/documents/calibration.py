@@ -26,7 +26,7 @@ from orthoglide_cal.report.documents.diagnosis import (
     note_blocks,
     ranking_grid,
 )
-from orthoglide_cal.report.documents.next_reading import next_blocks
+from orthoglide_cal.report.documents.plan import next_blocks
 from orthoglide_cal.report.documents.parameters import offsets_grid, offsets_title, open_blocks
 from orthoglide_cal.report.documents.pictures import residual_blocks
 from orthoglide_cal.report.documents.solution import left_after, noise_grid

@@ -26,7 +26,6 @@ from orthoglide_cal.model import (
 from orthoglide_cal.model.vocabulary import Vocabulary
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.controller import SETTLED, about
-from orthoglide_cal.report.documents.next_reading import next_blocks, told_data
 from orthoglide_cal.report.documents.parameters import (
     offsets_grid,
     offsets_title,
@@ -37,6 +36,7 @@ from orthoglide_cal.report.documents.parameters import (
 )
 from orthoglide_cal.report.documents.pictures import residual_sections
 from orthoglide_cal.report.facts import data_words
+from orthoglide_cal.report.documents.plan import next_blocks
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.results import Calibration
 from orthoglide_cal.words import (
@@ -160,7 +160,9 @@ def diagnosis_data(calibration: Calibration) -> dict[str, Any]:
         },
         "causes": [_cause_data(cause, found.machine.vocabulary) for cause in diagnosis.causes],
         "ambiguous_with": list(diagnosis.ambiguous_with),
-        "next_measurement": None if following is None else told_data(following),
+        "next_measurement": None
+        if following is None
+        else following.model_dump(include={"what", "separates", "separation_sigma"}),
         **parameters_of(found),
         **result_of(found, "offsets_mm", "std_mm"),
         **release_of(calibration),

@@ -1,276 +1,195 @@
-"""The document of `orthocal plan`: what a session will give, what limits it, other ways."""
+"""The document of `orthocal plan`: what a session will give, what limits it, other ways.
+
+The diagnosis shows the best of the next measurements, too.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.model import Cause, Machine, Model
-from orthoglide_cal.model.orthoglide import OFFSET_MM
-from orthoglide_cal.model.vocabulary import Vocabulary
-from orthoglide_cal.planning import Next
+from orthoglide_cal.model import Floats, Model, Source
+from orthoglide_cal.planning import NextMeasurement
 from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import GIVES_UP
-from orthoglide_cal.planning.expected import Expected, Foreseen, Session
-from orthoglide_cal.planning.prospect import MOST_COMPARED, ROUNDING, Comparison, GivenUp, Prospect
-from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations
-from orthoglide_cal.planning.steps import MOST_CYCLES, Order, sequence_options
+from orthoglide_cal.planning.forecast import SessionForecast
+from orthoglide_cal.planning.plan import (
+    CERTAIN_SIGMA,
+    MOST_COMPARED,
+    ROUNDING,
+    BestDesign,
+    MeasurementPlan,
+)
+from orthoglide_cal.planning.separation import TRACE_SIGMA
+from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.controller import about
 from orthoglide_cal.report.documents.budget import budget_section, source_words
-from orthoglide_cal.report.documents.next_reading import next_data, next_section, told_apart
-from orthoglide_cal.report.documents.parameters import by_joint
-from orthoglide_cal.report.json import SCHEMA_VERSION, by_axis
+from orthoglide_cal.report.documents.parameters import common_unit
 from orthoglide_cal.report.shades import KEY, separation_lines, separation_panel
-from orthoglide_cal.results import Calibration
-from orthoglide_cal.words import counted, decimals_for, percent, plain, short, two_figures
+from orthoglide_cal.results import Answer
+from orthoglide_cal.words import (
+    counted,
+    decimals_for,
+    percent,
+    plain,
+    short,
+    two_figures,
+    unit_words,
+)
 
 _SHOWN_LOSSES = 12
 _SHOWN_PAIRS = 4
+_SHOWN_NEXT = 6
+# Where the places to probe are written, unless somebody chose another name.
+_PLACES = "places.csv"
 
 
 def plan_document(
-    plan: Prospect,
+    plan: MeasurementPlan,
     machine_file: Path | None = None,
-    begun: Calibration | None = None,
-    following: Sequence[Next] = (),
+    begun: Answer | None = None,
+    source: Source | None = None,
 ) -> doc.Document:
     """The document, for any of the renderers.
 
     Args:
-        plan: what a session of its own will give.
+        plan: what a session of its own will give, and what to measure next.
         machine_file: as the user gave it.
         begun: what the data say that there are already; None without any.
-        following: what to measure beside them, best first; empty without any.
+        source: of these data.
     """
-    page = partial(_page, plan, machine_file, begun, following)
-    return doc.Document(partial(plan_data, plan, following), page)
-
-
-def plan_data(plan: Prospect, following: Sequence[Next] = ()) -> dict[str, Any]:
-    """The contract's fields, then a few more; lengths in mm."""
-    best, design = plan.best, plan.design
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "machine": plan.model.machine.name,
-        "protocol": plan.protocol,
-        "gauges": plan.stands,
-        "cycles": plan.cycles,
-        "by_cycles": [_expected_data(plan, each) for each in plan.by_cycles],
-        **budget_data(plan.chosen, plan.floor, plan.model),
-        "target": None
-        if plan.target_mm is None
-        else {
-            "expanded_mm": plan.target_mm,
-            "reached": plan.reached,
-            "cycles": plan.cycles if plan.reached else None,
-        },
-        "compare": [_comparison_data(plan, each) for each in plan.compared],
-        **separation_data(plan.separations),
-        "design": {
-            **_expected_data(plan, best),
-            "gauge_at": design.gauge_at,
-            "postures_mm": list(design.displacements_mm),
-            "share_of_readings": plan.share,
-            "given_up": [_loss_data(each) for each in plan.given_up],
-        },
-        **({"next": next_data(following, plan.model)} if following else {}),
-    }
-
-
-def budget_data(found: Foreseen, floor: Budget | None, model: Model) -> dict[str, Any]:
-    """What adds to the uncertainty of the joint offsets, and what more readings leave of it."""
-    return {
-        "budget": [
-            {
-                "source": each.source,
-                "type": each.evaluation,
-                "std_mm": by_joint(model, each.std_mm),
-            }
-            for each in found.budget.contributions
-        ],
-        "limits": {
-            "expanded_mm": None if floor is None else by_joint(model, floor.expanded_mm),
-            "source": None if floor is None else floor.largest.source,
-        },
-    }
-
-
-def separation_data(found: Separations) -> dict[str, Any]:
-    """Which causes can be told apart, and which leave no trace."""
-    return {
-        "separation": [{"causes": [a.id, b.id], "sigma": sigma} for a, b, sigma in found.pairs],
-        "invisible": [cause.id for cause in found.invisible],
-    }
-
-
-def _expected_data(plan: Prospect, found: Expected) -> dict[str, Any]:
-    session = found.session
-    return {
-        "cycles": session.cycles,
-        "readings": session.readings,
-        "gauge_moves": session.moves,
-        "minutes": round(session.minutes, 2),
-        "noise_std_mm": by_axis(found.noise_std_mm),
-        "expanded_mm": by_axis(found.expanded_mm),
-        "tool_mm": plan.tool_mm(found),
-    }
-
-
-def _comparison_data(plan: Prospect, way: Comparison) -> dict[str, Any]:
-    return {
-        "protocol": way.protocol,
-        "method": way.method,
-        "same_cycles": _expected_data(plan, way.same_cycles),
-        "same_expanded": None if way.as_sure is None else _expected_data(plan, way.as_sure),
-    }
-
-
-def _loss_data(lost: GivenUp) -> dict[str, Any]:
-    causes = [lost.cause.id] if lost.rival is None else [lost.cause.id, lost.rival.id]
-    return {"causes": causes, "usual_sigma": lost.usual_sigma, "best_sigma": lost.best_sigma}
+    page = partial(_page, plan, machine_file, begun, source)
+    absent = None if plan.next else {"next"}
+    return doc.Document(partial(plan.model_dump, mode="json", by_alias=True, exclude=absent), page)
 
 
 def _page(
-    plan: Prospect,
-    machine_file: Path | None,
-    begun: Calibration | None,
-    following: Sequence[Next],
+    plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
 ) -> doc.Page:
-    machine = plan.model.machine
-    gauge = ("Gauge", f"one reading scatters by {two_figures(machine.gauge.noise_mm)} mm")
-    taken = ("Protocol", f"{plan.protocol}, {counted(plan.cycles, 'cycle')}")
-    assumed = ("Offsets", f"about {OFFSET_MM:g} mm each are assumed")
-    facts: tuple[tuple[str, str], ...] = (taken, gauge, assumed)
-    notice = _notice(plan)
+    model, vocabulary = plan.model, plan.model.machine.vocabulary
+    noise = two_figures(model.machine.gauge.noise_mm)
+    scatter = (vocabulary.noise.capitalize(), f"one reading scatters by {noise} mm")
+    session = [("Session", plan.chosen.what)]
+    size = float(np.sqrt(np.mean(model.machine.linearization_points**2)))
+    if size > 0.0:
+        session.append((vocabulary.many.capitalize(), f"about {size:g} mm each are assumed"))
+    facts, notice = (*session, scatter), _notice(plan)
     first: tuple[doc.Section, ...] = ()
-    to_do = doc.Instruction("Measure it.", _command(plan.chosen.session, plan, machine_file))
-    if plan.bar_warning is not None and plan.bar_warning.leaves:
-        fitting = _command(plan.best.session, plan, machine_file)
-        to_do = doc.Instruction("Measure what the plungers can follow.", fitting)
-    if begun is not None and following:
-        best = following[0]
-        to_do = doc.Instruction(best.option.what, _go_on(best, begun, machine_file))
-        alone = (doc.Facts((taken, assumed)), notice)
-        first = (
-            next_section(following, _known_mm(begun)),
-            doc.Section("A session of its own would give", alone),
-        )
-        facts = (("Readings", _read(begun)), gauge)
-        notice = _next_notice(plan, begun, following)
+    if begun is not None and plan.next:
+        data = f"{file_words(visible(begun.input.path))}, {begun.input.readings}"
+        now, alone = _now_mm(begun), (doc.Facts(tuple(session)), notice)
+        first = (_next_section(plan, now), doc.Section("A session of its own would give", alone))
+        facts, notice = (("Readings", data), scatter), _next_notice(plan, begun, now)
     return doc.Page(
         kind="Plan",
-        title=machine.name,
+        title=plan.machine,
         facts=doc.Facts(facts),
         notice=notice,
-        sheet=(doc.Section("What to do next", (doc.Instructions((to_do,)),)),),
+        sheet=(
+            doc.Section(
+                "What to do next", (doc.Instructions(tuple(_to_do(plan, machine_file, source))),)
+            ),
+        ),
         sections=(
             *first,
-            _by_cycles(plan),
-            budget_section(plan.chosen.budget, plan.model.machine),
-            _compared(plan),
-            separation_section(
-                plan.separations,
-                counted(min(plan.cycles, MOST_COMPARED), "cycle"),
-                plan.model.machine.vocabulary,
-            ),
-            _design(plan, machine_file),
+            _sessions(plan),
+            *([_ways(plan)] if plan.compare else []),
+            *([_design(plan, plan.design, machine_file, source)] if plan.design else []),
+            budget_section(plan.chosen.budget, model.machine),
+            _separation(plan),
         ),
     )
 
 
-def _command(session: Session, plan: Prospect, machine_file: Path | None) -> str:
-    """What to type to measure a session."""
-    told = sequence_options(session.protocol, session.cycles, Order.PAPER, plan.stands)
-    return command("measure", machine=machine_file, options=told)
+def _to_do(
+    plan: MeasurementPlan, machine_file: Path | None, source: Source | None
+) -> Iterator[doc.Instruction]:
+    """Measure what is best next, or the session."""
+    chosen, probing = plan.chosen, plan.model.machine.vocabulary.probing
+    if plan.next:
+        best = plan.next[0].option
+        typed = None
+        if best.session is not None:
+            typed = command("measure", machine=machine_file, options=best.session)
+        elif not probing and source is not None and source.path != "-":
+            typed = command("measure --then", source.path, machine=machine_file)
+        yield doc.Instruction(best.what, typed)
+    elif plan.bar_warning is not None and plan.bar_warning.leaves and plan.design is not None:
+        typed = _command(plan.design, plan, machine_file, source)
+        yield doc.Instruction("Measure what the plungers can follow.", typed)
+    elif not probing:
+        yield doc.Instruction("Measure it.", _command(chosen, plan, machine_file, source))
+    elif not chosen.can_be_sent:
+        yield doc.Instruction(probing)
+    else:
+        typed = _command(chosen, plan, machine_file, source)
+        yield doc.Instruction("Have the places to probe written.", typed)
+        yield doc.Instruction("Probe them in this order, and fill in the column reading_mm.")
+        typed = command("diagnose", _PLACES, machine=machine_file)
+        yield doc.Instruction("See what they say.", typed)
 
 
-def _go_on(best: Next, begun: Calibration, machine_file: Path | None) -> str | None:
-    """What to type to measure it beside data that there are; None where these have no file."""
-    if best.option.session is not None:
-        return command("measure", machine=machine_file, options=best.option.session)
-    path = begun.input.measured.source.path
-    return None if path == "-" else command("measure --then", path, machine=machine_file)
+def _command(
+    found: SessionForecast, plan: MeasurementPlan, machine: Path | None, source: Source | None
+) -> str:
+    """What to type to measure a session, or to have its places written."""
+    if plan.gauges is not None:
+        protocol = MeasuringProtocol(found.name)
+        options = sequence_options(protocol, found.cycles, Order.PAPER, plan.gauges)
+        return command("measure", machine=machine, options=options)
+    usual = (plan.design or plan.by_cycles[0]).name
+    named = "" if found.name == usual else f"--layout {found.name} "
+    options = f"{named}--program {_PLACES}"
+    if source is None:
+        return command("plan", machine=machine, options=options)
+    return about("plan", source, machine=machine, options=options)
 
 
-def _read(begun: Calibration) -> str:
-    """The data that there are."""
-    measured = begun.input.measured
-    return f"{file_words(visible(measured.source.path))}, {len(measured)}"
+def _reach(model: Model, expanded: Floats) -> str:
+    """U of each parameter (p,), or the largest where they are all alike."""
+    machine = model.machine
+    if common_unit(machine):
+        return f"each {machine.vocabulary.one} within ± {two_figures(float(expanded.max()))} mm"
+    columns = zip(machine.parameter_names, expanded.tolist(), machine.parameter_units, strict=True)
+    return ", ".join(f"{name} ± {two_figures(u)} {unit_words(unit)}" for name, u, unit in columns)
 
 
-def _known_mm(begun: Calibration) -> float | None:
-    """The largest U of the offsets that there are; None if there are none to be entered."""
-    found = begun.adjustment
-    return None if found is None else float(found.expanded_mm.max())
-
-
-def _next_notice(plan: Prospect, begun: Calibration, following: Sequence[Next]) -> doc.Notice:
-    """What to measure beside the data that there are, and what it brings."""
-    now, best = _known_mm(begun), following[0]
-    then = f"± {two_figures(float(best.expanded_mm.max()))} mm"
-    target = () if plan.target_mm is None else (_target_line(plan.target_mm, now, following),)
-    title = f"about {max(best.option.minutes, 1.0):.0f} min: {best.option.what}"
-    worth = f"Each offset is then known within {then}."
-    if best.separates:
-        first, second = told_apart(best)
-        settled = f"It leaves one name with a chance of {percent(best.chance)}: it tells {first}"
-        return doc.Notice(
-            doc.Tone.INFO, f"Next, {title}", (f"{settled} from {second}. {worth}", *target)
-        )
-    today = "" if now is None else f" Now it is ± {two_figures(now)} mm."
-    if begun.release.usable:
-        lines = (
-            "Nothing is open, and the offsets may be entered.",
-            f"To know them better, {title}",
-        )
-        return doc.Notice(
-            doc.Tone.GOOD, "Nothing needs to be measured", (*lines, worth + today, *target)
-        )
-    return doc.Notice(doc.Tone.INFO, f"Next, {title}", (worth + today, *target))
-
-
-def _target_line(target_mm: float, now_mm: float | None, following: Sequence[Next]) -> str:
-    """The quickest way to a U that was asked for, beside the data that there are."""
-    wanted = f"± {_millimetres(target_mm)} mm"
-    if now_mm is not None and now_mm <= target_mm:
-        return f"{wanted} is reached already."
-    able = [each for each in following if float(each.expanded_mm.max()) <= target_mm]
-    if not able:
-        return f"{wanted} is reached by none of these."
-    quickest = min(able, key=lambda each: each.option.minutes).option
-    return f"{wanted} takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
-
-
-def _notice(plan: Prospect) -> doc.Notice:
-    """What the session gives, and what limits it."""
-    session = plan.chosen.session
-    title = f"{session.readings} readings, about {session.minutes:.0f} min"
-    warning = plan.bar_warning
+def _notice(plan: MeasurementPlan) -> doc.Notice:
+    """What the session gives, what limits it, and what it leaves open."""
+    chosen, warning, model = plan.chosen, plan.bar_warning, plan.model
     if warning is not None and warning.leaves:
         return doc.Notice(doc.Tone.BAD, "This cannot be measured so", warning.lines)
-    largest = two_figures(float(plan.chosen.expanded_mm.max()))
-    careful = () if warning is None else warning.lines
-    known = (
-        f"Each offset will be known within ± {largest} mm (95 % if nothing else is wrong), the"
-        f" tool everywhere within ± {two_figures(plan.tool_mm(plan.chosen))} mm."
-    )
-    if plan.target_mm is None:
-        tone = doc.Tone.WARN if careful else doc.Tone.INFO
-        return doc.Notice(tone, title, (*careful, known, _limit(plan)))
-    wanted = f"± {_millimetres(plan.target_mm)} mm"
-    if not plan.reached:
-        why = _unreached(plan, plan.target_mm)
-        return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (why, *careful, known))
-    title = f"{wanted} takes {counted(session.cycles, 'cycle')}: {title}"
-    return doc.Notice(doc.Tone.GOOD, title, (*careful, known, _limit(plan)))
+    reach = _reach(model, chosen.budget.expanded_mm)
+    if chosen.tool_mm is not None:
+        reach += f", the tool everywhere within ± {two_figures(chosen.tool_mm)} mm"
+    missing = [name for name, each in chosen.parameters.items() if not each.determined]
+    lines = [
+        *(warning.lines if warning else ()),
+        f"Known: {reach} (95 % if nothing else is wrong).",
+    ]
+    if missing:
+        more = model.machine.vocabulary.more
+        lines.append(f"They do not determine {' and '.join(missing)}. {more}")
+    title = f"{chosen.readings} readings, about {chosen.minutes:.0f} min"
+    tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
+    if plan.target is not None:
+        wanted = f"± {_millimetres(plan.target.expanded_mm)} mm"
+        if not plan.target.reached:
+            why = _unreached(plan, plan.target.expanded_mm)
+            return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (why, *lines))
+        title = f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
+        tone = doc.Tone.GOOD
+    return doc.Notice(tone, title, (*lines, _limit(plan), *_rivals(plan)))
 
 
 def _millimetres(value: float) -> str:
@@ -278,72 +197,117 @@ def _millimetres(value: float) -> str:
     return short(value, 6) if value >= 1e-6 else f"{value:g}"
 
 
-def _unreached(plan: Prospect, target_mm: float) -> str:
+def _unreached(plan: MeasurementPlan, target_mm: float) -> str:
     """Why the target is out of reach: what cannot be seen, or noise."""
-    floor = plan.floor
-    if floor is not None and float(floor.expanded_mm.max()) > target_mm:
-        return _floor_words(floor, plan.model.machine)
+    if plan.floor is not None and float(plan.floor.expanded_mm.max()) > target_mm:
+        return _floor_words(plan, plan.floor)
     return (
         f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings: take a"
         " finer gauge or a better stand."
     )
 
 
-def _floor_words(floor: Budget, machine: Machine) -> str:
-    what, remedy = source_words(floor.largest, machine)
+def _floor_words(plan: MeasurementPlan, floor: Budget) -> str:
+    what, remedy = source_words(floor.largest, plan.model.machine)
+    if plan.gauges is None:
+        return f"What stays of it is mostly this: {what}. {remedy}"
     left = two_figures(float(floor.expanded_mm.max()))
     return f"After {MOST_CYCLES} cycles ± {left} mm stay: {what}. {remedy}"
 
 
-def _limit(plan: Prospect) -> str:
-    """Noise, or what more cycles do not lessen."""
+def _limit(plan: MeasurementPlan) -> str:
+    """Noise, or what more readings do not lessen."""
     chosen, floor = plan.chosen.budget, plan.floor
     stays = 0.0 if floor is None else float(np.max(floor.std_mm / chosen.std_mm))
+    more = "readings" if plan.gauges is None else "cycles"
     if floor is None or stays < 0.6:
-        return "The scatter of the readings limits it: more cycles help."
+        return f"The scatter of the readings limits it: more {more} help."
     help_ = "hardly help" if stays > 0.87 else "help little"
-    return f"More cycles {help_}. {_floor_words(floor, plan.model.machine)}"
+    return f"More {more} {help_}. {_floor_words(plan, floor)}"
 
 
-def _by_cycles(plan: Prospect) -> doc.Section:
-    rows = tuple(
-        (
-            doc.Strong(str(each.session.cycles))
-            if each.session.cycles == plan.cycles
-            else str(each.session.cycles),
-            str(each.session.readings),
-            f"{each.session.minutes:.0f}",
-            two_figures(float(each.noise_std_mm.max())),
-            *map(two_figures, each.expanded_mm.tolist()),
-            two_figures(plan.tool_mm(each)),
-        )
-        for each in plan.by_cycles
-    )
-    head = ("cycles", "readings", "min", "noise", "U of x", "of y", "of z", "tool")
-    caption = (
-        "In mm. Noise: what scatter leaves of the worst offset, one standard deviation. U: of each"
-        " offset, 95 %. Tool: at the worst place of the workspace, offsets entered."
-    )
-    return doc.Section("How many cycles", (doc.Grid(head, rows, words=(), caption=caption),))
+def _rivals(plan: MeasurementPlan) -> Iterator[str]:
+    """Whether the session distinguishes what hides behind each other."""
+    sigma = plan.chosen.rivals_sigma
+    if sigma is not None:
+        first, second = (CAUSES[id].title for id in plan.model.machine.rivals)
+        told = "are distinguished" if sigma >= CERTAIN_SIGMA else "are not distinguished for sure"
+        yield f"That {first}, and that {second}, {told}: {two_figures(sigma)} standard deviations."
 
 
-def _compared(plan: Prospect) -> doc.Section:
+def _sessions(plan: MeasurementPlan) -> doc.Section:
+    """The session with other numbers of cycles, or every layout: what it takes, what it gives."""
+    machine, cycles = plan.model.machine, plan.gauges is not None
+    tool, rivals = machine.has_cube, bool(machine.rivals)
     rows = []
-    wanted = float(plan.chosen.expanded_mm.max())
-    reached = [float(way.same_cycles.expanded_mm.max()) for way in plan.compared]
+    for each in plan.by_cycles:
+        name = str(each.cycles) if cycles else each.name
+        chosen = (each.name, each.cycles) == (plan.protocol, plan.cycles)
+        reach = each.averaged.expanded_mm.tolist() if each.averaged else []
+        sigma = each.rivals_sigma
+        rows.append(
+            (
+                doc.Strong(name) if chosen else name,
+                str(each.readings),
+                f"{each.minutes:.0f}",
+                *([two_figures(max(each.noise_std_mm.values()))] if cycles else []),
+                *(
+                    two_figures(value) if parameter.determined else "–"
+                    for value, parameter in zip(reach, each.parameters.values(), strict=True)
+                ),
+                *([two_figures(each.tool_mm)] if each.tool_mm is not None else []),
+                *(["" if sigma is None else f"{sigma:.1f}"] if rivals else []),
+            )
+        )
+    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
+    units = ", ".join(f"{name} {unit_words(unit)}" for name, unit in named)
+    caption = "In mm." if common_unit(machine) else f"{units}; – is not determined."
+    if cycles:
+        caption += " Noise: what scatter leaves of the worst one, one standard deviation."
+    caption += f" U: of each {machine.vocabulary.one}, 95 %."
+    if tool:
+        caption += " Tool: at the worst place of the workspace, offsets entered."
+    if rivals:
+        first, second = machine.rivals
+        caption += (
+            f" σ: how far {first} and {second} of usual size are apart, in standard deviations."
+        )
+    fixed = [
+        each for each in plan.chosen.budget.contributions if each.source in machine.fixed_parameters
+    ]
+    if fixed:
+        ids, added = " and ".join(each.source for each in fixed), Budget(tuple(fixed)).expanded_mm
+        rows.append((ids, "", "", *map(two_figures, added.tolist()), ""))
+        caption += (
+            f" No layout determines {ids}, taken as stated: what it adds (by squares) is the last"
+            " row. What the readings cannot rule out comes on top of it in solve."
+        )
+    head = (
+        *("cycles" if cycles else "layout", "readings", "min"),
+        *(["noise"] if cycles else []),
+        *machine.parameter_names,
+        *(["tool"] if tool else []),
+        *(["σ"] if rivals else []),
+    )
+    grid = doc.Grid(head, tuple(rows), words=() if cycles else (0,), caption=caption)
+    return doc.Section("How many cycles" if cycles else "Ways to measure, compared", (grid,))
+
+
+def _ways(plan: MeasurementPlan) -> doc.Section:
+    """Every protocol and method for the same uncertainty."""
+    rows = []
+    wanted = max(plan.chosen.expanded_mm.values())
+    reached = [max(way.same_cycles.expanded_mm.values()) for way in plan.compare]
     # As many decimals as show of every way that takes longer that it is less sure.
     next_ = min((each for each in reached if each > wanted * (1.0 + ROUNDING)), default=math.inf)
     decimals = next(d for d in count(decimals_for(wanted)) if round(next_, d) > round(wanted, d))
-    for way, worst in zip(plan.compared, reached, strict=True):
-        found = way.as_sure
-        numbers = (
-            (found.session.cycles, found.session.readings, found.session.moves)
-            if found
-            else ("", "never", "")
-        )
-        minutes = f"{found.session.minutes:.0f}" if found else ""
-        reach = plain(worst, decimals)
-        rows.append((way.protocol, way.method, reach, *map(str, numbers), minutes))
+    for way, worst in zip(plan.compare, reached, strict=True):
+        found = way.same_expanded
+        numbers = ["", "never", "", ""]
+        if found is not None:
+            numbers = [*map(str, (found.cycles, found.readings, found.gauge_moves))]
+            numbers.append(f"{found.minutes:.0f}")
+        rows.append((way.protocol, way.method, plain(worst, decimals), *numbers))
     head = ("protocol", "method", "U", "cycles", "readings", "moves", "min")
     caption = (
         f"U: of the worst offset with {counted(plan.cycles, 'cycle')}, mm. Then what it takes for"
@@ -354,15 +318,66 @@ def _compared(plan: Prospect) -> doc.Section:
     return doc.Section("Other ways to the same uncertainty", (grid,))
 
 
-def separation_section(found: Separations, by: str, vocabulary: Vocabulary) -> doc.Section:
-    """Which causes some readings can tell apart; `by` says how many readings in words."""
-    seen, hidden = found.visible, found.invisible
+def _design(
+    plan: MeasurementPlan, best: BestDesign, machine_file: Path | None, source: Source | None
+) -> doc.Section:
+    """The fewest readings, or the quickest layout that distinguishes the rivals."""
+    minutes = f"about {best.minutes:.0f} min"
+    typed = _command(best, plan, machine_file, source)
+    if best.causes:
+        pair = " and ".join(best.causes)
+        reached = (
+            f"The quickest that gets {pair} {CERTAIN_SIGMA:g} standard deviations apart"
+            if best.reached
+            else f"None gets {pair} {CERTAIN_SIGMA:g} standard deviations apart; this one gets"
+            f" farthest, {two_figures(best.rivals_sigma or 0.0)}"
+        )
+        blocks: list[doc.Block] = [doc.Paragraph(f"{reached}: {best.what}, {minutes}.")]
+        if best.name != plan.chosen.name:
+            blocks.append(doc.Instructions((doc.Instruction("Have its places written.", typed),)))
+        return doc.Section(f"To distinguish {pair}", tuple(blocks))
+    postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
+    reach = two_figures(max(best.expanded_mm.values()))
+    rows = tuple(
+        (" from ".join((*each.causes, "nothing")[:2]), *map(two_figures, sigmas))
+        for each in best.given_up[:_SHOWN_LOSSES]
+        for sigmas in [(each.usual_sigma, each.best_sigma)]
+    )
+    more = len(best.given_up) - len(rows)
+    caption = "In standard deviations, at usual sizes." + (f" {more} more pairs." if more else "")
+    return doc.Section(
+        "The fewest readings",
+        (
+            doc.Paragraph(
+                f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
+                f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
+                " readings of the double-posture protocol leave the same noise."
+            ),
+            doc.Paragraph(
+                (f"{best.readings} readings in {minutes} give ± {reach} mm: ", doc.Command(typed))
+            ),
+            doc.Paragraph(
+                f"The plunger keeps {percent(MARGIN)} of the leg from both joints at every posture."
+                f" What is given up: {GIVES_UP}."
+            ),
+            doc.Grid(("separation", "double", "best"), rows, caption=caption),
+        ),
+    )
+
+
+def _separation(plan: MeasurementPlan) -> doc.Section:
+    """Which causes the readings can distinguish."""
+    seen, hidden = plan.apart.visible, plan.apart.invisible
+    said = plan.model.machine.vocabulary.said
+    by = counted(min(plan.cycles, MOST_COMPARED), "cycle")
+    if plan.gauges is None:
+        by = f"these {plan.chosen.readings} readings"
     names = [cause.id for cause in seen.causes]
-    near = [pair for pair in seen.pairs if pair[2] < TRACE_SIGMA]
-    named = "; ".join(f"{a.id} and {b.id}" for a, b, _ in near[:_SHOWN_PAIRS])
+    near = [" and ".join(pair.causes) for pair in seen.pairs if pair.sigma < TRACE_SIGMA]
+    named = f": {'; '.join(near[:_SHOWN_PAIRS])}" if near else ""
     finding = (
-        f"Of {len(seen.pairs)} pairs of causes of their usual size {len(near)} cannot be told apart"
-        f" by {by}{f': {named}' if named else ''}."
+        f"Of {len(seen.pairs)} pairs of causes of their usual size {len(near)} cannot be"
+        f" distinguished by {by}{named}."
     )
     figure = doc.Figure(
         None,
@@ -374,45 +389,115 @@ def separation_section(found: Separations, by: str, vocabulary: Vocabulary) -> d
     )
     blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
     if hidden:
-        rows = tuple((cause.id, vocabulary.said(cause.instrument)) for cause in hidden)
+        rows = tuple((cause.id, said(cause.instrument)) for cause in hidden)
         caption = "At their usual size they leave hardly a trace in such readings."
         head = ("not seen", "what would show it")
         blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))
-    return doc.Section("What can be told apart", tuple(blocks))
+    return doc.Section("Which causes can be distinguished", tuple(blocks))
 
 
-def _design(plan: Prospect, machine_file: Path | None) -> doc.Section:
-    best, design = plan.best, plan.design
-    postures = ", ".join(f"{short(moved, 3)} mm" for moved in design.displacements_mm)
-    sentence = (
-        f"Only the postures {postures}, the gauges at {percent(design.gauge_at)} of the leg from"
-        f" the carriage: {percent(plan.share)} of the readings of the double-posture protocol leave"
-        " the same noise."
-    )
-    session, reach = best.session, two_figures(float(best.expanded_mm.max()))
-    given_up = (
-        f"The plunger keeps {percent(MARGIN)} of the leg from both joints at every posture. What"
-        f" is given up: {GIVES_UP}."
-    )
-    blocks: list[doc.Block] = [
-        doc.Paragraph(sentence),
-        doc.Paragraph(
-            (
-                f"{session.readings} readings in {session.minutes:.0f} min give ± {reach} mm: ",
-                doc.Command(_command(session, plan, machine_file)),
-            )
-        ),
-        doc.Paragraph(given_up),
+def _now_mm(begun: Answer) -> float | None:
+    """The largest U of the lengths that there are; None if there are none to be entered."""
+    return max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
+
+
+def _next_notice(plan: MeasurementPlan, begun: Answer, now: float | None) -> doc.Notice:
+    """What to measure besides the data that there are, and what it brings."""
+    best = plan.next[0]
+    title = f"about {max(best.minutes, 1.0):.0f} min: {best.what}"
+    worth = f"With it: {_reach(plan.model, best.expanded)}."
+    target = () if plan.target is None else (_target_line(plan, plan.target.expanded_mm, now),)
+    if best.between:
+        first, second = between_words(best)
+        settled = f"It leaves one name with a chance of {percent(best.chance)}: it tells {first}"
+        return doc.Notice(
+            doc.Tone.INFO, f"Next, {title}", (f"{settled} from {second}. {worth}", *target)
+        )
+    today = "" if now is None else f" Now it is ± {two_figures(now)} mm."
+    if begun.release.usable:
+        lines = (
+            f"Nothing is open, and the {plan.model.machine.vocabulary.many} may be entered.",
+            f"To know them better, {title}",
+        )
+        return doc.Notice(
+            doc.Tone.GOOD, "Nothing needs to be measured", (*lines, worth + today, *target)
+        )
+    return doc.Notice(doc.Tone.INFO, f"Next, {title}", (worth + today, *target))
+
+
+def _target_line(plan: MeasurementPlan, target_mm: float, now_mm: float | None) -> str:
+    """The quickest way to a U that was asked for, with the data that there are."""
+    wanted = f"± {_millimetres(target_mm)} mm"
+    if now_mm is not None and now_mm <= target_mm:
+        return f"{wanted} is reached already."
+    able = [each for each in plan.next if max(each.expanded_mm.values()) <= target_mm]
+    if not able:
+        return f"{wanted} is reached by none of these."
+    quickest = min(able, key=lambda each: each.minutes)
+    return f"{wanted} takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
+
+
+def _next_section(plan: MeasurementPlan, now_mm: float | None) -> doc.Section:
+    """The best of the ranking as a table; `now_mm` is the largest U without it, if it is known."""
+    found = plan.next
+    telling = any(each.between for each in found)
+    rows = [
+        (
+            str(number),
+            f"{each.minutes:.0f}",
+            *((percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()),
+            two_figures(max(each.expanded_mm.values())),
+            each.what,
+        )
+        for number, each in enumerate(found[:_SHOWN_NEXT], start=1)
     ]
-    rows = tuple(
-        (_what(each.cause, each.rival), two_figures(each.usual_sigma), two_figures(each.best_sigma))
-        for each in plan.given_up[:_SHOWN_LOSSES]
+    if now_mm is not None:
+        blank = ("", "") if telling else ()
+        rows.insert(0, ("", "", *blank, two_figures(now_mm), "nothing: U as it is"))
+    heads = ("", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do")
+    if found[0].between:
+        first, second = between_words(found[0])
+        meaning = (
+            "Settles: the chance that one answer is left. Ranked by that chance per minute, eight"
+            f" hours added for coming back if it stays open. σ: how far {first} and {second} are"
+            " apart in the new readings, in standard deviations."
+        )
+    else:
+        meaning = (
+            "Nothing that further readings could tell is open: ranked by how much U they save per"
+            " minute, half an hour added for the sitting."
+        )
+    grid = doc.Grid(heads, tuple(rows), words=(len(heads) - 1,), caption=meaning)
+    return doc.Section("What to measure next, best first", (grid,))
+
+
+def next_blocks(
+    found: Diagnosis | Answer, following: NextMeasurement | None
+) -> tuple[doc.Block, ...]:
+    """The measurement that would decide what is open."""
+    if following is not None and following.between:
+        first, second = between_words(following)
+        apart = f"{following.separation_sigma:.1f} standard deviations"
+        return (
+            doc.Paragraph((doc.Strong("Measure next: "), following.what)),
+            doc.Paragraph(
+                f"It takes about {following.minutes:.0f} min and tells {first} from {second} by"
+                f" {apart}."
+            ),
+        )
+    if found.verdict is not Verdict.AMBIGUOUS:
+        return ()
+    open_ids = {*found.ambiguous_with, *(cause.id for cause in found.causes if cause.aliases)}
+    again = (
+        " What is open lies in the measurement: measure there again, and leave the old readings"
+        " out. Then it does not matter which it was."
     )
-    more = len(plan.given_up) - len(rows)
-    caption = "In standard deviations, at usual sizes." + (f" {more} more pairs." if more else "")
-    blocks.append(doc.Grid(("separation", "double", "best"), rows, caption=caption))
-    return doc.Section("The fewest readings", tuple(blocks))
+    passing = all(not CAUSES[id].in_machine for id in open_ids)
+    told = f"No further reading of this kind is likely to tell.{again if passing else ''}"
+    return (doc.Paragraph(told),)
 
 
-def _what(cause: Cause, rival: Cause | None) -> str:
-    return f"{cause.id} from {'nothing' if rival is None else rival.id}"
+def between_words(each: NextMeasurement) -> tuple[str, str]:
+    """The two explanations that it distinguishes, in words."""
+    first, second = (" with ".join(ids) or "a sound machine" for ids in each.between)
+    return first, second

@@ -10,13 +10,9 @@ from orthoglide_cal.model import Floats, Model, Readings
 from orthoglide_cal.model.orthoglide import OFFSET_MM
 from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE
 from orthoglide_cal.model.synthetic import synthetic_session
-from orthoglide_cal.planning.expected import (
-    MOST_CYCLES,
-    Session,
-    expected,
-    fewest_cycles,
-)
+from orthoglide_cal.planning.forecast import fewest_cycles, forecast, session_of
 from orthoglide_cal.planning.steps import (
+    MOST_CYCLES,
     MeasuringProtocol,
     Order,
     gauge_moves,
@@ -77,8 +73,8 @@ def test_predicted_noise_is_what_monte_carlo_finds(
     model: Model, protocol: MeasuringProtocol, name: str, cycles: int
 ) -> None:
     method, gauge = Method(name), model.machine.gauge
-    found = expected(model, protocol, cycles, method)
-    plan = found.session.plan
+    found = forecast(model, protocol, cycles, method)
+    plan = found.plan
     rng = np.random.default_rng(12)
     signal = true_readings(plan, model.machine, OFFSETS)
     zeros = rng.uniform(-1.0, 1.0, (DRAWS, plan.setups))[:, plan.setup]
@@ -86,7 +82,7 @@ def test_predicted_noise_is_what_monte_carlo_finds(
     values = np.round((signal + zeros + noise) / gauge.resolution_mm) * gauge.resolution_mm
     session = synthetic_session(model, plan, OFFSETS, rng)
     offsets = solved(model, session, values, method)
-    assert found.noise_std_mm == pytest.approx(offsets.std(axis=0), rel=WITHIN)
+    assert [*found.noise_std_mm.values()] == pytest.approx(offsets.std(axis=0), rel=WITHIN)
     if not method.linear:
         # The readings are those of the machine that the model describes.
         assert offsets.mean(axis=0) == pytest.approx(OFFSETS, abs=5e-4)
@@ -101,23 +97,23 @@ def test_the_expected_uncertainty_is_what_solve_gives(
     mean by 1 %: a sixth of what is allowed where noise is all.
     """
     for machine, within in ((model, 0.02), (sure(model), 0.06)):
-        found = expected(machine, protocol, 3, Method(name))
+        found = forecast(machine, protocol, 3, Method(name))
         rng, reach = np.random.default_rng(7), []
         for _ in range(150):
             offsets = rng.normal(0.0, OFFSET_MM, 3)
-            session = synthetic_session(machine, found.session.plan, offsets, rng)
+            session = synthetic_session(machine, found.plan, offsets, rng)
             reach.append(solve(session, machine, name).expanded_mm)
-        assert found.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=within)
+        assert found.budget.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=within)
 
 
 @pytest.mark.parametrize("cycles", [1, 10])
 @pytest.mark.parametrize("hidden", [truth.PROTOTYPE, truth.LARGE], ids=lambda machine: machine.name)
-def test_the_offsets_are_as_far_off_as_was_expected(hidden: truth.Machine, cycles: int) -> None:
+def test_the_offsets_are_as_far_off_as_was_forecast(hidden: truth.Machine, cycles: int) -> None:
     """Whole u against 200 machines of the independent truth, whose legs, gauge places and gauge
     scales are off. Their r.m.s. error has a standard error of 2.9 %; 10 % is 3.4 of them.
     """
     model = model_of(hidden, truth.DIAL)
-    found, errors = expected(model, DOUBLE, cycles), []
+    found, errors = forecast(model, DOUBLE, cycles), []
     for seed in range(200):
         session = truth.make_session(12_000_000 + seed, hidden, truth.DIAL, cycles=cycles)
         errors.append(solve(readings_of(session), model).offsets_mm - session.offsets)
@@ -126,31 +122,31 @@ def test_the_offsets_are_as_far_off_as_was_expected(hidden: truth.Machine, cycle
 
 def test_what_the_command_prints_is_hardly_more() -> None:
     """It adds what the readings cannot rule out: by the median of 40 sessions less than 5 %."""
-    found = expected(NOMINAL, DOUBLE, 3)
+    found = forecast(NOMINAL, DOUBLE, 3)
     rng, reach = np.random.default_rng(8), []
     for _ in range(40):
         offsets = rng.normal(0.0, OFFSET_MM, 3)
-        session = synthetic_session(NOMINAL, found.session.plan, offsets, rng)
+        session = synthetic_session(NOMINAL, found.plan, offsets, rng)
         adjustment = calibrate(given(session, NOMINAL)).adjustment
         if adjustment is not None:
             reach.append(adjustment.expanded_mm)
     assert len(reach) >= 36
-    assert found.expanded_mm == pytest.approx(np.median(reach, axis=0), rel=0.05)
-    assert np.all(found.expanded_mm < 1.01 * np.median(reach, axis=0))
+    assert found.budget.expanded_mm == pytest.approx(np.median(reach, axis=0), rel=0.05)
+    assert np.all(found.budget.expanded_mm < 1.01 * np.median(reach, axis=0))
 
 
 @pytest.mark.parametrize("target", [0.03, 0.024, 0.022])
 def test_the_fewest_cycles_are_the_fewest(target: float) -> None:
     found = fewest_cycles(NOMINAL, DOUBLE, Method.READINGS, 2, target)
     assert found is not None
-    cycles = found.session.cycles
-    each = (expected(NOMINAL, DOUBLE, n) for n in range(1, cycles + 1))
-    every = [bool(found.expanded_mm.max() <= target) for found in each]
+    cycles = found.cycles
+    each = (forecast(NOMINAL, DOUBLE, n) for n in range(1, cycles + 1))
+    every = [bool(max(found.expanded_mm.values()) <= target) for found in each]
     assert every == [False] * (cycles - 1) + [True]
 
 
 def test_no_number_of_cycles_reaches_below_the_floor() -> None:
-    longest = expected(NOMINAL, DOUBLE, MOST_CYCLES)
+    longest = forecast(NOMINAL, DOUBLE, MOST_CYCLES)
     floor = longest.floor
     assert floor is not None
     assert floor.largest.source == "leg_length"
@@ -158,13 +154,13 @@ def test_no_number_of_cycles_reaches_below_the_floor() -> None:
     found = fewest_cycles(NOMINAL, DOUBLE, Method.READINGS, 2, below)
     assert found is None
     # What more cycles approach: 1.96 times a plausible leg, and a little.
-    assert longest.expanded_mm.max() == pytest.approx(floor.expanded_mm.max(), rel=0.04)
+    assert longest.budget.expanded_mm.max() == pytest.approx(floor.expanded_mm.max(), rel=0.04)
     assert floor.expanded_mm.max() == pytest.approx(1.96 * 0.01, rel=0.03)
     # Of a shorter session more is left beside noise, for its readings tell less of it.
-    shorter = expected(NOMINAL, DOUBLE, 3).floor
+    shorter = forecast(NOMINAL, DOUBLE, 3).floor
     assert shorter is not None
     assert np.all(shorter.std_mm > floor.std_mm)
-    assert expected(sure(NOMINAL), DOUBLE, 3).floor is None
+    assert forecast(sure(NOMINAL), DOUBLE, 3).floor is None
 
 
 def test_plausible_offsets_are_independent_and_of_one_size() -> None:
@@ -179,25 +175,25 @@ def test_plausible_offsets_are_independent_and_of_one_size() -> None:
 @both_models
 def test_minutes_and_moves_are_those_of_measure(model: Model) -> None:
     for protocol in MeasuringProtocol:
-        session = Session.of(model, protocol, 3)
+        session = session_of(model, protocol, 3)
         stands = 1 if protocol is SINGLE else 2
         steps = sequence(model.machine, protocol, 3, Order.PAPER, stands)
         assert session.minutes == minutes_left(steps)
-        assert session.moves == gauge_moves(steps)
-        assert session.readings == len(session.plan)
+        assert session.gauge_moves == gauge_moves(steps)
+        assert len(steps) == len(session.plan)
         # The last reading is taken one posture before the end.
         last = 60.0 * session.plan.hours.max()
         assert last == pytest.approx(session.minutes - MINUTES_PER_POSTURE)
-    one, two = (expected(model, DOUBLE, 3, stands=stands) for stands in (1, 2))
-    assert one.session.minutes > two.session.minutes
+    one, two = (forecast(model, DOUBLE, 3, stands=stands) for stands in (1, 2))
+    assert one.minutes > two.minutes
     assert one.noise_std_mm == pytest.approx(two.noise_std_mm)
 
 
 def test_a_known_leg_leaves_less() -> None:
     """An accepted cause is part of the machine: its uncertainty takes the tolerance's place."""
     known = extended(leg_length=(0.03, -0.02, 0.01))
-    assert expected(known, DOUBLE, 3).expanded_mm == pytest.approx(
-        expected(NOMINAL, DOUBLE, 3).expanded_mm, rel=0.01
+    assert forecast(known, DOUBLE, 3).budget.expanded_mm == pytest.approx(
+        forecast(NOMINAL, DOUBLE, 3).budget.expanded_mm, rel=0.01
     )
-    without = [c.source for c in expected(sure(NOMINAL), DOUBLE, 3).budget.contributions]
+    without = [c.source for c in forecast(sure(NOMINAL), DOUBLE, 3).budget.contributions]
     assert "leg_length" not in without

@@ -22,10 +22,9 @@ from orthoglide_cal.model import (
     double_posture,
 )
 from orthoglide_cal.model.synthetic import synthetic_session
-from orthoglide_cal.planning import Next, best_next, joined, ranked
-from orthoglide_cal.planning.next_reading import _pair
+from orthoglide_cal.planning import RankedMeasurement, best_next, joined, ranked
+from orthoglide_cal.planning.next_measurement import _pair, predictions
 from orthoglide_cal.planning.options import options
-from orthoglide_cal.planning.outlook import outlooks
 from orthoglide_cal.results import calibrate
 from tests import truth
 from tests.bench.ambiguous import continued
@@ -55,7 +54,7 @@ def acting(cause: str) -> Effect:
     return kind.at(np.array(SIZES[cause]) * kind.scale)
 
 
-def chosen(found: Diagnosis, *words: str) -> Next:
+def chosen(found: Diagnosis, *words: str) -> RankedMeasurement:
     """The best option whose instruction holds these words."""
     return next(each for each in ranked(found) if all(w in each.option.what for w in words))
 
@@ -98,7 +97,7 @@ def test_each_says_who_could_stand_in_its_place(cause: str, rival: str) -> None:
     following = best_next(named)
     if following is not None:
         # What is still open adds to the cause; it is named together with it.
-        assert following.separates == ((cause,), (cause, *named.ambiguous_with))
+        assert following.between == ((cause,), (cause, *named.ambiguous_with))
         assert following.separation_sigma > 5.0
 
 
@@ -130,8 +129,8 @@ def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str
     # With new zeros, as the later readings below have them.
     afresh = [each for each in ranked(found) if not each.option.continues]
     following = max(afresh, key=lambda each: each.separation_sigma)
-    assert following.separates is not None
-    assert set(following.separates) == {(cause,), (rival,)}
+    assert following.between
+    assert set(following.between) == {(cause,), (rival,)}
     plan = joined(LIMITS, following.option.plan)
     gained = []
     for true, other in ((cause, rival), (rival, cause)):
@@ -162,8 +161,8 @@ def test_one_more_reading_tells_a_knock_from_a_wrong_reading(shifted: bool) -> N
     readings = with_a_last_reading(0.06)
     following = best_next(diagnose(readings, MODEL))
     assert following is not None
-    assert following.separates is not None
-    assert set(following.separates) == {("misread",), ("stand_shift",)}
+    assert following.between
+    assert set(following.between) == {("misread",), ("stand_shift",)}
     assert following.option.continues
     assert "leg z" in following.option.what
     assert following.separation_sigma > 10.0
@@ -270,7 +269,7 @@ def test_what_u_will_be_is_what_solve_prints(
     for following in ranking[:: len(ranking) // 3]:
         became = [printed_u(continued(session, following.option, n)) for n in range(4)]
         largest = np.mean(became, axis=0).max()
-        assert following.expanded_mm.max() == pytest.approx(largest, rel=0.05)
+        assert following.expanded.max() == pytest.approx(largest, rel=0.05)
 
 
 def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
@@ -283,7 +282,7 @@ def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
     adjustment = calibrate(given(measured, model)).adjustment
     assert adjustment is not None
     for following in ranked(diagnose(measured, model)):
-        ratio = following.expanded_mm / adjustment.expanded_mm
+        ratio = following.expanded / adjustment.expanded_mm
         assert np.all((ratio > 0.9) & (ratio < 1.05))
 
 
@@ -316,7 +315,9 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
     found = assess(Whitened.of(readings, model))
     fits = [found.fit(("backlash",)), found.fit(())]
     going_on = [each for each in options(readings.plan, model.machine) if each.continues]
-    for option, seen in zip(going_on, outlooks(model, readings.plan, going_on, fits), strict=True):
+    for option, seen in zip(
+        going_on, predictions(model, readings.plan, going_on, fits), strict=True
+    ):
         plan = continued(session, option, 1).plan
         lost, none = state_with(fits[0].offsets, session.effects), state_with(fits[1].offsets, ())
         read = signals(plan, session.machine, np.stack((lost, none)))
@@ -330,7 +331,7 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
         assert expected == pytest.approx(np.linalg.norm(apart), rel=0.1, abs=truth.MICRON.noise)
 
 
-def test_a_part_of_the_answer_is_no_rival_that_the_next_reading_is_for() -> None:
+def test_a_part_of_the_answer_is_no_rival_that_the_next_measurement_is_for() -> None:
     """The likeliest one that a diagnosis states is, although the part is likelier."""
     answer, part, other = ("axis_gap", "bar_skew"), ("axis_gap",), ("misread",)
     told = ~np.eye(3, dtype=np.bool_)

@@ -1,0 +1,283 @@
+"""What a session will give, before its first reading is taken: on any kind of machine.
+
+Everything here holds at the parameters that are plausible before anything is measured, with the
+gauge's stated noise and the degrees of freedom that the readings will have. On average it is what
+`solve` prints once they are there.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, computed_field
+
+from orthoglide_cal.estimation import Method, Posed, pose_plan
+from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
+from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.estimation.influences import held, influences
+from orthoglide_cal.estimation.solution import budget_of_readings
+from orthoglide_cal.model import Floats, Model
+from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.layouts import Layout
+from orthoglide_cal.model.protocols import plan_of
+from orthoglide_cal.model.workspace import workspace_error
+from orthoglide_cal.planning.separation import AnyPlan, separations
+from orthoglide_cal.planning.steps import (
+    MOST_CYCLES,
+    MeasuringProtocol,
+    Order,
+    clock,
+    gauge_moves,
+    sequence,
+)
+
+# The scatter of readings: what their number averages.
+AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
+TINY = 1e-18  # mm²
+FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+# Hundredths are enough.
+Minutes = Annotated[float, PlainSerializer(lambda minutes: round(minutes, 2))]
+
+
+def lengths(model: Model, values: Floats) -> dict[str, float]:
+    """Name → value of those calibrated parameters that are lengths; values of shape (p,)."""
+    machine = model.machine
+    named = zip(machine.parameter_names, machine.parameter_units, values.tolist(), strict=True)
+    return {name: value for name, unit, value in named if unit == "mm"}
+
+
+@dataclass(frozen=True)
+class ParameterForecast:
+    """What is expected of one calibrated parameter, in its unit; `determined`: well enough."""
+
+    unit: str
+    noise_std: float
+    expanded: float
+    determined: bool
+
+
+class SessionForecast(BaseModel):
+    """What a session will give.
+
+    Attributes:
+        model: the machine, its gauge and its accepted causes.
+        plan: all readings.
+        budget: of the calibrated parameters, at the degrees of freedom that the readings will have.
+        name, what, cycles, gauge_moves, minutes: as of `Layout`.
+        noise_std_mm, expanded_mm: what the scatter of the readings leaves of each length, and U.
+        parameters: the same of all of them, each in its unit.
+    """
+
+    model_config = FROZEN
+    model: Model = Field(exclude=True)
+    plan: AnyPlan = Field(exclude=True)
+    budget: Budget = Field(exclude=True)
+    name: str = Field(serialization_alias="layout")
+    what: str
+    cycles: int
+    readings: int
+    gauge_moves: int
+    minutes: Minutes
+    noise_std_mm: dict[str, float]
+    expanded_mm: dict[str, float]
+    parameters: dict[str, ParameterForecast]
+
+    @classmethod
+    def of(cls, model: Model, session: Layout, method: Method = Method.READINGS) -> Self:
+        """Before a reading is taken; raises RankDeficientError as `expected_budget`."""
+        budget, machine = expected_budget(model, session.plan, method), model.machine
+        parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
+        noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
+        known = determined(model, expanded)
+        rows = zip(machine.parameter_units, noise.tolist(), expanded.tolist(), known, strict=True)
+        each = [ParameterForecast(*row) for row in rows]
+        return cls(
+            model=model,
+            budget=budget,
+            readings=len(session.plan),
+            noise_std_mm=lengths(model, noise),
+            expanded_mm=lengths(model, expanded),
+            parameters=dict(zip(machine.parameter_names, each, strict=True)),
+            **session._asdict(),
+        )
+
+    @computed_field
+    @cached_property
+    def tool_mm(self) -> float | None:
+        """How far the tool may be off at the worst place of the workspace, offsets entered [mm].
+
+        k·u of the tool position, and what accepted causes leave there; None without a workspace.
+        """
+        if not self.model.machine.has_cube:
+            return None
+        covariance, k = self.budget.covariance_mm2, self.budget.k
+        return workspace_error(self.model, np.zeros(3), covariance, k).after_max_mm
+
+    @computed_field
+    @cached_property
+    def rivals_sigma(self) -> float | None:
+        """Between the causes that hide behind each other on this kind of machine [standard
+        deviations]; None if it has none or one of the two cannot be."""
+        return rivals_sigma(self.model, self.plan)
+
+    @property
+    def can_be_sent(self) -> bool:
+        """Of a machine that measures itself: whether it goes to every place without help."""
+        return not self.plan.distance.any()
+
+    @cached_property
+    def floor(self) -> Budget | None:
+        """What is left of it beside the scatter of the readings; None if that is nothing."""
+        return self._without(AVERAGED)
+
+    @cached_property
+    def averaged(self) -> Budget | None:
+        """What other readings could lessen: all but what is taken as the controller has it."""
+        return self._without(self.model.machine.fixed_parameters)
+
+    def _without(self, sources: Collection[str]) -> Budget | None:
+        left = self.budget.without(sources).contributions
+        parts = tuple(each for each in left if np.any(each.std_mm))
+        return Budget(parts) if parts else None
+
+
+def rivals_sigma(model: Model, plan: AnyPlan) -> float | None:
+    """How far apart readings get the rivals of a kind of machine, see `SessionForecast`."""
+    if not model.machine.rivals:
+        return None
+    pairs = separations(model, plan, model.machine.rivals).pairs
+    return pairs[0].sigma if pairs else None
+
+
+# Every method asks for the same sessions.
+@functools.lru_cache(maxsize=128)
+def session_of(
+    model: Model,
+    protocol: MeasuringProtocol,
+    cycles: int,
+    stands: int = 2,
+    order: Order = Order.PAPER,
+) -> Layout:
+    """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side.
+
+    The single-posture protocol always takes one.
+    """
+    stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
+    steps = sequence(model.machine, protocol, cycles, order, stands)
+    *times, minutes = clock(steps)
+    timed = zip(steps, times, strict=True)
+    plan = plan_of([step.planned._replace(minutes=at) for step, at in timed])
+    what = f"{protocol}, {cycles} cycle{'s' * (cycles > 1)}"
+    return Layout(protocol, what, plan, minutes, cycles, gauge_moves(steps))
+
+
+# The same sessions are asked for by number of cycles, by target and by comparison.
+@functools.lru_cache(maxsize=128)
+def forecast(
+    model: Model,
+    protocol: MeasuringProtocol,
+    cycles: int,
+    method: Method = Method.READINGS,
+    stands: int = 2,
+) -> SessionForecast:
+    """What a session of a protocol will give.
+
+    Args:
+        model: the machine, its gauge and its accepted causes.
+        protocol, cycles, stands: how the readings are taken, see `session_of`.
+        method: an estimator that such readings can feed.
+
+    Raises:
+        RankDeficientError: the readings will not determine the offsets.
+    """
+    return SessionForecast.of(model, session_of(model, protocol, cycles, stands), method)
+
+
+def expected_budget(model: Model, plan: AnyPlan, method: Method = Method.READINGS) -> Budget:
+    """The budget of the parameters that a method will find from readings of a plan.
+
+    Args:
+        model: the machine, its gauge and its accepted causes.
+        plan: n readings.
+        method: an estimator that they can feed.
+
+    Raises:
+        RankDeficientError: they will not determine the parameters; says what to add.
+    """
+    gauge, uncertain = model.machine.gauge, _plausible_influences(model, plan)
+    estimator = estimator_for(model, plan, uncertain, method)
+    dof = len(plan) - plan.setups - len(model.machine.parameter_names)
+    scatter = Scatter(gauge.noise_mm, float(dof)) if dof > 0 else None
+    taken = held(model, np.zeros(len(model.machine.parameter_names)), plan)
+    return budget_of_readings(estimator, plan, gauge, scatter, (*uncertain, *taken))
+
+
+def estimator_for(
+    model: Model, plan: AnyPlan, uncertain: Sequence[Influence], method: Method = Method.READINGS
+) -> Floats:
+    """What a small change of each reading does to the parameters, shape (p, n).
+
+    Args:
+        model, plan, method: as in `expected_budget`.
+        uncertain: what acts on the readings beside noise.
+
+    Raises:
+        RankDeficientError: the readings do not determine the parameters.
+    """
+    problem, which = pose_plan(plan, model, method.uses, folded=True)
+    require_rank(problem)
+    posed = Posed(problem, problem.at_zero[0], which)
+    if method is Method.READINGS:
+        columns = np.hstack([each.columns for each in uncertain])
+        posed = posed.weighted(problem.matrix @ columns / model.machine.gauge.noise_mm)
+    # The slope hardly depends on the offsets: near zero every method is a linear one.
+    return np.asarray(method.estimator(posed) @ posed.problem.matrix)
+
+
+@functools.lru_cache(maxsize=128)
+def _plausible_influences(model: Model, plan: AnyPlan) -> tuple[Influence, ...]:
+    """Influences on these readings: their squares are the means over plausible parameters."""
+    alike = [influences(model, offsets, plan) for offsets in model.machine.linearization_points]
+    share = 1.0 / np.sqrt(len(alike))
+    return tuple(
+        replace(each[0], columns=share * np.hstack([one.columns for one in each]))
+        for each in zip(*alike, strict=True)
+    )
+
+
+def fewest_cycles(
+    model: Model,
+    protocol: MeasuringProtocol,
+    method: Method,
+    stands: int,
+    wanted_mm: float,
+) -> SessionForecast | None:
+    """The shortest session that leaves no U larger than wanted; None if `MOST_CYCLES` do not.
+
+    Args:
+        model, protocol, method, stands: as in `forecast`.
+        wanted_mm: largest U of an offset.
+    """
+    low, high, best = 0, MOST_CYCLES + 1, None
+    tried = forecast(model, protocol, 1, method, stands)
+    while True:
+        cycles = tried.cycles
+        if max(tried.expanded_mm.values()) <= wanted_mm:
+            high, best = cycles, tried
+        else:
+            low = cycles
+        if high - low == 1:
+            return best
+        # About so many cycles leave the wanted U: what is averaged falls with their number.
+        left = 0.0 if tried.floor is None else np.diag(tried.floor.covariance_mm2)
+        noise = np.array([*tried.noise_std_mm.values()]) ** 2 * cycles
+        spare = wanted_mm**2 / tried.budget.k**2 - left
+        needed = np.where(spare * MOST_CYCLES > noise, noise / np.maximum(spare, TINY), MOST_CYCLES)
+        guess = min(max(math.ceil(float(needed.max())), low + 1), high - 1)
+        tried = forecast(model, protocol, guess, method, stands)

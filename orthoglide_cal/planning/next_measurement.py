@@ -1,0 +1,450 @@
+"""The next measurement: what can be done, ranked by what it decides and determines for the time.
+
+If explanation h is true, new readings y change its log odds over a rival r by
+
+    ln p(y | h) − ln p(y | r),   y ~ N(m_h, S_h) predicted by h,  N(m_r, S_r) by r,
+
+from the posterior of each. Its mean is the Kullback–Leibler divergence of the two, its variance
+½ tr (A − 1)² + |b|² with A = S_h^½ S_r⁻¹ S_h^½, b = S_h^½ S_r⁻¹ (m_h − m_r). The rival is dismissed
+where the odds then pass the diagnosis' own bound.
+
+Readings that cannot be solved together with the first ones are judged alone: y is as the posterior
+of h has it, but p(y | r) and p(y | h) are N(μ, P), of causes that may have any plausible size. With
+D = P_r⁻¹ − P_h⁻¹ and b = P_r⁻¹ (m_h − μ_r) − P_h⁻¹ (m_h − μ_h) the variance is ½ tr (D S_h)² +
+bᵀ S_h b.
+
+New readings are looked at in combinations that no new gauge zero enters and whose noise is
+independent of that of the first readings: in a new set-up their deviations from its mean, in one
+that goes on from the mean of what was read there. Of these only the few in which the explanations
+can differ count.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from operator import ne
+
+import numpy as np
+from pydantic import BaseModel, Field
+from scipy.special import ndtr
+
+from orthoglide_cal.diagnosis import Diagnosis, Verdict
+from orthoglide_cal.diagnosis.assess import bound
+from orthoglide_cal.diagnosis.candidates import Ids
+from orthoglide_cal.diagnosis.explanations import UNSEEN, as_read
+from orthoglide_cal.diagnosis.fit import Fitted, known_then
+from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.estimation.budget import Contribution
+from orthoglide_cal.estimation.gaussian import predict, root_of, whiten
+from orthoglide_cal.estimation.influences import held, influences
+from orthoglide_cal.model import (
+    Floats,
+    Model,
+    Readings,
+    ReadOnly,
+    differentiate,
+    simulate,
+    simulate_with_jacobian,
+    without_zeros,
+)
+from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.planning.forecast import FROZEN, Minutes, estimator_for, lengths
+from orthoglide_cal.planning.options import Option, further, joined, options
+from orthoglide_cal.planning.separation import AnyPlan
+
+# Explanations nearer than this to each other under every option cannot be distinguished [σ].
+WORTHLESS_SIGMA = 1.0
+# Where no option has such a chance to leave one answer, none is worth its time: what is likeliest
+# cannot be distinguished from its rival, whatever else can be.
+WORTH_TRYING = 0.1
+# What a sitting costs besides its readings: stands fetched, the machine stopped, warmed up [min].
+MINUTES_PER_SITTING = 30.0
+# What one costs that leaves the answer open: coming back another day, a shift later [min].
+MINUTES_TO_COME_BACK = 480.0
+# So many explanations are looked at, the likeliest.
+MOST = 8
+TINY = 1e-12
+
+
+class NextMeasurement(BaseModel):
+    """A measurement that may decide what is open.
+
+    Attributes:
+        what: to do, in words.
+        minutes: that it takes.
+        separates: of each of the two the first cause that the other lacks, or has as well.
+        between: of the two likeliest explanations that it distinguishes, the causes that the other
+            lacks, or all if one has no more; empty if nothing is open that readings tell.
+        separation_sigma: expected distance between their predictions; 0 without them [standard
+            deviations].
+    """
+
+    model_config = FROZEN
+    what: str
+    minutes: Minutes
+    separates: Ids
+    between: tuple[Ids, ...]
+    separation_sigma: float
+
+
+class RankedMeasurement(NextMeasurement):
+    """An option and what it is worth.
+
+    Attributes:
+        option: what to do.
+        expanded: expanded uncertainty of the parameters that `solve` is expected to print of all
+            readings together, or of a session of its own alone, shape (p,).
+        chance: that it leaves one answer; 0 where nothing is open that readings tell.
+        expanded_mm: of the parameters that are lengths, by name.
+    """
+
+    option: Option = Field(exclude=True)
+    expanded: Floats = Field(exclude=True)
+    chance: float
+    expanded_mm: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions(ReadOnly):
+    """What f explanations predict of one option, in r combinations of its readings.
+
+    Attributes:
+        mean: shape (f, r) [mm].
+        covariance: with noise, shape (f, r, r) [mm²].
+        offsets: covariance of the p parameters once it is read, shape (f, p, p) [mm²].
+    """
+
+    mean: Floats
+    covariance: Floats
+    offsets: Floats
+
+    def halves(self) -> tuple[Predictions, Predictions]:
+        """The first half of the explanations, and the second."""
+        half = len(self.mean) // 2
+        parts = (slice(half), slice(half, None))
+        one, two = (Predictions(self.mean[p], self.covariance[p], self.offsets[p]) for p in parts)
+        return one, two
+
+
+# `plan FILE` asks for all, and so does the calibration that it shows as well.
+@functools.lru_cache(maxsize=1)
+def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
+    """All that can be done next, best first.
+
+    For differences and readings along a leg, which no others can be solved together with, these
+    are sessions of their own.
+
+    By the chance that one answer is left, per minute, with what coming back would take. Where
+    nothing is open that readings tell, by how much it takes off the parameters' U per minute.
+    """
+    model, measured = diagnosis.model, diagnosis.measured
+    plan = measured.plan if isinstance(measured, Readings) else None
+    choice = further(plan, model)
+    first = plan if choice or (plan is not None and plan.fixed) else None
+    choice = choice or options(first, model.machine)
+    likeliest = sorted(diagnosis.by_place, key=lambda each: -each[0])[:MOST]
+    shares = np.array([share for share, _ in likeliest])
+    fits = [fit for _, fit in likeliest]
+    ids = [_ids(fit, again=first is None) for fit in fits]
+    others = _others(fits, ids) & (diagnosis.verdict is Verdict.AMBIGUOUS)
+    if first is not None:
+        judged = predictions(model, first, choice, fits)
+        odds, known = [_odds(each, each) for each in judged], shares
+        apart = np.stack([_apart(each) for each in judged])
+    else:
+        both = predictions(model, first, choice, [*fits, *(fit.unread for fit in fits)])
+        halves = [each.halves() for each in both]
+        judged, known = [two for _, two in halves], np.ones_like(shares)
+        odds = [_odds(seen, alone) for seen, alone in halves]
+        # Distances that change the log odds by as much.
+        apart = np.stack([np.sqrt(np.maximum(mean + mean.T, 0.0)) for mean, _ in odds])
+    # ln of how far below its bound a rival (second index) is beside the true one; one that may be
+    # at several places keeps at each its part of what its name may keep.
+    places = Counter(ids)
+    bounds = np.array([[bound(other, true) / places[other] for other in ids] for true in ids])
+    spare = np.log(known[:, None] / known * bounds)
+    chances = np.array([_chance(*each, shares, spare, others) for each in odds])
+    told = others & (apart.max(axis=0) >= WORTHLESS_SIGMA) & (chances.max() >= WORTH_TRYING)
+    chances *= told.any()
+    total = sum(share for share, _ in diagnosis.left_open)
+    within_now = sum(share * fit.joint_covariance() for share, fit in diagnosis.left_open) / total
+    between = diagnosis.covariance_mm2 - within_now
+    taken = 0.0 if first is None else _fixed(model, first, fits[0])
+    now = _reach(np.diag(diagnosis.covariance_mm2) + taken).max()
+    found = []
+    for option, each, sigma, chance in zip(choice, judged, apart, chances.tolist(), strict=True):
+        pair = _pair(told, sigma, ids)
+        within = np.tensordot(shares / shares.sum(), each.offsets, axes=1)
+        whole = option.plan if first is None else joined(first, option.plan)
+        variance = np.diag(within + (1.0 - chance) * between) + _fixed(model, whole, fits[0])
+        reach = _reach(variance)
+        if first is not None and diagnosis.verdict is Verdict.NAMED:
+            reach = _as_entered(model, whole, fits[0], reach)
+        lacking = () if pair is None else _lacking(ids[pair[0]], ids[pair[1]])
+        ranking = RankedMeasurement(
+            option=option,
+            expanded=reach,
+            what=option.what,
+            minutes=option.minutes,
+            between=lacking,
+            # Of each the first cause that the other lacks, or has as well.
+            separates=tuple(
+                min(ids, key=rival.__contains__, default="")
+                for ids, rival in zip(lacking, lacking[::-1], strict=True)
+            ),
+            separation_sigma=0.0 if pair is None else float(sigma[pair]),
+            chance=chance,
+            expanded_mm=lengths(model, reach),
+        )
+        gained = float(reach.max() - now) / (option.minutes + MINUTES_PER_SITTING)
+        worth = -chance / (option.minutes + MINUTES_TO_COME_BACK) if told.any() else 0.0
+        found.append((worth, gained, ranking))
+    return tuple(each for *_, each in sorted(found, key=lambda each: each[:2]))
+
+
+def best_next(diagnosis: Diagnosis) -> RankedMeasurement | None:
+    """What distinguishes the explanations that are left open; None if nothing is, or can be."""
+    if diagnosis.verdict is not Verdict.AMBIGUOUS:
+        return None
+    first = ranked(diagnosis)[0]
+    return first if first.separates else None
+
+
+def _reach(variance: Floats) -> Floats:
+    return np.asarray(half_width(np.inf) * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _apart(seen: Predictions) -> Floats:
+    """Distances between all predictions, shape (f, f) [standard deviations]."""
+    gap = seen.mean[:, None] - seen.mean
+    (white,) = whiten(0.5 * (seen.covariance[:, None] + seen.covariance), gap[..., None])
+    return np.asarray(np.sqrt((white[..., 0] ** 2).sum(axis=-1)))
+
+
+def _others(fits: Sequence[Fitted], ids: Sequence[Ids]) -> Bools:
+    """Whether two explanations are different answers: other causes, another remedy, (f, f)."""
+    answers = [(frozenset(own), fit.remedy) for fit, own in zip(fits, ids, strict=True)]
+    return np.array(
+        [[all(map(ne, one, other)) for other in answers] for one in answers], dtype=np.bool_
+    )
+
+
+def _odds(seen: Predictions, judged: Predictions) -> tuple[Floats, Floats]:
+    """By how much readings raise the log odds of the true explanation over a rival.
+
+    Args:
+        seen: of readings as f explanations have them.
+        judged: by what is known of these.
+
+    Returns:
+        Mean and standard deviation, each of shape (f, f), the true one first.
+    """
+    covariance, gap = seen.covariance[:, None], seen.mean[:, None] - judged.mean
+    precision = np.linalg.inv(judged.covariance)
+    weighed = (precision @ gap[..., None])[..., 0]
+    each = np.arange(len(gap))
+    cost = np.trace(precision @ covariance, axis1=-2, axis2=-1) + (gap * weighed).sum(axis=-1)
+    cost += np.linalg.slogdet(judged.covariance)[1]
+    other = (precision - precision[:, None]) @ covariance
+    square = (other * other.swapaxes(-1, -2)).sum(axis=(-1, -2))
+    slope = weighed - weighed[each, each][:, None]
+    spread = (slope * (covariance @ slope[..., None])[..., 0]).sum(axis=-1)
+    mean = 0.5 * (cost - cost[each, each][:, None])
+    return mean, np.sqrt(np.maximum(0.5 * square + spread, TINY))
+
+
+def _chance(mean: Floats, std: Floats, shares: Floats, spare: Floats, others: Bools) -> float:
+    """Chance that new readings dismiss all other answers than the true explanation."""
+    if not others.any():
+        return 0.0
+    dismissed = np.where(others, ndtr((spare + mean) / std), 1.0).min(axis=1)
+    return float(shares @ dismissed / shares.sum())
+
+
+def _as_entered(model: Model, plan: AnyPlan, fit: Fitted, reach: Floats) -> Floats:
+    """U (p,) [mm] of the offsets that are entered where causes are named.
+
+    Causes that move them by less than their own uncertainty do not bar the offsets alone, and are
+    then a part of it.
+
+    Args:
+        model: the machine.
+        plan: of all readings.
+        fit: of the named causes.
+        reach: U of the offsets with those causes, shape (p,) [mm].
+    """
+    if any(effect.covariance is None for effect in fit.effects):
+        return reach  # exchanged labels or signs spoil the offsets altogether
+    moved = simulate(model.extended(fit.effects), fit.offsets, plan)
+    plain, slope = simulate_with_jacobian(model, fit.offsets, plan)
+    estimator = estimator_for(model, plan, influences(model, fit.offsets, plan))
+    shift = estimator @ (moved - plain)
+    if np.any(np.abs(shift) > reach):
+        return reach
+    # What the offsets cannot take up of it looks like scatter.
+    left = without_zeros(plan, moved - plain - slope @ shift)
+    dof = len(plan) - plan.setups - len(shift)
+    scatter = left @ left / dof * estimator @ estimator.T
+    beyond = Contribution.beyond(Origin.EXPLANATIONS, np.outer(shift, shift) - scatter)
+    more = np.diag(scatter + beyond.covariance_mm2)
+    return np.asarray(np.sqrt(reach**2 + half_width(np.inf) ** 2 * more))
+
+
+def _fixed(model: Model, plan: AnyPlan, answer: Fitted) -> Floats:
+    """What adds to the variance of each parameter that is taken as the controller has it, (p,).
+
+    No reading tells it, so no diagnosis counts it either, unless it is the answer; `solve` does.
+    """
+    nominal = np.zeros(len(model.machine.parameter_names))
+    taken = held(model, nominal, plan)
+    columns = [each.columns for each in taken if each.source not in _ids(answer, again=False)]
+    if not columns:
+        return nominal
+    estimator = estimator_for(model, plan, influences(model, nominal, plan))
+    return np.asarray(((estimator @ np.hstack(columns)) ** 2).sum(axis=1))
+
+
+def _pair(told: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, int] | None:
+    """The likeliest explanation with a rival that can be distinguished, and its likeliest such one.
+
+    Explanations come in the order of their probability, the accepted one first. A rival that is
+    but a part of it is none that a diagnosis states, and comes behind all others.
+    """
+    pairs = [tuple(pair) for pair in np.argwhere(told).tolist() if pair[0] < pair[1]]
+    pairs.sort(key=lambda pair: {*ids[pair[1]]} < {*ids[pair[0]]})
+    able = [pair for pair in pairs if sigma[pair] >= WORTHLESS_SIGMA]
+    if not pairs:
+        return None
+    first, second = (able or pairs)[0]
+    return first, second
+
+
+def _lacking(one: Ids, other: Ids) -> tuple[Ids, Ids]:
+    """Of two explanations the causes that the other lacks; all where one adds to the other."""
+    only = (
+        tuple(id for id in one if id not in other),
+        tuple(id for id in other if id not in one),
+    )
+    return (one, other) if () in only else only
+
+
+def _ids(fit: Fitted, again: bool) -> Ids:
+    """Its causes; if `again`, those that another session meets."""
+    causes = (effect.cause for effect in fit.effects)
+    return tuple(cause.id for cause in causes if cause.lasting or not again)
+
+
+def predictions(
+    model: Model, first: AnyPlan | None, choice: Sequence[Option], fits: Sequence[Fitted]
+) -> list[Predictions]:
+    """What explanations predict of each option.
+
+    Args:
+        model: the machine and its accepted causes.
+        first: the readings that the explanations were fitted to; None if they are not known.
+        choice: options.
+        fits: the explanations.
+    """
+    found: dict[Option, Predictions] = {}
+    for goes_on in (True, False):
+        group = [option for option in choice if option.continues is goes_on]
+        if not group:
+            continue
+        plan, starts = _together(first, group)
+        stay = first if goes_on else None
+        expected = [_expected(model, plan, fit, stay) for fit in fits]
+        for option, start in zip(group, starts, strict=True):
+            found[option] = _predicted(stay, option.plan, start, expected, fits)
+    return [found[option] for option in choice]
+
+
+def _together(first: AnyPlan | None, group: Sequence[Option]) -> tuple[AnyPlan, list[int]]:
+    """One plan of the first readings and all options, and where each option begins in it.
+
+    Every option comes behind the first readings' last travel, as if there were no other: the
+    carriages come to it from where they would.
+    """
+    parts, starts, end = [], [], 0
+    if first is not None:
+        parts, end = [first], len(first)
+    for option in group:
+        if first is not None:
+            parts.append(first.subset(first.last_travel))
+            end += len(parts[-1])
+        starts.append(end)
+        parts.append(option.plan)
+        end += len(option.plan)
+    order = np.concatenate([part.in_time.argsort() for part in parts])
+    order += np.repeat(np.cumsum([0, *map(len, parts[:-1])]), [len(part) for part in parts])
+    return replace(joined(*parts), order=order), starts
+
+
+def _expected(
+    model: Model, plan: AnyPlan, fit: Fitted, goes_on: AnyPlan | None
+) -> tuple[Floats, Floats, Floats]:
+    """What one explanation says of n readings; `goes_on` are those whose stands are still there.
+
+    Returns:
+        Their mean (n,), a root (n, u) of its covariance, and the root (u, u) of the covariance of
+        what they depend on, the parameters first.
+    """
+    # What belongs to the set-up goes on only where the set-up does, a step of estimated size with
+    # its uncertainty.
+    stay = goes_on is not None
+    sized = [e for e in fit.effects if e.cause.lasting or (stay and e.covariance is not None)]
+    passing = [effect for effect in fit.effects if stay and effect not in sized]
+    model, plan = model.extended(passing), as_read(plan, passing)
+    mean, slopes = differentiate(model, fit.offsets, plan, sized)
+    stands = 0 if goes_on is None else goes_on.setups
+    columns, joint = known_then(
+        fit, sized, slopes, influences(model, fit.offsets, plan), stands=stands
+    )
+    known = root_of(joint)
+    return mean, columns @ known, known
+
+
+def _predicted(
+    stay: AnyPlan | None,
+    plan: AnyPlan,
+    start: int,
+    expected: Sequence[tuple[Floats, Floats, Floats]],
+    fits: Sequence[Fitted],
+) -> Predictions:
+    """Of an option whose readings begin at `start` in what is expected of all.
+
+    Args:
+        stay: the first readings if their stands are still there.
+        plan: of the option.
+        start, expected: as of `_expected`, of each of the fits.
+    """
+    own = slice(start, start + len(plan))
+
+    def free(values: Floats) -> Floats:
+        """Values (n, c) in the combinations, with unit noise, shape (m, c)."""
+        if stay is None:
+            set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
+            return without_zeros(set_ups, values[own].T).T
+        same = np.asarray(plan.setup[:, None] == stay.setup, dtype=np.float64)
+        mean = same / same.sum(axis=1, keepdims=True)
+        noise = np.eye(len(mean)) + mean @ mean.T
+        return whiten(noise, values[own] - mean @ values[: len(stay)])[0]
+
+    means = free(np.column_stack([mean for mean, _, _ in expected]))
+    spreads = [free(spread) for _, spread, _ in expected]
+    columns = np.hstack((means[:, 1:] - means[:, :1], *spreads))
+    # An orthonormal basis of what is larger than nobody sees, shape (m, r).
+    m, c = columns.shape
+    size2, vectors = np.linalg.eigh(columns @ columns.T if m <= c else columns.T @ columns)
+    kept = size2 > (UNSEEN * min(fit.sigma for fit in fits)) ** 2
+    basis = vectors[:, kept] if m <= c else columns @ (vectors[:, kept] / np.sqrt(size2[kept]))
+    covariance, offsets = [], []
+    for (_, _, root), spread, fit in zip(expected, spreads, fits, strict=True):
+        seen, known = basis.T @ spread, root[: len(fit.offsets)]
+        covariance.append(fit.sigma**2 * np.eye(len(seen)) + seen @ seen.T)
+        nothing = np.zeros((len(seen), 1))
+        offsets.append(predict(covariance[-1], nothing, seen @ known.T, known @ known.T)[1])
+    return Predictions((basis.T @ means).T, np.stack(covariance), np.stack(offsets))

@@ -1,0 +1,389 @@
+"""A plan: what sessions will give, what limits them, which causes they distinguish, what is best.
+
+A kind of machine that measures itself offers layouts, ways to spread its readings; they are
+compared on equal terms, and the best is the quickest that distinguishes what hides behind each
+other in the usual ones. Any other is measured by protocols: a session is compared with other
+numbers of cycles, protocols and methods, and the best design takes the fewest readings for its U.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, Self
+
+from pydantic import BaseModel, Field
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.estimation import Method
+from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.model import Model
+from orthoglide_cal.model.layouts import Layout
+from orthoglide_cal.planning.bar import BarWarning, bar_warning
+from orthoglide_cal.planning.design import design_of, readings_needed
+from orthoglide_cal.planning.forecast import (
+    FROZEN,
+    SessionForecast,
+    fewest_cycles,
+    forecast,
+    lengths,
+    rivals_sigma,
+    session_of,
+)
+from orthoglide_cal.planning.next_measurement import RankedMeasurement
+from orthoglide_cal.planning.separation import (
+    TRACE_SIGMA,
+    SeparatedPair,
+    Separations,
+    separations,
+)
+from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
+
+# Repeats that are shown beside those asked for.
+SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
+# Every method that can be fed with the readings of a protocol.
+METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = MappingProxyType(
+    {
+        MeasuringProtocol.DOUBLE: (
+            Method.READINGS,
+            Method.TWELVE,
+            Method.TWELVE_LINEAR,
+            Method.SIX,
+            Method.SIX_LINEAR,
+        ),
+        MeasuringProtocol.SINGLE: (Method.READINGS, Method.SINGLE, Method.SINGLE_SEQUENTIAL),
+        MeasuringProtocol.BEST: (Method.READINGS,),
+    }
+)
+# More repeats hardly change what can be distinguished, but the time that it takes to say so.
+MOST_COMPARED = 10
+ROUNDING = 1e-9
+# Distinguished: so far from each other that chance does not count [standard deviations].
+CERTAIN_SIGMA = 5.0
+
+
+class Wanted(NamedTuple):
+    """What somebody wants to measure; None where they say nothing.
+
+    Attributes:
+        protocol, cycles, stands: how gauges are read.
+        target_mm: U that every offset is to reach, in place of a number of cycles.
+        layout: name of a layout of the machine.
+    """
+
+    protocol: MeasuringProtocol | None = None
+    cycles: int | None = None
+    stands: int = 2
+    target_mm: float | None = None
+    layout: str | None = None
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A way to measure besides the one that was asked for.
+
+    Attributes:
+        protocol, method: which.
+        same_cycles: as many cycles as were asked for, with the fewest moves of a gauge.
+        same_expanded: the same with as many as make no U larger than the session's largest; None
+            if no number does.
+    """
+
+    protocol: MeasuringProtocol
+    method: Method
+    same_cycles: SessionForecast
+    same_expanded: SessionForecast | None
+
+
+@dataclass(frozen=True)
+class SeparationLoss:
+    """What the best design shows less well than the usual protocol, for the same U.
+
+    Attributes:
+        causes: one that is to be seen, or two that are to be distinguished.
+        usual_sigma, best_sigma: how far they are apart [standard deviations].
+    """
+
+    causes: tuple[str, ...]
+    usual_sigma: float
+    best_sigma: float
+
+
+class BestDesign(SessionForecast):
+    """The best session that is known: the fewest readings, or what distinguishes rivals.
+
+    Attributes:
+        causes: the rivals that it distinguishes; empty for the fewest readings.
+        reached: whether it does, `wanted_sigma` apart, or gives the U that was wanted.
+        gauge_at, postures_mm: where its gauges stand along the leg, its postures.
+        share_of_readings: for each of the usual protocol, for the same noise.
+        given_up: causes first, then pairs, largest loss first.
+        places_mm: where a machine that measures itself goes.
+    """
+
+    causes: tuple[str, ...] = ()
+    wanted_sigma: float | None = None
+    reached: bool = True
+    gauge_at: float | None = None
+    postures_mm: tuple[float, ...] = ()
+    share_of_readings: float | None = None
+    given_up: tuple[SeparationLoss, ...] = ()
+    places_mm: tuple[dict[str, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Target:
+    """U that every offset is to reach, and the cycles that it takes, if any number does."""
+
+    expanded_mm: float
+    reached: bool
+    cycles: int | None
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What no number of readings lessens, and the largest source of it; None if it is nothing."""
+
+    expanded_mm: dict[str, float] | None
+    source: str | None
+
+
+@dataclass(frozen=True)
+class PlannedContribution:
+    """What one source adds to the uncertainty: its standard uncertainty of each length."""
+
+    source: str
+    type: str
+    std_mm: dict[str, float]
+
+
+class MeasurementPlan(BaseModel):
+    """What a session will give before a reading is taken; its dump is `plan --json`.
+
+    Attributes:
+        model: the machine, its gauge or probe and its accepted causes.
+        chosen: the session: as was asked for, or as long as the target takes.
+        floor: what more readings leave beside their scatter; None if that is nothing. It is less
+            than what this session leaves beside it: more readings tell more of what else is
+            uncertain.
+        apart: which causes its readings, or as many as `MOST_COMPARED` cycles, can distinguish.
+        bar_warning: plungers that leave their bar in this session, or nearly; None if all stay.
+        machine: its name.
+        protocol, cycles: of the session; of a machine that has layouts the name of one.
+        gauges: that are read side by side; None without any.
+        target: None if nobody said.
+        by_cycles: the session with other numbers of cycles, fewest first, or each layout.
+        budget, limits: what adds to the uncertainty, and what more readings leave of it.
+        compare: every protocol with every method, for the U that this session gives.
+        separation: how far causes are apart, nearest first; `invisible`: that leave no trace.
+        design: the best session; None where nothing is to be gained.
+        next: what to measure besides data that there are, best first.
+    """
+
+    model_config = FROZEN
+    model: Model = Field(exclude=True)
+    chosen: SessionForecast = Field(exclude=True)
+    floor: Budget | None = Field(exclude=True)
+    apart: Separations = Field(exclude=True)
+    bar_warning: BarWarning | None = Field(default=None, exclude=True)
+    schema_version: Literal[1] = 1
+    machine: str
+    protocol: str
+    gauges: int | None = None
+    cycles: int
+    target: Target | None = None
+    by_cycles: tuple[SessionForecast, ...]
+    budget: tuple[PlannedContribution, ...]
+    limits: Limit
+    compare: tuple[Alternative, ...] = ()
+    separation: tuple[SeparatedPair, ...]
+    invisible: tuple[str, ...]
+    design: BestDesign | None
+    next: tuple[RankedMeasurement, ...] = ()
+
+    @classmethod
+    def of(
+        cls, chosen: SessionForecast, floor: Budget | None, apart: Separations, **more: Any
+    ) -> Self:
+        """With what follows from the chosen session; arguments as the attributes."""
+        model, largest = chosen.model, None if floor is None else floor.largest.source
+        return cls(
+            model=model,
+            chosen=chosen,
+            floor=floor,
+            apart=apart,
+            machine=model.machine.name,
+            protocol=chosen.name,
+            cycles=chosen.cycles,
+            budget=tuple(
+                PlannedContribution(each.source, each.evaluation, lengths(model, each.std_mm))
+                for each in chosen.budget.contributions
+            ),
+            limits=Limit(None if floor is None else lengths(model, floor.expanded_mm), largest),
+            separation=apart.pairs,
+            invisible=tuple(cause.id for cause in apart.invisible),
+            **more,
+        )
+
+
+def measurement_plan(
+    model: Model, wanted: Wanted, following: tuple[RankedMeasurement, ...] = ()
+) -> MeasurementPlan:
+    """What the session that is wanted will give, and what other ways there are.
+
+    Args:
+        model: the machine, its gauge or probe and its accepted causes.
+        wanted: the session.
+        following: what to measure besides data that there are, best first.
+
+    Raises:
+        UsageError: the machine has no such session.
+        RankDeficientError: such readings will not determine the parameters.
+    """
+    if layouts := model.machine.layouts():
+        return _of_layouts(model, layouts, wanted, following)
+    chosen = chosen_session(model, wanted)
+    stands, cycles = wanted.stands, chosen.cycles
+    protocol = MeasuringProtocol(chosen.name)
+    numbers = sorted({*SHOWN_CYCLES, cycles})
+    compare = tuple(_compared(model, chosen, stands))
+    target = wanted.target_mm
+    reached = target is None or max(chosen.expanded_mm.values()) <= target
+    return MeasurementPlan.of(
+        chosen,
+        forecast(model, protocol, MOST_CYCLES, stands=stands).floor,
+        _apart(model, protocol, cycles, stands),
+        bar_warning=bar_warning(chosen.plan, model.machine),
+        gauges=stands,
+        target=None if target is None else Target(target, reached, cycles if reached else None),
+        by_cycles=tuple(forecast(model, protocol, n, stands=stands) for n in numbers),
+        compare=compare,
+        design=_fewest_readings(model, cycles, stands, compare[-1]),
+        next=following,
+    )
+
+
+def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
+    """The layout that is wanted, or the session with the cycles that are, or that the target takes.
+
+    Arguments and errors as of `measurement_plan`.
+    """
+    if layouts := model.machine.layouts():
+        return _of_layouts(model, layouts, wanted, ()).chosen
+    if wanted.layout is not None:
+        raise UsageError("--layout is for printers.", "Name a --protocol instead.")
+    protocol, method = wanted.protocol or MeasuringProtocol.DOUBLE, Method.READINGS
+    if wanted.target_mm is not None:
+        found = fewest_cycles(model, protocol, method, wanted.stands, wanted.target_mm)
+        if found is not None:
+            return found
+    return forecast(model, protocol, wanted.cycles or CYCLES, method, wanted.stands)
+
+
+def _compared(model: Model, chosen: SessionForecast, stands: int) -> Iterator[Alternative]:
+    """Every way, with as many cycles and for the same U; the best design comes last."""
+    wanted = max(chosen.expanded_mm.values()) * (1.0 + ROUNDING)
+
+    def fewest_moves(found: SessionForecast, protocol: MeasuringProtocol) -> SessionForecast:
+        """The same readings in the order that moves the gauges least, which leaves U as it is."""
+        order = Order.FEWEST_MOVES
+        session = session_of(model, protocol, found.cycles, stands, order)
+        return found.model_copy(update=session._asdict())
+
+    for protocol, methods in METHODS.items():
+        for method in methods:
+            same = forecast(model, protocol, chosen.cycles, method, stands)
+            as_sure = fewest_cycles(model, protocol, method, stands, wanted)
+            found = None if as_sure is None else fewest_moves(as_sure, protocol)
+            yield Alternative(protocol, method, fewest_moves(same, protocol), found)
+
+
+def _fewest_readings(model: Model, cycles: int, stands: int, way: Alternative) -> BestDesign:
+    """The best design for the same U; with as many cycles where no number reaches it."""
+    found, design = way.same_expanded or way.same_cycles, design_of(model.machine)
+    double = MeasuringProtocol.DOUBLE
+    usual, best = session_of(model, double, cycles).plan, design.plan(cycles)
+    lost = _given_up(
+        _apart(model, double, cycles, stands), _apart(model, way.protocol, found.cycles, stands)
+    )
+    return BestDesign(
+        **_fields(found),
+        reached=way.same_expanded is not None,
+        gauge_at=design.gauge_at,
+        postures_mm=design.displacements_mm,
+        share_of_readings=readings_needed(model, best) / readings_needed(model, usual),
+        given_up=tuple(sorted(lost, key=lambda each: (len(each.causes), -each.usual_sigma))),
+    )
+
+
+def _fields(found: SessionForecast) -> dict[str, Any]:
+    return {name: getattr(found, name) for name in SessionForecast.model_fields}
+
+
+def _apart(model: Model, protocol: MeasuringProtocol, cycles: int, stands: int) -> Separations:
+    session = session_of(model, protocol, min(cycles, MOST_COMPARED), stands)
+    return separations(model, session.plan)
+
+
+def _given_up(usual: Separations, best: Separations) -> Iterator[SeparationLoss]:
+    """Causes that show less, and pairs that can no longer be distinguished."""
+    traces = zip(usual.causes, usual.trace.tolist(), best.trace.tolist(), strict=True)
+    for cause, before, after in traces:
+        if after < before and (cause.timed or after < TRACE_SIGMA <= before):
+            yield SeparationLoss((cause.id,), before, after)
+    left = {each.causes: each.sigma for each in best.pairs}
+    for pair in usual.pairs:
+        if left[pair.causes] < TRACE_SIGMA <= pair.sigma:
+            yield SeparationLoss(pair.causes, pair.sigma, left[pair.causes])
+
+
+def _of_layouts(
+    model: Model,
+    layouts: tuple[Layout, ...],
+    wanted: Wanted,
+    following: tuple[RankedMeasurement, ...],
+) -> MeasurementPlan:
+    """The layout that is wanted, else the best, or without one the quickest."""
+    if wanted != Wanted(layout=wanted.layout):
+        raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
+    best = _distinguishing(model)
+    offered = [SessionForecast.of(model, layout) for layout in layouts]
+    if best is not None:
+        offered.append(best)
+    names = {each.name: each for each in offered}
+    name = wanted.layout or (offered[0] if best is None else best).name
+    if name not in names:
+        raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")
+    chosen = names[name]
+    return MeasurementPlan.of(
+        chosen,
+        chosen.floor,
+        separations(model, chosen.plan),
+        by_cycles=tuple(offered),
+        design=best,
+        next=following,
+    )
+
+
+def _distinguishing(model: Model) -> BestDesign | None:
+    """The quickest layout that distinguishes the rivals, or the one that does it best."""
+    best, most = None, 0.0
+    for layout in model.machine.distinguishing_layouts():
+        sigma = rivals_sigma(model, layout.plan)
+        if sigma is None:
+            return None
+        if sigma > most:
+            best, most = layout, sigma
+        if sigma >= CERTAIN_SIGMA:
+            break
+    if best is None:
+        return None
+    found, places = SessionForecast.of(model, best), best.plan.place.tolist()
+    return BestDesign(
+        **_fields(found),
+        causes=model.machine.rivals,
+        wanted_sigma=CERTAIN_SIGMA,
+        reached=most >= CERTAIN_SIGMA,
+        places_mm=tuple(dict(zip(("x", "y", "z"), place, strict=True)) for place in places),
+    )
