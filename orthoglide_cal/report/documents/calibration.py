@@ -26,9 +26,9 @@ from orthoglide_cal.report.documents.diagnosis import (
     note_blocks,
     ranking_grid,
 )
-from orthoglide_cal.report.documents.plan import next_blocks
 from orthoglide_cal.report.documents.parameters import offsets_grid, offsets_title, open_blocks
 from orthoglide_cal.report.documents.pictures import residual_blocks
+from orthoglide_cal.report.documents.plan import next_blocks
 from orthoglide_cal.report.documents.solution import left_after, noise_grid
 from orthoglide_cal.report.documents.verification import (
     entered_and_left,

@@ -35,8 +35,8 @@ from orthoglide_cal.report.documents.parameters import (
     result_of,
 )
 from orthoglide_cal.report.documents.pictures import residual_sections
-from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.report.documents.plan import next_blocks
+from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
 from orthoglide_cal.results import Calibration
 from orthoglide_cal.words import (
