@@ -1,0 +1,92 @@
+"""Every number of a page has a path in the JSON; it is only rounded."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from decimal import Decimal
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.files import read_input
+from orthoglide_cal.report.document import Document
+from orthoglide_cal.report.documents.calibration import calibration_document
+from orthoglide_cal.report.html import html
+from orthoglide_cal.report.json import json_line
+from orthoglide_cal.results import calibrate
+from tests.machines import SAMPLES
+from tests.printer_files import OFF, printer_cfg
+from tests.report.cases import documents
+from tests.results.cases import CALIBRATIONS
+from tests.truth.delta import V400
+
+NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?![\w.]*\d)( %| µm)?")
+# What is no result: the style, the numbers along axes, the names of shapes, text from outside.
+NO_RESULTS = (
+    r"<style.*?</style>", r"<title.*?</title>", r'<text[^>]*class="tick".*?</text>',
+    r"<bdi>.*?</bdi>", r"<code.*?</code>", "SHA-256", "√12", r"eq\. \d+", "off 20 °C",
+)  # fmt: skip
+# Written in sentences that are the same on every page.
+FIXED = {"95", "1", "2", "3", "4"}
+
+
+def numbers_in(value: object) -> Iterator[float]:
+    """All numbers of a JSON value, those within its texts, and how many a list has."""
+    if isinstance(value, bool) or value is None:
+        return
+    if isinstance(value, int | float):
+        yield abs(float(value))
+    elif isinstance(value, str):
+        yield from (abs(float(found.replace("−", "-")))
+                    for found in re.findall(r"\d+(?:\.\d+)?", value))  # fmt: skip
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            # Readings are drawn, not written: so many numbers would hold nearly any other.
+            rows = [row for row in inner if row["distance"]] if key == "residuals" else inner
+            yield from numbers_in(rows)
+    elif isinstance(value, list):
+        yield float(len(value))
+        yield from (found for each in value for found in numbers_in(each))
+
+
+def written(page: str) -> Iterator[tuple[str, str]]:
+    """Each number of a page with the text around it."""
+    for pattern in NO_RESULTS:
+        page = re.sub(pattern, " ", page, flags=re.DOTALL)
+    text = unescape(re.sub(r"<[^>]*>", " ", page))
+    for found in NUMBER.finditer(text):
+        yield found[0], " ".join(text[max(found.start() - 40, 0) : found.end() + 20].split())
+
+
+def missing(document: Document) -> list[str]:
+    known = set(numbers_in(json.loads(json_line(document.data()))))
+    faults = []
+    for number, around in written(html(document.page())):
+        digits, _, unit = number.lstrip("+-−").partition(" ")
+        scale = {"%": 100.0, "µm": 1000.0}.get(unit, 1.0)
+        half = 0.5 * 10.0 ** -len(digits.partition(".")[2]) / scale * 1.0001
+        wanted = float(Decimal(digits)) / scale
+        if digits not in FIXED and not any(abs(value - wanted) <= half for value in known):
+            faults.append(f"{number} in: {around}")
+    return faults
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
+def test_every_number_of_a_report_is_in_its_json(name: str) -> None:
+    assert missing(documents()[name]()) == []
+
+
+@pytest.mark.parametrize("name", ["session.yaml", "experiment2.csv", "single_posture_session.csv"])
+def test_every_number_of_a_sample_is_in_its_json(name: str) -> None:
+    found = calibrate(read_input(str(SAMPLES / name)))
+    assert missing(calibration_document(found)) == []
+
+
+@pytest.mark.parametrize("data", ["calibration", "mesh"])
+def test_every_number_of_a_printer_is_in_its_json(tmp_path: Path, data: str) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(printer_cfg(V400, OFF), encoding="utf-8")
+    assert missing(calibration_document(calibrate(read_input(str(path), stored=data)))) == []
