@@ -110,6 +110,8 @@ class NoiseGrid(ReadOnly):
 
 def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats:
     """ln Σ exp along one axis or several, or of all entries."""
+    if isinstance(axis, int) and values.shape[axis] == 1:
+        return values.squeeze(axis)
     top = values.max(axis=axis, keepdims=True)
     share = values - top
     np.exp(share, out=share)
@@ -231,9 +233,9 @@ class Patchy(Density):
 
     def _inside_at(self, g: int, vectors: Floats) -> Floats:
         """The same at one σ, shape (..., s, r, q)."""
-        weighed = np.swapaxes(self._columns, -1, -2) @ (self._weight[g][:, None] * vectors)
+        turned = np.swapaxes(self._columns, -1, -2)[..., None, :, :]
         scaled = self._root[..., g, :, :] * self._sizes[..., 0, :, 0][..., None, :]
-        return np.asarray(scaled @ weighed[..., None, :, :])
+        return np.asarray(scaled @ (turned @ (self._weight[g][:, None] * vectors)))
 
 
 # Squared sizes below this fraction of the largest are lost in rounding, and far below any noise.

@@ -24,7 +24,6 @@ from orthoglide_cal.diagnosis.scores import (
     Remedy,
     Score,
     all_or_one,
-    density_of,
     evidence_by_noise,
     scaled,
 )
@@ -171,7 +170,18 @@ def fit_explanations(scores: Sequence[Score], rough: float | None = None) -> lis
         points = [(each.offsets, each.effects) for each in moving]
         for each, (predicted, own) in zip(moving, white.linearised(*points), strict=True):
             each.move(predicted, own)
-    return [each.fitted(score) for each, score in zip(searches, scores, strict=True)]
+    found: dict[int, Fitted] = {}
+    for at in dict.fromkeys(each.at for each in searches):
+        group = [n for n, each in enumerate(searches) if each.at is at]
+        by_noise = evidence_by_noise(
+            [searches[n].score for n in group],
+            [searches[n].own for n in group],
+            [searches[n].linear + searches[n].added for n in group],
+        )
+        found |= {
+            n: searches[n].fitted(scores[n], own) for n, own in zip(group, by_noise, strict=True)
+        }
+    return [found[n] for n in range(len(scores))]
 
 
 class _Search:
@@ -240,11 +250,12 @@ class _Search:
         self.linear += own[:, self.width :] @ theta
         self._solve()
 
-    def fitted(self, score: Score) -> Fitted:
-        """The fit, of this explanation or of one that holds an exchange besides."""
+    def fitted(self, score: Score, by_noise: Floats) -> Fitted:
+        """The fit, of this explanation or of one that holds an exchange besides.
+
+        `by_noise` is its log evidence by scale and σ, shape (s, g).
+        """
         at, columns, linear = self.at, self.columns, self.linear
-        density = density_of(at, [self.own], [self.base])
-        (by_noise,) = evidence_by_noise(self.score, density, linear + self.added)
         log = float(log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
         _, covariance = condition(columns, linear, self.sizes, sigma)

@@ -265,25 +265,34 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     return scores
 
 
-def evidence_by_noise(score: Score, density: Density, residual: Floats) -> Floats:
-    """Log evidence of an explanation by scale and σ, from the density of its base, shape (s, g).
+def evidence_by_noise(
+    scores: Sequence[Score], columns: Sequence[Floats], residuals: Sequence[Floats]
+) -> Iterator[Floats]:
+    """Log evidence of explanations by scale and σ, each of shape (s, g).
 
     Args:
-        score: the explanation; of a relabelling only the place at which it was undone.
-        density: under the base at every scale, wherever it was linearised.
-        residual: data (relabelling undone) minus the linearised base at zero parameters, (k,).
+        scores: the explanations, of one linear model; of a relabelling only the place at which it
+            was undone.
+        columns: derivatives by the offsets and the parameters of each base, (k, 3 + p), wherever
+            it was linearised.
+        residuals: data (relabelling undone) minus each linearised base at zero parameters, (k,).
     """
-    at, extra = score.at, score.extra
-    by_noise = density.by_noise(residual)
-    if extra is None:
-        return by_noise
-    placed = at.extras[extra.cause.id]
-    if isinstance(extra.cause, RelabelCause):
-        return by_noise + placed.log_weight[extra.place]
-    power, match = density.against(at.patterns[:, placed.own], residual)
-    log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
-    log += placed.weights
-    return log_sum(log, (-2, -1))
+    at, bases = scores[0].at, [score.base for score in scores]
+    density = density_of(at, columns, bases)
+    every = density.log_density(np.stack(residuals)[:, None, :, None])[..., 0]
+    for number, (score, by_noise) in enumerate(zip(scores, every, strict=True)):
+        extra = score.extra
+        if extra is None:
+            yield by_noise
+            continue
+        placed = at.extras[extra.cause.id]
+        if isinstance(extra.cause, RelabelCause):
+            yield by_noise + placed.log_weight[extra.place]
+            continue
+        own = density_of(at, [columns[number]], [score.base])
+        power, match = own.against(at.patterns[:, placed.own], residuals[number])
+        log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
+        yield log_sum(log[0] + placed.weights, (-2, -1))
 
 
 def pattern_density(
@@ -348,17 +357,23 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
     """Every unlisted pattern, beside the offsets."""
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
     offsets = scaled(at, at.slope, ())
-    patterns = tuple(at.white.plan.patterns(at.white.raw))
-    share = math.log(UNLISTED / (len(patterns) + 1))
-    found = []
-    for what, pattern in patterns:
-        white = at.white.matrix @ pattern * stated
-        columns = np.hstack([offsets, white])
-        sizes = np.ones((len(SIZES), columns.shape[1]))
-        sizes[:, offsets.shape[1] :] = np.array(SIZES)[:, None]
-        logs = log_sum(noise.density(columns, sizes).by_noise(residual), 1)
-        likeliest = white * SIZES[np.argmax(logs)]
-        found.append(Unlisted(what, share, log_mean(logs), likeliest, stated))
+    patterns = [
+        (what, at.white.matrix @ pattern * stated)
+        for what, pattern in at.white.plan.patterns(at.white.raw)
+    ]
+    share, common = math.log(UNLISTED / (len(patterns) + 1)), offsets.shape[1]
+    width = common + max((white.shape[1] for _, white in patterns), default=0)
+    columns = np.zeros((len(patterns), len(at.white), width))
+    columns[..., :common] = offsets
+    for (_, white), filled in zip(patterns, columns, strict=True):
+        filled[:, common : common + white.shape[1]] = white
+    sizes = np.ones((len(SIZES), width))
+    sizes[:, common:] = np.array(SIZES)[:, None]
+    logs = log_sum(noise.density(columns, sizes).by_noise(residual), 2)
+    found = [
+        Unlisted(what, share, log_mean(own), white * SIZES[np.argmax(own)], stated)
+        for (what, white), own in zip(patterns, logs, strict=True)
+    ]
     wider = noise.wider(NOISIER)
     logs = log_sum(
         wider.density(offsets, np.ones((1, offsets.shape[1])))

@@ -124,7 +124,7 @@ def _free_directions(matrix: Floats, scale: float) -> Floats:
     """Offset directions that the rows of the matrix (k, 3) do not see, shape (m, 3)."""
     if not len(matrix):
         return np.eye(matrix.shape[1])
-    _, values, vectors = np.linalg.svd(matrix)
+    _, values, vectors = np.linalg.svd(matrix, full_matrices=len(matrix) < matrix.shape[1])
     size = np.zeros(matrix.shape[1])
     size[: len(values)] = values
     return np.asarray(vectors[size <= NEGLIGIBLE * scale])

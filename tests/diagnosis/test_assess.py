@@ -157,7 +157,7 @@ def test_bayes_rule_with_the_weights_of_the_candidates() -> None:
     assert found.best == ("misread",)
 
 
-OWN = {id: cause for id, cause in CAUSES.items() if PROTOTYPE.kind in cause.sizes}
+OWN = {id: cause for id, cause in CAUSES.items() if type(PROTOTYPE) in cause.sizes}
 
 
 def tried(model: Model, ordered: bool = True) -> set[Ids]:
