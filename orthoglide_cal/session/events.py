@@ -23,10 +23,10 @@ from pydantic import (
 from orthoglide_cal.files import FileText
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.protocols import PlannedReading
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order
+from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 
-VERSION = 1
-PLANNED_VERSION = 2  # of a journal whose second record says what is read
+VERSION: Literal[1] = 1
+PLANNED_VERSION: Literal[2] = 2  # of a journal whose second record says what is read
 
 
 class Doubt(StrEnum):
@@ -113,12 +113,12 @@ class Opened(Event):
     """The session's first record: everything that must not change while it lasts."""
 
     kind: Literal["opened"] = "opened"
-    version: int  # of this record format
+    version: Literal[1, 2]  # of this record format
     machine: str  # text of the machine file that the session is measured with
     protocol: MeasuringProtocol
-    cycles: int
+    cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)]
     order: Order
-    stands: int  # number of gauges that are read side by side, 1 or 2
+    stands: Annotated[int, Field(ge=1, le=2)]  # number of gauges that are read side by side
     source: tuple[str, ...]  # where readings come from, as given to --gauge
     seed: int | None  # of the simulated gauge; None for a real one
     operator: _Name

@@ -56,23 +56,17 @@ def decode(data: bytes, path: str) -> Recovered:
         try:
             event, after = _decode_line(line.rstrip(b"\n"), checksum)
         except ValueError as error:
-            if number == 1:
-                raise InputError(
-                    "This is not the journal of a session.",
-                    "Name the session file, such as session.yaml.",
-                    file=path,
-                    line=1,
-                ) from error
             rest = data[size + len(line) :].strip(b"\0\n")
-            if rest or line.count(_BEGIN) > 1:
-                raise InputError(
-                    f"The journal is damaged here: {error}.",
-                    "Restore the file from a copy; or keep the lines above this one in a copy of"
-                    " the file and resume that.",
-                    file=path,
-                    line=number,
-                ) from error
-            break
+            if number > 1 and not rest and line.count(_BEGIN) <= 1:
+                break
+            what = f"The journal is damaged here: {error}."
+            remedy = "Restore the file from a copy; or resume a copy of the lines above this one."
+            if isinstance(error.__cause__, ValidationError):
+                remedy = "Use the orthocal that wrote it, or restore the file from a copy."
+            elif number == 1:
+                what = "This is not the journal of a session."
+                remedy = "Name the session file, such as session.yaml."
+            raise InputError(what, remedy, file=path, line=number) from error
         events.append(event)
         checksum = after
         size += len(line)
@@ -141,7 +135,13 @@ class Journal:
                 file=str(path),
             ) from error
         try:
-            _lock(descriptor, path)
+            try:  # the system releases it when the process ends, however
+                SYSTEM.lock(descriptor)
+            except OSError as error:
+                raise UsageError(
+                    f"{path} is in use by another session that is still running.",
+                    "Go on there, or end it there with q.",
+                ) from error
             with os.fdopen(os.dup(descriptor), "rb") as file:
                 data = file.read()
             return cls(path, descriptor, decode(data, str(path)))
@@ -169,8 +169,8 @@ class Journal:
             self._cut_back()
             raise InputError(
                 f"The last entry could not be saved: {error.strerror or error}.",
-                "Everything before it is on the disk. Mend this (free some space, plug the drive"
-                " in again), then go on with --resume.",
+                "Everything before it is on the disk. Free some space, or plug the drive in again;"
+                " then go on with --resume.",
                 file=str(self.path),
             ) from error
         self._size += len(line)
@@ -204,14 +204,3 @@ class Journal:
     def close(self) -> None:
         """Let go of the file and its lock."""
         os.close(self._descriptor)
-
-
-def _lock(descriptor: int, path: Path) -> None:
-    """Take an exclusive lock; the system releases it when the process ends, however."""
-    try:
-        SYSTEM.lock(descriptor)
-    except OSError as error:
-        raise UsageError(
-            f"{path} is in use by another session that is still running.",
-            "Go on there, or end it there with q.",
-        ) from error

@@ -17,7 +17,7 @@ from orthoglide_cal.files import (
     machine_text,
     machine_values,
 )
-from orthoglide_cal.model import GaugePlan, Model
+from orthoglide_cal.model import Model
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (
@@ -117,7 +117,7 @@ def open_session(
             known = request.model, request.otherwise
             found = recommended(request.following, *known, keeper, choice, stands)
         model, found = _confirmed(request, Asker(keyboard, show), found)
-        journal = Journal.create(journal_path(path), *_begun(request, model, now(), found))
+        journal = Journal.create(journal_path(path), *_first_records(request, model, now(), found))
     try:
         state = replay(journal.recovered.events)
         setting = _setting(request, journal, state)
@@ -148,23 +148,22 @@ def _check_options(request: Request) -> None:
         if request.choice is not None:
             raise UsageError("--choice is of a recommendation.", "Name its data: --then FILE")
         return
+    if request.path and session_path(request.path).resolve() == Path(request.following).resolve():
+        raise UsageError(
+            f"{request.following} is never changed: it cannot be the new session, too.",
+            "Name another file for the session that will hold both.",
+        )
     told = {
-        "--resume": request.resume or None,
         "--protocol or --design": request.protocol,
         "--cycles": request.cycles,
         "--order": request.order,
         "--until": request.until_mm,
     }
     given = [name for name, value in told.items() if value is not None]
-    if request.path and session_path(request.path).resolve() == Path(request.following).resolve():
-        raise UsageError(
-            f"{request.following} is never changed: it cannot be the new session, too.",
-            "Name another file for the session that will hold both.",
-        )
+    remedy = "Leave it out: what is read follows from the data and the recommendation."
+    if request.resume:
+        given, remedy = ["--resume"], "Leave out --then: what was begun is known."
     if given:
-        remedy = "Leave it out: what is read follows from the data and the recommendation."
-        if request.resume:
-            remedy = "Leave out --then: what was begun is known."
         raise UsageError(f"--then and {given[0]} do not go together.", remedy)
 
 
@@ -184,7 +183,13 @@ def _confirmed(
         EOFError, KeyboardInterrupt: there is no answer.
     """
     given = found.held if found else request.model or default_machine()
-    careful = require_on_bar(_asked(request, given, found), given.machine)
+    if found:
+        plan = found.option.plan
+    else:  # one cycle of what would be measured
+        protocol = request.protocol or MeasuringProtocol.DOUBLE
+        steps = sequence(given.orthoglide, protocol, 1, Order.PAPER, 1)
+        plan = plan_of([step.planned for step in steps])
+    careful = require_on_bar(plan, given.machine)
     model = _holding(given, request.offsets_mm)
     while True:
         asker.say(wording.machine(model))
@@ -216,16 +221,6 @@ def _confirmed(
             asker.say(str(error), Style.BAD)
 
 
-def _asked(request: Request, model: Model, found: Recommendation | None) -> GaugePlan:
-    """The readings of one cycle of what would be measured."""
-    if found:
-        plan: GaugePlan = found.option.plan
-        return plan
-    protocol = request.protocol or MeasuringProtocol.DOUBLE
-    steps = sequence(model.machine, protocol, 1, Order.PAPER, 1)
-    return plan_of([step.planned for step in steps])
-
-
 def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     """The machine with other offsets in its controller. Raises UsageError."""
     if offsets_mm is None:
@@ -240,7 +235,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     return model.holding((x, y, z))
 
 
-def _begun(
+def _first_records(
     request: Request, model: Model, at: str, found: Recommendation | None
 ) -> tuple[Opened, *tuple[Planned, ...]]:
     """The first records of a new session; what the command line leaves open is standard."""
@@ -281,20 +276,6 @@ def _begun(
 def _setting(request: Request, journal: Journal, state: State) -> Setting:
     """What the session is measured with. Raises InputError, UsageError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
-    if opened.version not in (VERSION, PLANNED_VERSION):
-        raise InputError(
-            "This version of the journal is not known.",
-            "Use the orthocal that wrote it.",
-            file=path,
-            value=str(opened.version),
-        )
-    if not (1 <= opened.cycles <= MOST_CYCLES and 1 <= opened.stands <= 2):
-        raise InputError(
-            "The journal is of a session that cannot be.",
-            "Restore the file from a copy.",
-            file=path,
-            value=f"{opened.cycles} cycles with {opened.stands} gauges",
-        )
     model, first = machine_from_text(opened.machine, path), None
     if opened.version == VERSION:
         steps = sequence(model.machine, opened.protocol, opened.cycles, opened.order, opened.stands)

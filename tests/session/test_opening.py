@@ -9,7 +9,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
-from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.journal import START, Journal, decode, encode
 from orthoglide_cal.session.opening import MOST_CYCLES
 from orthoglide_cal.session.record import new_session, resumed_session, session_path
 from tests.machines import NOMINAL, PROTOTYPE
@@ -189,13 +189,17 @@ def test_a_damaged_journal_is_refused_with_its_line(tmp_path: Path) -> None:
     assert "s.journal, line 2" in said
 
 
-@pytest.mark.parametrize("wrong", [{"cycles": MOST_CYCLES + 1}, {"cycles": 0}, {"stands": 3}])
+@pytest.mark.parametrize(
+    "wrong", [{"cycles": MOST_CYCLES + 1}, {"cycles": 0}, {"stands": 3}, {"version": 3}]
+)
 def test_a_session_that_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, int]) -> None:
     """Its checksum is right: another program wrote it. No time is spent on its many steps."""
-    Journal.create(tmp_path / "s.journal", opened(**wrong)).close()
+    line, _ = encode(opened().model_copy(update=wrong), START)
+    (tmp_path / "s.journal").write_bytes(line)
     code, said = refused(tmp_path, "s.yaml", "--resume")
     assert code == 3
-    assert "of a session that cannot be" in said
+    assert f"s.journal, line 1: The journal is damaged here: opened.{next(iter(wrong))}" in said
+    assert "Use the orthocal that wrote it" in said
 
 
 def test_the_most_cycles_are_those_that_the_command_takes(tmp_path: Path) -> None:
