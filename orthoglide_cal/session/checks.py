@@ -137,29 +137,23 @@ def check_number(coming: NextReading, value: float, gauge: Gauge) -> Question | 
     earlier = coming.so_far.value[coming.series]
     # Further from zero, or later from the gauge's other readings, than its plunger travels.
     if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.range_mm:
-        shown = in_unit(unit, lambda per: f"{value * per:+g}")
+        shown = in_unit(value, unit, "+g")
         where = "beyond"
         if earlier.size:
-            where = f"further from {in_unit(unit, lambda per: f'{earlier[-1] * per:+g}')} than"
-        travel = in_unit(unit, lambda per: f"{gauge.range_mm * per:g}")
+            where = f"further from {in_unit(earlier[-1], unit, '+g')} than"
+        travel = in_unit(gauge.range_mm, unit)
         text = f"{shown} is {where} the gauge's travel of {travel}: mistyped?"
         return Question(Doubt.RANGE, text)
-    believed = (Doubt.GRID, None) in coming.so_far.settled
-    if _off_scale(value, gauge.resolution_mm, unit) and not believed:
-        shown = in_unit(unit, lambda per: f"{value * per:g}")
-        divisions = in_unit(unit, lambda per: f"{gauge.resolution_mm * per:g}")
+    if (Doubt.GRID, None) in coming.so_far.settled:
+        return None
+    in_tenths = gauge.resolution_mm / MM_PER_INCH * 1e5
+    if unit is Unit.INCH and abs(in_tenths - round(in_tenths)) > 1e-6:
+        return None  # its divisions need not be those of the mm scale in the machine file
+    if off_scale(np.array(value), gauge.resolution_mm):
+        shown, divisions = in_unit(value, unit), in_unit(gauge.resolution_mm, unit)
         text = f"{shown} lies between the gauge's divisions of {divisions}: mistyped?"
         return Question(Doubt.GRID, text)
     return None
-
-
-def _off_scale(value: float, division: float, unit: Unit) -> bool:
-    if unit is Unit.INCH:
-        # An inch gauge's divisions need not be those of the mm scale in the machine file.
-        in_tenths = division / MM_PER_INCH * 1e5
-        if abs(in_tenths - round(in_tenths)) > 1e-6:
-            return False
-    return bool(off_scale(np.array(value), division))
 
 
 def check_repeats(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
@@ -177,12 +171,12 @@ def check_repeats(coming: NextReading, value: float, gauge: Gauge) -> Question |
     found = too_steady(np.append(coming.so_far.value, value), coming.setup, cell, gauge)
     if found is None:
         return None
-    repeats = in_unit(coming.unit, lambda per: f"{gauge.repeatability_mm * per:.3g}")
+    repeats = in_unit(gauge.repeatability_mm, coming.unit, ".3g")
     stated = f"though the gauge repeats within {repeats}"
     if found.scatter_mm == 0.0:
         text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
         return Question(Doubt.DEAD, text)
-    scatter = in_unit(coming.unit, lambda per: f"{found.scatter_mm * per:.1g}")
+    scatter = in_unit(found.scatter_mm, coming.unit, ".1g")
     text = f"repeated readings differ by {scatter} only, {stated}: is the unit {coming.unit}?"
     return Question(Doubt.SCATTER, text)
 
@@ -301,9 +295,10 @@ def _explanations(
 def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:
     """How far the reading is from what, in words."""
     if not coming.repeats:
-        here = in_unit(
-            coming.unit, lambda per: with_uncertainty(expected * per, 2 * std * per, " +/-")
-        )
+        here = f"{with_uncertainty(expected, 2 * std, ' +/-')} mm"
+        if coming.unit is Unit.INCH:
+            inches = expected / MM_PER_INCH, 2 * std / MM_PER_INCH
+            here = f"{with_uncertainty(*inches, ' +/-')} in ({here})"
         return f"expected {here} here, not {value_text(value, coming.unit)}"
     difference = abs(value - float(np.mean(coming.so_far.value[coming.repeats])))
     count = _NUMBERS[min(len(coming.repeats), 5)]

@@ -5,14 +5,16 @@ The same records always give the same state, so a session is resumed by replayin
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from orthoglide_cal.session import events
-from orthoglide_cal.session.events import Arrived, Event, Opened, Questioned, Taken
+from orthoglide_cal.session.events import Arrived, Event, Opened, Questioned
+
+Value = TypeVar("Value")
 
 
 class Replaced(NamedTuple):
@@ -84,14 +86,18 @@ def advance(state: State, event: Event) -> State:
             return replace(state, planned=event)
         case Questioned():
             return replace(_give_up(state), pending=event)
-        case Taken():
+        case events.Taken():
             return _accept(_give_up(state), event)
-        case events.Answered():
-            return _answer(state, event)
+        case events.Answered(keep=False):
+            return _give_up(state)
+        case events.Answered() if state.pending is not None:
+            kept = _accept(replace(state, pending=None), state.pending)
+            moved = ((state.pending.step, state.count),) if event.moved else ()
+            return replace(kept, moved=(*kept.moved, *moved))
         case events.Undone():
-            return _undo(state)
+            return _undo(_give_up(state))
         case events.Retake():
-            return _retake(state, event)
+            return _retake(_give_up(state), event)
         case events.Skipped():
             now = _give_up(state)
             return replace(now, skipped={**now.skipped, event.step: event.reason}, before=state)
@@ -109,22 +115,15 @@ def advance(state: State, event: Event) -> State:
             return state
 
 
+def _without(steps: Mapping[int, Value], gone: Collection[int]) -> dict[int, Value]:
+    return {step: value for step, value in steps.items() if step not in gone}
+
+
 def _accept(state: State, take: Arrived) -> State:
-    skipped = {step: why for step, why in state.skipped.items() if step != take.step}
-    accepted = {step: item for step, item in state.accepted.items() if step != take.step}
+    accepted = _without(state.accepted, {take.step})
     accepted[take.step] = Accepted(take, state.count)
+    skipped = _without(state.skipped, {take.step})
     return replace(state, accepted=accepted, skipped=skipped, before=state)
-
-
-def _answer(state: State, event: events.Answered) -> State:
-    if state.pending is None:
-        return state
-    if not event.keep:
-        return _give_up(state)
-    kept = _accept(replace(state, pending=None), state.pending)
-    if event.moved:
-        kept = replace(kept, moved=(*kept.moved, (state.pending.step, state.count)))
-    return kept
 
 
 def _give_up(state: State) -> State:
@@ -136,38 +135,34 @@ def _give_up(state: State) -> State:
 
 
 def _retake(state: State, event: events.Retake) -> State:
-    now = _give_up(state)
     again = set(event.steps)
-    dropped = now.dropped - again
-    old = (
-        Replaced(item.take, event.reason) for step, item in now.accepted.items() if step in again
-    )
+    dropped = state.dropped - again
+    old = (Replaced(item.take, event.reason) for n, item in state.accepted.items() if n in again)
     return replace(
-        now,
-        accepted={step: item for step, item in now.accepted.items() if step not in again},
-        skipped={step: why for step, why in now.skipped.items() if step not in again},
+        state,
+        accepted=_without(state.accepted, again),
+        skipped=_without(state.skipped, again),
         dropped=dropped,
-        shortened=now.shortened if dropped else None,
-        replaced=(*now.replaced, *old),
-        before=now,
+        shortened=state.shortened if dropped else None,
+        replaced=(*state.replaced, *old),
+        before=state,
     )
 
 
 def _undo(state: State) -> State:
     """Back to before the last acceptance, skip or retake; what it added counts as replaced."""
-    now = _give_up(state)
-    if now.before is None:
-        return now
-    then = now.before
+    then = state.before
+    if then is None:
+        return state
     taken_back = (
         Replaced(item.take, "taken back")
-        for step, item in now.accepted.items()
+        for step, item in state.accepted.items()
         if then.accepted.get(step) != item
     )
     restored = {id(item.take) for item in then.accepted.values()}
-    kept = (item for item in now.replaced if id(item.take) not in restored)
+    kept = (item for item in state.replaced if id(item.take) not in restored)
     return replace(
-        now,
+        state,
         accepted=then.accepted,
         skipped=then.skipped,
         dropped=then.dropped,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.model import AXES, Contact, Floats, Model, Posture, other_axes
@@ -226,15 +226,10 @@ def value_text(value_mm: float, unit: Unit, sign: str = "+") -> str:
     return f"{inches.removesuffix('0')} in ({metric})"
 
 
-def in_unit(unit: Unit, text: Callable[[float], str]) -> str:
-    """Any other length in a unit: "10 mm", "0.393701 in (10 mm)".
-
-    Args:
-        unit: to speak in.
-        text: gives the number, from how many of the unit are one mm.
-    """
-    metric = f"{text(1.0)} mm"
-    return metric if unit is Unit.MM else f"{text(1.0 / MM_PER_INCH)} in ({metric})"
+def in_unit(value_mm: float, unit: Unit, form: str = "g") -> str:
+    """Any other length in a unit: "10 mm", "0.393701 in (10 mm)"."""
+    metric = f"{value_mm:{form}} mm"
+    return metric if unit is Unit.MM else f"{value_mm / MM_PER_INCH:{form}} in ({metric})"
 
 
 def offsets(offsets_mm: Floats, expanded_mm: Floats) -> str:
