@@ -43,7 +43,7 @@ class Stored(StrEnum):
 _LARGEST = 1e5
 
 
-class Command(TyperCommand):
+class PlainNumbers(TyperCommand):
     """Options hold plain numbers: `float` would take nan, inf and 1e300."""
 
     def invoke(self, ctx: Any) -> Any:
@@ -316,9 +316,9 @@ def deliver(
         return
     page = document.page()
     if html is None and markdown is None:
-        from orthoglide_cal.report.terminal import Terminal
+        from orthoglide_cal.report.terminal import TerminalPage
 
-        output().print(Terminal(page), crop=False)
+        output().print(TerminalPage(page), crop=False)
     if html is not None:
         from orthoglide_cal.report.html import html as as_html
 
@@ -368,14 +368,14 @@ def messages() -> Console:
 def _console(*, stderr: bool) -> Console:
     from rich.console import Console
 
-    class Terminal(Console):
+    class Output(Console):
         """Leaves a closed pipe to the program, where rich would exit with code 1."""
 
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
     plain = bool(os.environ.get("NO_COLOR"))
-    return Terminal(
+    return Output(
         stderr=stderr,
         color_system=None if plain else "auto",
         highlight=False,

@@ -57,7 +57,7 @@ _TOLERANCES = "tolerances"
 machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
 
 
-@machine.command(cls=common.Command)
+@machine.command(cls=common.PlainNumbers)
 def new(
     target: Annotated[
         Path,
@@ -159,7 +159,7 @@ def new(
     common.tell(f"In this folder every command uses it. Next: orthocal {_next(answers)}")
 
 
-@machine.command(cls=common.Command)
+@machine.command(cls=common.PlainNumbers)
 def show(
     file: Annotated[
         Path | None,

@@ -36,9 +36,9 @@ def write_program(program: PostureProgram, target: Path, template: Path | None =
     if template is not None and form not in _GCODE:
         raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
     if str(target) == "-":
-        from orthoglide_cal.report.terminal import Terminal
+        from orthoglide_cal.report.terminal import TerminalPage
 
-        common.output().print(Terminal(texts.program_page(program)), crop=False)
+        common.output().print(TerminalPage(texts.program_page(program)), crop=False)
         return
     if form == _CSV:
         text = texts.program_csv(program)

@@ -26,7 +26,7 @@ class Code(_Marked):
     """Something to compare letter by letter."""
 
 
-class Command(_Marked):
+class Typed(_Marked):
     """Something to type: stays on one line however long it is, at the end of its sentence."""
 
 
@@ -38,7 +38,7 @@ class Given(_Marked):
     """A name or note that somebody typed: shown as it is, never obeyed."""
 
 
-Inline = str | Code | Command | Strong | Given
+Inline = str | Code | Typed | Strong | Given
 Line = Inline | tuple[Inline, ...]
 # None is shown as a line to write on.
 Blank = Line | None

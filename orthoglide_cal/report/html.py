@@ -186,7 +186,7 @@ def _inline(part: doc.Inline) -> Html:
     match part:
         case doc.Code():
             return tag("code", part.text)
-        case doc.Command():
+        case doc.Typed():
             return tag("code", part.text, class_="typed")
         case doc.Strong():
             return tag("strong", part.text)

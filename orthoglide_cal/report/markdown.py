@@ -67,7 +67,7 @@ def _line(content: doc.Line) -> str:
 
 def _inline(part: doc.Inline) -> str:
     match part:
-        case doc.Code() | doc.Command():
+        case doc.Code() | doc.Typed():
             return _code(part.text)
         case doc.Strong():
             return f"**{in_markdown(part.text)}**"

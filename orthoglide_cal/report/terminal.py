@@ -22,7 +22,7 @@ _LONGEST_NAME = 30
 _NARROWEST = 12  # columns of words are not squeezed below this
 
 
-class Terminal:
+class TerminalPage:
     """The lines of a page, as wide as the console on which they are printed."""
 
     def __init__(self, page: doc.Page) -> None:
@@ -93,7 +93,7 @@ class Terminal:
         if content is None:
             return [_cell(None)]
         parts = doc.parts_of(content)
-        end = next((k for k, part in enumerate(parts) if isinstance(part, doc.Command)), len(parts))
+        end = next((k for k, part in enumerate(parts) if isinstance(part, doc.Typed)), len(parts))
         sentence, command = _text(parts[:end], style), _text(parts[end:], style)
         lines = self._wrapped(sentence, self._width - taken)
         if command:
@@ -149,7 +149,7 @@ class Terminal:
 def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
     text = Text(style=style)
     for part in parts:
-        bold = isinstance(part, doc.Strong | doc.Code | doc.Command)
+        bold = isinstance(part, doc.Strong | doc.Code | doc.Typed)
         content = part if isinstance(part, str) else part.text
         shown = content if content.isprintable() else visible(content)
         text.append(shown, style="bold" if bold else "")

@@ -41,7 +41,7 @@ def test_options_make_the_machine() -> None:
     assert "Pashkevich" not in text
     shown = run("machine", "show", "mine.yaml")
     assert shown.stdout == made.stdout
-    assert "L = 400" in shown.stdout
+    assert re.search(r"Leg length, mm +400\n", shown.stdout)
     assert max(map(len, shown.stdout.splitlines())) <= 80
 
 

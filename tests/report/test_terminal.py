@@ -14,7 +14,7 @@ from orthoglide_cal.errors import visible, visible_lines
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.escape import in_csv, in_markdown
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.report.terminal import Terminal
+from orthoglide_cal.report.terminal import TerminalPage
 from tests.report.cases import documents
 
 KINDS = tuple(documents())
@@ -27,7 +27,7 @@ def shown(page: doc.Page, width: int = 80, colour: bool = False) -> str:
     Console(
         file=file, width=width, highlight=False, markup=False, emoji=False,
         force_terminal=colour, color_system="standard" if colour else None,
-    ).print(Terminal(page), crop=False)  # fmt: skip
+    ).print(TerminalPage(page), crop=False)  # fmt: skip
     return file.getvalue()
 
 
@@ -59,7 +59,7 @@ def unwrapped(page: doc.Page) -> list[str]:
     found = []
     for block in blocks_of(page):
         parts = [part for line in lines_of(block) for part in doc.parts_of(line)]
-        found += [part.text for part in parts if isinstance(part, doc.Command)]
+        found += [part.text for part in parts if isinstance(part, doc.Typed)]
         if isinstance(block, doc.Instructions):
             found += [item.command for item in block.items if item.command]
         if isinstance(block, doc.Listing):
@@ -92,10 +92,10 @@ def test_commands_are_never_wrapped(kind):
 @pytest.mark.parametrize(
     "block",
     [
-        doc.Paragraph(("Run next: ", doc.Command(LONG))),
-        doc.Facts((("a rather long name of a fact", doc.Command(LONG)),)),
+        doc.Paragraph(("Run next: ", doc.Typed(LONG))),
+        doc.Facts((("a rather long name of a fact", doc.Typed(LONG)),)),
         doc.Instructions((doc.Instruction("Do this " * 20, LONG),)),
-        doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.Command(LONG)),)),
+        doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.Typed(LONG)),)),
         doc.Listing((f"    → {LONG}",)),
     ],
 )

@@ -248,7 +248,7 @@ def _cause(
     if cause.recommended:
         option = f"--accept {cause.id}"
         accept = about("diagnose", diagnosis.source, machine=machine_file, options=option)
-        rows.append(("or accept", doc.Command(accept)))
+        rows.append(("or accept", doc.Typed(accept)))
     elif not cause.in_machine:
         rows.append(("note", "It lies in the measurement: nothing for the controller to correct."))
     else:

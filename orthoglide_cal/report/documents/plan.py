@@ -354,7 +354,7 @@ def _design(
                 " readings of the double-posture protocol leave the same noise."
             ),
             doc.Paragraph(
-                (f"{best.readings} readings in {minutes} give ± {reach} mm: ", doc.Command(typed))
+                (f"{best.readings} readings in {minutes} give ± {reach} mm: ", doc.Typed(typed))
             ),
             doc.Paragraph(
                 f"The plunger keeps {percent(MARGIN)} of the leg from both joints at every posture."
