@@ -70,8 +70,10 @@ def apply(
                     + command("export", path, machine=machine, options=form),
                 )
             own = read_input(path)
+            case = released(path, machine, forcible=False).case
             found = results.apply(
-                released(path, machine, forcible=False),
+                case.given,
+                case.answer,
                 file,
                 datetime.now().astimezone(),
                 own.model if own.is_session else None,

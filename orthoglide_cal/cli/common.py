@@ -133,6 +133,7 @@ MarkdownFile = Annotated[
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace a file that this command wrote before.")
 ]
+WithDetails = Annotated[bool, typer.Option("--details", help="Everything; without it one screen.")]
 AsJson = Annotated[
     bool, typer.Option("--json", help="One JSON object per input file, one per line.")
 ]

@@ -39,16 +39,18 @@ def diagnose(
             "--output", metavar="FILE", help="The new machine file of --accept; never overwritten."
         ),
     ] = None,
+    details: common.WithDetails = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
     """Name what the model leaves out, how sure that is, and what it gains to know it."""
     import numpy as np
 
-    from orthoglide_cal import diagnosis, results
+    from orthoglide_cal import diagnosis
     from orthoglide_cal import files as written
-    from orthoglide_cal.report.controller import about
+    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+    from orthoglide_cal.results import answer_to
 
     _check_options(files, holdout, applied, accept, to)
 
@@ -61,14 +63,10 @@ def diagnose(
             holdout=later.measured if later else None,
             applied=np.array(applied),
             then=later.model if later else None,
-            sensitivity=frozenset(diagnosis.Verdict),
+            sensitivity=frozenset(diagnosis.Verdict) if details or json else (),
         )
-        if json:
-            answer = results.answer_to(given, diagnosed=diagnosed, details=True)
-            common.print_json(answer.model_dump(mode="json"))
-        else:
-            found = results.calibrate(given, diagnosed=diagnosed)
-            common.deliver(diagnosis_document(found, machine, later is not None))
+        found = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=details or json)
+        common.deliver(diagnosis_document(Case(given, found, machine)), as_json=json)
         if accept is None:
             return 0
         stem = machine.stem if machine else "machine"
@@ -81,7 +79,7 @@ def diagnose(
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)
             return error.exit_code
-        go_on = about("report", given.measured.source, machine=target)
+        go_on = Case(given, found, target).typed("report")
         common.tell(f"{accept} is now part of {target}. Go on with:\n  {go_on}")
         return 0
 

@@ -13,7 +13,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
     from orthoglide_cal.model import Machine
-    from orthoglide_cal.results import Export
+    from orthoglide_cal.report.controller import Export
 
 
 class Format(StrEnum):
@@ -21,9 +21,6 @@ class Format(StrEnum):
 
     TEXT = "text"
     LINUXCNC = "linuxcnc"
-    CSV = "csv"
-    JSON = "json"
-    YAML = "yaml"
     TABLE = "table"
     KLIPPER = "klipper"
     REPRAPFIRMWARE = "reprapfirmware"
@@ -64,9 +61,7 @@ def export(
     points: Annotated[
         int, typer.Option(metavar="N", help="Points of the table along each edge of the cube.")
     ] = 7,
-    json: Annotated[
-        bool, typer.Option("--json", help="Short for --format json, errors included.")
-    ] = False,
+    json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
     """Write the new offsets for the controller, if they may be used."""
@@ -75,33 +70,27 @@ def export(
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
 
-    if json and format not in (Format.TEXT, Format.JSON):
+    if json and format is not Format.TEXT:
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
-    formats = {
-        Format.TEXT: controller.as_text,
-        Format.LINUXCNC: controller.as_linuxcnc,
-        Format.JSON: controller.as_json,
-        Format.YAML: controller.as_yaml,
-    }
 
     def judge(path: str) -> None:
         found = released(path, machine, method, force, data=data, format=format)
+        case = found.case
         if format is Format.TABLE:
-            text = controller.as_table(compensation(found.calibration.input.model, points), found)
-        elif format is Format.CSV:
-            text = controller.as_csv(found)
+            text = controller.as_table(compensation(case.given.model, points), found)
         elif format in FIRMWARES:
-            text = as_firmware(format, found, machine)
+            text = as_firmware(format, found)
+        elif format is Format.LINUXCNC:
+            text = controller.as_linuxcnc(found)
         else:
-            text = formats[Format.JSON if json else format](found, machine)
+            text = f"{case.answer.model_dump_json()}\n" if json else controller.as_text(found)
         if found.forced:
             common.tell(f"FORCED: {' '.join(found.forced)}")
         if target is None:
             print(text, end="")
         else:
             write_text(target, text)
-            title = found.adjustment.machine.vocabulary.title
-            common.tell(f"{title} {found.calibration.identity.number} written to {target}")
+            common.tell(f"{case.words.title} {found.identity.number} written to {target}")
 
     common.for_each([file], judge, as_json=json)
 
@@ -120,17 +109,22 @@ def released(
     Raises:
         UnusableResultError: they must not be used; with what to do instead.
     """
-    from orthoglide_cal import results
-    from orthoglide_cal.report.controller import remedy_words
+    from orthoglide_cal.report.case import Case
+    from orthoglide_cal.report.controller import Export
+    from orthoglide_cal.results import answer_to, identify
 
     given = common.read_input(path, machine, data)
     _require_format(format, given.model.machine)
-    found = results.calibrate(given, method)
-    try:
-        return results.export(found, force)
-    except UnusableResultError as error:
-        remedies = [*remedy_words(found, machine), *([error.remedy] if forcible else [])]
-        raise UnusableResultError(error.what, "\n".join(filter(None, remedies))) from error
+    answer = answer_to(given, method, details=True)
+    case = Case(given, answer, machine)
+    if not answer.parameters or not (answer.release.usable or force):
+        remedies = [*case.remedy_lines()]
+        if forcible and answer.parameters:
+            remedies.append("To export all the same, marked as forced: --force")
+        raise UnusableResultError(
+            f"Export refused. {' '.join(answer.release.reasons)}", "\n".join(remedies)
+        )
+    return Export(case, identify([(given.measured.source, given.model)], answer.method))
 
 
 def _require_format(format: Format, machine: Machine) -> None:
@@ -142,5 +136,5 @@ def _require_format(format: Format, machine: Machine) -> None:
         raise UsageError(
             f"--format {format} is for the controller of kind {others[format]}; this machine is of"
             f" kind {machine.kind}.",
-            f"Choose one of {', '.join(machine.controller_formats)}, or text, csv, json, yaml.",
+            f"Choose one of {', '.join(machine.controller_formats)}, or text.",
         )

@@ -177,19 +177,20 @@ def measure(
 
 def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
     """Write the session file, then show what `solve` makes of it and what to do next."""
-    from orthoglide_cal import results
     from orthoglide_cal.errors import command
+    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.results import answer_to
     from orthoglide_cal.session import Style
 
     dialogue.publish()
-    found = results.calibrate(common.read_input(str(dialogue.path)))
-    common.deliver(solution_document(found), as_json=as_json)
-    _, adjustment = found.found
-    dialogue.reveal(adjustment.offsets_mm, adjustment.interval_mm)
+    given = common.read_input(str(dialogue.path))
+    found = answer_to(given, details=as_json)
+    common.deliver(solution_document(Case(given, found)), as_json=as_json)
+    dialogue.reveal(found.parameters)
     show("How well the model fits this machine:")
     show(f"  {command('diagnose', str(dialogue.path))}", Style.TITLE)
-    if not found.release.sound:
+    if not found.release.usable:
         raise typer.Exit(UnusableResultError.exit_code)
 
 

@@ -56,11 +56,11 @@ def report(
         common.deliver, as_json=json, html=html, markdown=markdown, overwrite=overwrite
     )
 
-    from orthoglide_cal import diagnosis, results
     from orthoglide_cal.files import latest_session
     from orthoglide_cal.model import View
-    from orthoglide_cal.report.controller import about
+    from orthoglide_cal.report.case import Case, about
     from orthoglide_cal.report.documents.calibration import calibration_document
+    from orthoglide_cal.results import answer_to, identify
     from orthoglide_cal.verification import verify
 
     def judge(path: str) -> int:
@@ -75,10 +75,11 @@ def report(
                 )
             known = functools.partial(common.entered, machine)
             verification = verify(given, later, applied, limit, known)
-        found = results.calibrate(
-            given, method, sensitivity=diagnosis.DOUBTFUL, verification=verification
-        )
-        show(calibration_document(found, machine))
-        return 0 if found.solution else UnusableResultError.exit_code
+        found = answer_to(given, method, details=True)
+        others, options = (verification.inputs, verification.options) if verification else ((), ())
+        own = given.measured.source, given.model
+        identity = identify([own, *others], found.method, *options)
+        show(calibration_document(Case(given, found, machine), identity, verification))
+        return 0 if found.release.usable else UnusableResultError.exit_code
 
     common.for_each([file or str(latest_session(Path()))], judge, as_json=json)

@@ -63,7 +63,7 @@ def _next(
 ) -> tuple[doc.Instruction, ...]:
     """What comes next in the round: machine, measure, solve, apply, measure again, verify."""
     from orthoglide_cal.files import read_input
-    from orthoglide_cal.report.controller import measure_again
+    from orthoglide_cal.report.case import measure_again
     from orthoglide_cal.report.document import Instruction
 
     if waiting:

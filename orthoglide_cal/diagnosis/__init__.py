@@ -1,6 +1,6 @@
 """Diagnosis: what the simulation gets wrong, by which cause, and what an extension gains."""
 
 from orthoglide_cal.diagnosis.diagnose import diagnose, extend
-from orthoglide_cal.diagnosis.result import DOUBTFUL, Diagnosis, Explanation, NamedCause, Verdict
+from orthoglide_cal.diagnosis.result import Diagnosis, Explanation, NamedCause, Verdict
 
-__all__ = ["DOUBTFUL", "Diagnosis", "Explanation", "NamedCause", "Verdict", "diagnose", "extend"]
+__all__ = ["Diagnosis", "Explanation", "NamedCause", "Verdict", "diagnose", "extend"]

@@ -47,10 +47,6 @@ class Verdict(StrEnum):
     UNEXPLAINED = "unexplained"  # something is wrong, and it is none of the causes
 
 
-# How the answer depends on plausible sizes takes time, and says nothing of healthy data.
-DOUBTFUL = frozenset(Verdict) - {Verdict.CONSISTENT}
-
-
 class Explanation(NamedTuple):
     """What may be behind the data.
 

@@ -18,14 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.report.controller import after_entering, head
-from orthoglide_cal.results import Export
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.report.controller import Export
 from orthoglide_cal.words import plain
 
 # Where the towers of all firmwares stand before any correction, in the order of their names [deg].
@@ -37,7 +35,7 @@ _ELSEWHERE = {
     "bed_shape": "a bed mesh follows it; make a new one",
     "encoder_scale": "correct the steps per millimetre of each tower",
 }
-_NOWHERE = "it has no setting for that: mend it"
+_NOWHERE = "it has no setting for that: correct the fault"
 
 
 @dataclass(frozen=True)
@@ -66,9 +64,9 @@ class Values:
 
 def values_of(export: Export) -> Values:
     """What is to be entered; arms that were accepted as longer are entered as they are."""
-    model = export.calibration.input.model
-    machine: Any = model.machine
-    *endstops, radius, angle_a, angle_b = (joint.new_mm for joint in export.adjustment.joints)
+    model, answer = export.case.given.model, export.case.answer
+    machine = LinearDelta.require(model.machine)
+    *endstops, radius, angle_a, angle_b = (each.new(answer.decimals) for each in answer.parameters)
     nominal = np.array(machine.arm_lengths_mm)
     arms = nominal.copy()
     for effect in model.accepted:
@@ -161,11 +159,11 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[Values], Iterator[str]], str]] = {
 }
 
 
-def as_firmware(format: str, export: Export, machine_file: Path | None = None) -> str:
+def as_firmware(format: str, export: Export) -> str:
     """The lines to paste, with what they are and what they leave out as comments."""
     name, lines, sign = FIRMWARES[format]
-    said = (*head(export), *_left_out(name, export))
-    after = [f"{sign} {visible(line)}" for line in after_entering(export, machine_file)]
+    said = (*export.head(), *_left_out(name, export))
+    after = [f"{sign} {visible(line)}" for line in export.afterwards()]
     return "\n".join(
         (*(f"{sign} {visible(line)}" for line in said), *lines(values_of(export)), *after, "")
     )
@@ -178,11 +176,10 @@ def _left_out(name: str, export: Export) -> Iterator[str]:
         f"{name} has no setting for towers that lean, nor for a radius of each tower{own}; the"
         " shape of the bed is left to its mesh."
     )
-    calibration = export.calibration
-    known = [effect.cause.id for effect in calibration.model.accepted]
-    for id in dict.fromkeys(known):
+    case = export.case
+    for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in _ENTERED:
             yield f"Not in these lines: {id}; {_ELSEWHERE.get(id, _NOWHERE)}."
-    unknown = [joint.axis for joint in export.adjustment.joints if not joint.determined]
+    unknown = [each.name for each in case.answer.parameters if not each.determined]
     if unknown:
         yield f"Left as they are, because these readings do not tell: {', '.join(unknown)}."

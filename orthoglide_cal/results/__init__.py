@@ -1,40 +1,38 @@
 """What a technician is told: may the offsets be entered, which, how sure, what is left."""
 
-from orthoglide_cal.results.adjustment import Adjustment, CheckPosture, JointOffset
-from orthoglide_cal.results.answer import Answer, Release, Remedy
-from orthoglide_cal.results.application import Application, Recording, apply, recording, take_back
-from orthoglide_cal.results.calibration import (
-    Calibration,
-    Export,
-    Identity,
-    calibrate,
-    export,
-    identify,
+from orthoglide_cal.results.answer import (
+    Answer,
+    BudgetLine,
+    BudgetTotal,
+    CheckReading,
+    FoundCause,
+    Parameter,
+    Release,
+    Remedy,
+    Workspace,
 )
-from orthoglide_cal.results.making import answer_to
-from orthoglide_cal.results.release import release
-from orthoglide_cal.results.residuals import Explained, Residuals
+from orthoglide_cal.results.application import Application, Recording, apply, recording, take_back
+from orthoglide_cal.results.identity import Identity, identify
+from orthoglide_cal.results.making import answer_to, budget_lines, remainder
 
 __all__ = [
-    "Adjustment",
     "Answer",
     "Application",
-    "Calibration",
-    "CheckPosture",
-    "Explained",
-    "Export",
+    "BudgetLine",
+    "BudgetTotal",
+    "CheckReading",
+    "FoundCause",
     "Identity",
-    "JointOffset",
+    "Parameter",
     "Recording",
     "Release",
     "Remedy",
-    "Residuals",
+    "Workspace",
     "answer_to",
     "apply",
-    "calibrate",
-    "export",
+    "budget_lines",
     "identify",
     "recording",
-    "release",
+    "remainder",
     "take_back",
 ]

@@ -9,26 +9,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.model.workspace import WorkspaceError
 from orthoglide_cal.planning import NextMeasurement
+from orthoglide_cal.schema import Schema
 
 Ids = tuple[str, ...]
+# Probability from which it is told that nothing may be wrong at all.
+WORTH_SAYING = 0.005
 
 
-class Part(BaseModel):
-    """A part of an answer: frozen, without keys that nobody knows, every number finite."""
-
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True
-    )
-
-
-class InputFile(Part):
+class InputFile(Schema):
     """What the answer is about."""
 
     path: str
@@ -38,14 +33,14 @@ class InputFile(Part):
     data: str | None = Field(default=None, description="which measurement of a printer.cfg")
 
 
-class MachineName(Part):
+class MachineName(Schema):
     """The machine that it is judged by."""
 
     name: str
     kind: str
 
 
-class Remedy(Part):
+class Remedy(Schema):
     """What to do instead of entering the result.
 
     `sentence` ends with a colon where a command follows: `orthocal VERB FILE OPTIONS`.
@@ -56,7 +51,7 @@ class Remedy(Part):
     options: str = ""
 
 
-class Release(Part):
+class Release(Schema):
     """May the parameters be entered in the controller?"""
 
     reasons: tuple[str, ...] = Field(default=(), description="why not; empty if they may be")
@@ -74,7 +69,7 @@ class Release(Part):
     )
 
 
-class Parameter(Part):
+class Parameter(Schema):
     """One parameter that a calibration determines."""
 
     name: str
@@ -85,13 +80,6 @@ class Parameter(Part):
     expanded: float = Field(description="expanded uncertainty U = k u")
     enter: float | None = Field(default=None, description="what to type in; null unless released")
     determined: bool
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """found − U, found + U; None if it is not determined."""
-        if self.found is None:
-            return None
-        return self.found - self.expanded, self.found + self.expanded
 
     def changed(self, decimals: int) -> float:
         """The change as it is entered; nothing of what the readings do not determine."""
@@ -104,7 +92,7 @@ class Parameter(Part):
         return round(self.active + self.changed(decimals), 9) + 0.0
 
 
-class Estimated(Part):
+class Estimated(Schema):
     """A parameter under one explanation."""
 
     name: str
@@ -112,7 +100,7 @@ class Estimated(Part):
     std: float
 
 
-class PossibleExplanation(Part):
+class PossibleExplanation(Schema):
     """What may be behind the data."""
 
     ids: Ids = Field(description="causes that act together; empty: nothing is wrong")
@@ -126,21 +114,21 @@ class PossibleExplanation(Part):
     parameters: tuple[Estimated, ...] = ()
 
 
-class Alone(Part):
+class Alone(Schema):
     """What the parameters would be without any cause."""
 
     parameters: tuple[Parameter, ...]
     rms_after_mm: float
 
 
-class Residue(Part):
+class Residue(Schema):
     """r.m.s. of the data, and what the parameters (with the causes found) leave of them."""
 
     before_mm: float
     after_mm: float
 
 
-class Noise(Part):
+class Noise(Schema):
     """Standard deviation of one reading, by source."""
 
     used_mm: float = Field(description="what U rests on")
@@ -150,10 +138,9 @@ class Noise(Part):
     floor_mm: float = Field(description="resolution / √12")
     dof: int = Field(description="degrees of freedom of the residuals")
     p_value: float | None = Field(description="of a larger residual from stated noise alone")
-    left_mm: float | None = Field(description="how much of rms.after_mm is noise")
 
 
-class DeviationPromise(Part):
+class DeviationPromise(Schema):
     """One difference of readings."""
 
     name: str
@@ -163,7 +150,7 @@ class DeviationPromise(Part):
     expanded_mm: float = Field(description="U of the expected value, new readings included")
 
 
-class Spread(Part):
+class Spread(Schema):
     """Size of all deviations together."""
 
     rms_mm: float
@@ -171,7 +158,7 @@ class Spread(Part):
     largest: str = Field(description="which it is")
 
 
-class BudgetLine(Part):
+class BudgetLine(Schema):
     """One line of the uncertainty budget."""
 
     source: str
@@ -180,17 +167,20 @@ class BudgetLine(Part):
     unit: str
     assumed: bool = Field(description="nobody stated its size")
     possible: bool = Field(description="may be there or not")
+    minor: bool = Field(description="too small for a line of its own on a page")
     std: tuple[float, ...] = Field(description="what it adds to each parameter's std")
 
 
-class Minor(Part):
-    """Sources of the budget that are too small for a line of their own on a page."""
+class BudgetTotal(Schema):
+    """What the sources of the budget add together."""
 
-    sources: Ids
+    minor: tuple[float, ...] = Field(description="the minor ones; empty without any")
     std: tuple[float, ...]
+    expanded: tuple[float, ...]
+    k: float
 
 
-class GoodnessOfFit(Part):
+class GoodnessOfFit(Schema):
     """Do the parameters alone explain the data?"""
 
     statistic: float = Field(description="residual sum of squares / noise variance")
@@ -203,7 +193,7 @@ class GoodnessOfFit(Part):
     noise_mm: float = Field(description="standard deviation of one reading, as stated")
 
 
-class Residual(Part):
+class Residual(Schema):
     """One reading (or difference): measured and modelled."""
 
     leg: str | None = None
@@ -226,14 +216,13 @@ class Residual(Part):
     order: int = Field(description="rank in time, from 1")
     weight: float = Field(description="1: as precise as most")
     measured_mm: float
-    zero_mm: float = Field(description="of its gauge: the prediction at the isotropic posture")
     modelled_mm: float = Field(description="with the parameters alone")
     with_causes_mm: float | None = Field(
         default=None, description="with the causes that were found"
     )
 
 
-class CauseParameter(Part):
+class CauseParameter(Schema):
     """A parameter of a cause."""
 
     name: str
@@ -242,7 +231,7 @@ class CauseParameter(Part):
     std: float
 
 
-class FoundCause(Part):
+class FoundCause(Schema):
     """A cause that was found; several act together."""
 
     id: str
@@ -261,22 +250,14 @@ class FoundCause(Part):
     in_machine: bool = Field(description="false: it lies in the measurement")
 
 
-class TimesStated(Part):
+class TimesStated(Schema):
     """A cause far beyond its plausible size."""
 
     id: str
     times: float
 
 
-class Shares(Part):
-    """Shares of the residuals' sum of squares without causes; they sum to 1."""
-
-    by_cause: float
-    noise: float
-    unexplained: float
-
-
-class Undetermined(Part):
+class Undetermined(Schema):
     """What these readings do not determine, and how far it may be off."""
 
     name: str
@@ -284,7 +265,7 @@ class Undetermined(Part):
     unit: str
 
 
-class AssumedSize(Part):
+class AssumedSize(Schema):
     """The plausible size of a cause that the machine file does not state."""
 
     id: str
@@ -292,7 +273,7 @@ class AssumedSize(Part):
     unit: str
 
 
-class CheckReading(Part):
+class CheckReading(Schema):
     """One difference to measure after entering; the gauge stands on its leg."""
 
     what: str = Field(description="which difference")
@@ -308,8 +289,10 @@ class CheckReading(Part):
     expanded_mm: float
 
 
-class Workspace(Part):
+class Workspace(Schema):
     """Largest error of the tool position over the cube that the joint limits allow."""
+
+    model_config = ConfigDict(arbitrary_types_allowed=True)
 
     before_mm: float
     after_mm: float
@@ -322,21 +305,21 @@ class Workspace(Part):
     maps: SkipJsonSchema[WorkspaceError | None] = Field(default=None, exclude=True, repr=False)
 
 
-class Otherwise(Part):
+class Otherwise(Schema):
     """The answer with all plausible sizes changed."""
 
     verdict: Verdict
     ids: Ids
 
 
-class Baselines(Part):
+class Baselines(Schema):
     """Held-out errors of a carried surface and of an earlier map."""
 
     quartic_mm: float
     earlier_map_mm: float | None
 
 
-class Answer(Part):
+class Answer(Schema):
     """Everything that one measurement says.
 
     `parameters` are those under the verdict: with the causes where they are `named`, widened by the
@@ -370,12 +353,14 @@ class Answer(Part):
     deviations: tuple[DeviationPromise, ...] = ()
     as_found: Spread | None = Field(default=None, description="of the deviations as measured")
     expected: Spread | None = Field(default=None, description="of the deviations after entering")
+    remains: bool = Field(
+        default=False, description="more will be left after entering than its uncertainty allows"
+    )
     budget: tuple[BudgetLine, ...] = ()
-    minor: Minor | None = None
+    total: BudgetTotal | None = None
     lack_of_fit: GoodnessOfFit | None = None
     converged: bool = False
     residuals: tuple[Residual, ...] = ()
-    shares: Shares | None = None
     causes: tuple[FoundCause, ...] = Field(default=(), description="best first")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
@@ -387,6 +372,9 @@ class Answer(Part):
     assumed: Ids = Field(default=(), description="causes whose plausible size nobody stated")
     assumed_sizes: tuple[AssumedSize, ...] = ()
     undetermined: tuple[Undetermined, ...] = ()
+    holdout: str | None = Field(
+        default=None, description="file of the held-out readings; null: one cell at a time"
+    )
     next_measurement: NextMeasurement | None = None
     check: CheckReading | None = None
     workspace: Workspace | None = None
@@ -400,6 +388,12 @@ class Answer(Part):
     def named(self) -> Ids:
         """The causes that the parameters take into account."""
         return tuple(cause.id for cause in self.causes) if self.alone else ()
+
+    @property
+    def nothing_wrong(self) -> float | None:
+        """Probability of a sound machine, soundly measured; None where it is not worth saying."""
+        alone = (each for each in self.explanations if not each.ids and each.pattern is None)
+        return next((each.probability for each in alone if each.probability >= WORTH_SAYING), None)
 
     def require_result(self) -> None:
         """Refuse to go on without parameters.

@@ -10,7 +10,7 @@ from enum import Enum
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import Conditions, Input, StoredMachine, differing, with_history
 from orthoglide_cal.model import Entered, Model
-from orthoglide_cal.results.calibration import Export
+from orthoglide_cal.results.answer import Answer
 
 
 class Recording(Enum):
@@ -51,14 +51,19 @@ class Application:
 
 
 def apply(
-    export: Export, file: StoredMachine, at: datetime, measured_on: Model | None = None
+    given: Input,
+    answer: Answer,
+    file: StoredMachine,
+    at: datetime,
+    measured_on: Model | None = None,
 ) -> Application:
-    """Record the offsets that were exported as entered.
+    """Record the offsets of an answer as entered.
 
     What was active before is what the measurement says of it, not what stands in the file.
 
     Args:
-        export: released.
+        given: the input.
+        answer: to it, released.
         file: of the machine that was measured.
         at: the time.
         measured_on: what the session itself says of its machine; None without a session.
@@ -67,7 +72,7 @@ def apply(
         UsageError: the measurement is of another machine, or was applied before, or other
             offsets were entered after it.
     """
-    given, machine = export.calibration.input, file.model.machine
+    machine = file.model.machine
     obstacle = _obstacle(given, file)
     if measured_on is not None:
         # Causes may have been accepted since; rails and legs are what they were.
@@ -75,7 +80,7 @@ def apply(
     if obstacle is not None:
         raise obstacle
     before = given.model.machine.offsets_mm
-    after = tuple(joint.new_mm for joint in export.adjustment.joints)
+    after = tuple(each.new(answer.decimals) for each in answer.parameters)
     sha256 = given.measured.source.sha256
     entry = Entered(at.isoformat(timespec="milliseconds"), before, after, sha256)
     text = with_history(file, after, *machine.history, entry)

@@ -22,7 +22,7 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, NamedCause, Verdict, diagnose
 from orthoglide_cal.errors import PostureError, UnusableResultError
-from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise, solve
+from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise, solve, stays
 from orthoglide_cal.estimation.accuracy import (
     CONFIDENCE,
     Scatter,
@@ -32,14 +32,12 @@ from orthoglide_cal.estimation.accuracy import (
     rms,
 )
 from orthoglide_cal.estimation.budget import Budget, warmth
-from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files import Input
 from orthoglide_cal.model import (
     AXES,
     Contact,
     Differences,
     Floats,
-    GaugePlan,
     Measured,
     Model,
     Posture,
@@ -49,7 +47,7 @@ from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.planning import RankedMeasurement, best_next
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.release import release
-from orthoglide_cal.words import entered_decimals
+from orthoglide_cal.words import entered_decimals, two_figures
 
 # What adds less than this share of every standard deviation is summed up in one line.
 MINOR = 0.1
@@ -57,8 +55,8 @@ MINOR = 0.1
 NORMAL_DOF = 500.0
 # A cause that many times its plausible size is beyond it.
 BEYOND = 3.0
-# An explanation this unlikely beside the best one is not told, but that nothing is wrong.
-DISMISSED, WORTH_SAYING = 0.01, 0.005
+# An explanation this unlikely beside the best one is not told.
+DISMISSED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +81,7 @@ def answer_to(
     method: str | None = None,
     *,
     diagnosed: Diagnosis | None = None,
+    holdout: str | None = None,
     details: bool = False,
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
@@ -91,6 +90,7 @@ def answer_to(
         given: the input.
         method: name of an estimator; then the answer holds the parameters alone.
         diagnosed: a diagnosis of it that was made already; it is made here if None.
+        holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, what would be worth measuring next.
 
@@ -143,16 +143,14 @@ def answer_to(
         measured, chosen.real, entered, chosen.noise, diagnosis.put_right if diagnosis else None
     )
     dof = chosen.budget.dof
-    explained = _explained(diagnosis) if diagnosis else None
     after = solution.rms_after_mm
-    if diagnosis and explained and named and found is not None:
-        after = rms(explained[1])
-    shown = [
-        each
-        for each in chosen.budget.contributions
-        if np.any(each.std_mm > MINOR * chosen.budget.std_mm)
-    ]
-    minor = [each for each in chosen.budget.contributions if each not in shown]
+    if diagnosis is not None and named and found is not None:
+        after = rms(measured.weight * (measured.value - diagnosis.explained_mm))
+    if decision.usable:
+        left = remainder(promised, chosen.real.model)
+        told = (*((left,) if left else ()), *decision.cautions)
+        decision = decision.model_copy(update={"cautions": told})
+    lines, total = budget_lines(chosen.budget)
     found_alone = schema.Answer(
         input=file,
         machine=machine,
@@ -173,7 +171,7 @@ def answer_to(
         if named and found is not None
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=after),
-        noise=_noise(solution, after),
+        noise=_noise(solution, chosen),
         deviations=tuple(
             schema.DeviationPromise(
                 name=row.difference.name,
@@ -186,29 +184,15 @@ def answer_to(
         ),
         as_found=_spread({row.difference.name: row.measured_mm for row in promised}),
         expected=_spread({row.difference.name: row.expected_mm for row in promised}),
-        budget=tuple(
-            schema.BudgetLine(
-                source=each.source,
-                type=each.evaluation.value,
-                size=each.size,
-                unit=each.unit,
-                assumed=each.assumed,
-                possible=each.possible,
-                std=tuple(each.std_mm.tolist()),
-            )
-            for each in chosen.budget.contributions
-        ),
-        minor=schema.Minor(
-            sources=tuple(each.source for each in minor),
-            std=tuple(np.sqrt(sum(each.std_mm**2 for each in minor)).tolist()),
-        )
-        if minor
-        else None,
+        budget=lines,
+        total=total,
+        remains=stays(promised),
         converged=solution.converged,
         residuals=tuple(_residuals(measured, solution, diagnosis)),
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, promised, chosen.budget.k),
         workspace=_workspace(chosen, model) if details else None,
+        holdout=holdout,
         warnings=solution.warnings,
     )
     if diagnosis is None:
@@ -274,6 +258,15 @@ def _settled(model: Model, found: _Found, known: Budget) -> bool:
     return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
 
 
+def remainder(promised: Sequence[PromisedDifference], model: Model) -> str | None:
+    """What offsets do not remove, in a sentence; None where nothing but noise is left."""
+    if not stays(promised):
+        return None
+    left = two_figures(rms(np.array([row.expected_mm for row in promised])))
+    causes = " and ".join(effect.cause.id for effect in model.accepted)
+    return f"Offsets do not remove {causes or 'this'}: {left} mm r.m.s. is left after correction."
+
+
 def _parameters(
     model: Model, found: _Found, decimals: int, enter: bool
 ) -> Iterator[schema.Parameter]:
@@ -296,6 +289,32 @@ def _parameters(
         yield one.model_copy(update={"enter": one.new(decimals)}) if enter else one
 
 
+def budget_lines(budget: Budget) -> tuple[tuple[schema.BudgetLine, ...], schema.BudgetTotal]:
+    """Every source of an uncertainty, and what they add together."""
+    minor = [np.all(each.std_mm <= MINOR * budget.std_mm) for each in budget.contributions]
+    lines = tuple(
+        schema.BudgetLine(
+            source=each.source,
+            type=each.evaluation.value,
+            size=each.size,
+            unit=each.unit,
+            assumed=each.assumed,
+            possible=each.possible,
+            minor=bool(small),
+            std=tuple(each.std_mm.tolist()),
+        )
+        for each, small in zip(budget.contributions, minor, strict=True)
+    )
+    rest = [np.square(each.std) for each in lines if each.minor]
+    total = schema.BudgetTotal(
+        minor=tuple(np.sqrt(sum(rest)).tolist()) if rest else (),
+        std=tuple(budget.std_mm.tolist()),
+        expanded=tuple(budget.expanded_mm.tolist()),
+        k=budget.k,
+    )
+    return lines, total
+
+
 def _correlation(budget: Budget) -> Floats:
     matrix = budget.covariance_mm2 / (budget.std_mm[:, None] * budget.std_mm)
     np.fill_diagonal(matrix, 1.0)
@@ -304,28 +323,22 @@ def _correlation(budget: Budget) -> Floats:
 
 def _sigma_rho(model: Model, budget: Budget) -> float | None:
     """σ_ρ = √(trace V / 3) (eq. 33) of joint offsets."""
-    return None if model.machine.absolute else rms(budget.std_mm)
+    return rms(budget.std_mm) if set(model.machine.parameter_units) == {"mm"} else None
 
 
 def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
     return tuple(map(tuple, matrix.tolist()))
 
 
-def _noise(solution: Solution, after: float) -> schema.Noise:
-    """All of what is left is noise where noise alone leaves as much in one case of a thousand."""
-    left = solution.rms_of_noise_mm
-    if left is not None:
-        chance = chance_of_residual(solution.dof * after**2, solution.dof, left)
-        left = left if chance < SUSPICIOUS else after
+def _noise(solution: Solution, chosen: _Found) -> schema.Noise:
     return schema.Noise(
-        used_mm=solution.sigma_mm,
+        used_mm=chosen.noise.sigma_mm,
         repeats_mm=solution.sigma_repeats_mm,
         residuals_mm=solution.sigma_residuals_mm,
         stated_mm=solution.sigma_stated_mm,
         floor_mm=solution.sigma_floor_mm,
         dof=solution.dof,
         p_value=solution.lack_of_fit_p,
-        left_mm=left,
     )
 
 
@@ -357,7 +370,6 @@ def _residuals(
                 order=number + 1,
                 weight=1.0,
                 measured_mm=value,
-                zero_mm=0.0,
                 modelled_mm=modelled,
                 with_causes_mm=explained,
             )
@@ -365,7 +377,6 @@ def _residuals(
     plan, legs = measured.plan, measured.view is View.LEGS
     order = np.empty(len(measured), dtype=np.intp)
     order[plan.in_time] = np.arange(1, len(measured) + 1)
-    zero = _zeros(plan, predicted) if legs else np.zeros(len(measured))
     for k, (value, modelled, explained) in enumerate(values):
         x, y, z = (None, None, None) if legs else plan.place[k].tolist()
         yield schema.Residual(
@@ -385,20 +396,9 @@ def _residuals(
             order=int(order[k]),
             weight=float(plan.precision[k]),
             measured_mm=value,
-            zero_mm=float(zero[k]),
             modelled_mm=modelled,
             with_causes_mm=explained,
         )
-
-
-def _zeros(plan: GaugePlan, predicted: Floats) -> Floats:
-    """Prediction at the isotropic posture of each reading's set-up (else its mean), (n,)."""
-    zero = np.zeros(len(plan))
-    for setup in range(plan.setups):
-        mine = plan.setup == setup
-        iso = mine & (plan.displacement == 0.0) & (plan.contact != Contact.TOOL)
-        zero[mine] = predicted[iso if np.any(iso) else mine].mean()
-    return zero
 
 
 def _undetermined(
@@ -464,15 +464,6 @@ def _workspace(found: _Found, model: Model) -> schema.Workspace | None:
     )
 
 
-def _explained(diagnosis: Diagnosis) -> tuple[Floats, Floats]:
-    """Residuals without and with the causes, each by its weight, shape (n,) [mm]."""
-    weight, measured = diagnosis.measured.weight, diagnosis.measured_mm
-    return (
-        weight * (measured - diagnosis.nominal_mm),
-        weight * (measured - diagnosis.explained_mm),
-    )
-
-
 def _of_diagnosis(
     diagnosis: Diagnosis, solution: Solution, alone: _Found, following: RankedMeasurement | None
 ) -> dict[str, object]:
@@ -493,7 +484,6 @@ def _of_diagnosis(
             expected_mm=diagnosis.expected_mm,
             noise_mm=lack.noise_mm,
         ),
-        "shares": _shares(diagnosis),
         "causes": causes,
         "ambiguous_with": () if consistent else diagnosis.ambiguous_with,
         "not_excluded": diagnosis.ambiguous_with if consistent else (),
@@ -553,7 +543,7 @@ def _explanations(
     for tried, probability in diagnosis.ranking.items():
         nothing = not tried.causes and tried.pattern is None
         fit = fits.get(tried.causes) if tried.pattern is None else None
-        if fit is None and probability < (WORTH_SAYING if nothing else DISMISSED * most):
+        if fit is None and probability < (schema.WORTH_SAYING if nothing else DISMISSED * most):
             continue
         values, std, left = None, None, None
         if nothing:
@@ -574,15 +564,3 @@ def _explanations(
                 for name, value, own in zip(names, values.tolist(), std.tolist(), strict=True)
             ),
         )
-
-
-def _shares(diagnosis: Diagnosis) -> schema.Shares:
-    """What the causes, and noise, make of the residuals' sum of squares without causes."""
-    before, after = _explained(diagnosis)
-    total, left = float(before @ before), float(after @ after)
-    expected = diagnosis.lack_of_fit.dof * diagnosis.lack_of_fit.noise_mm**2
-    by_cause = max(1.0 - left / total, 0.0) if total else 0.0
-    noise = min(expected / total, 1.0 - by_cause) if total else 1.0
-    return schema.Shares(
-        by_cause=by_cause, noise=noise, unexplained=max(1.0 - by_cause - noise, 0.0)
-    )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.files import session_text, write_session
-from orthoglide_cal.model import AXES, Floats
+from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Typed, Unasked
@@ -24,6 +25,9 @@ from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values, written_before
 from orthoglide_cal.session.state import State, advance, replay
 from orthoglide_cal.words import Unit, counted
+
+if TYPE_CHECKING:
+    from orthoglide_cal.results import Parameter
 
 _KEY = re.compile(r"(?P<key>[urnstpqURNSTPQ?])(?:\s+(?P<words>.+))?")
 
@@ -130,16 +134,11 @@ class Dialogue:
             write_session(values, self.path, overwrite=there in written_before(self.so_far))
         self.asker.show(wording.closing(self.state, self.setting, str(self.path)), Style.GOOD)
 
-    def reveal(self, offsets_mm: Floats, interval_mm: Floats) -> None:
-        """After a simulated session, say what was hidden and what was found.
-
-        Args:
-            offsets_mm: found, shape (3,).
-            interval_mm: their 95 % intervals, shape (3, 2).
-        """
+    def reveal(self, found: Sequence[Parameter]) -> None:
+        """After a simulated session, say what was hidden and what was found."""
         gauge = self.asker.gauge
         if isinstance(gauge, SimulatedGauge):
-            self.asker.show(wording.truth(offsets_mm, interval_mm, gauge.offsets_mm))
+            self.asker.show(wording.truth(found, gauge.offsets_mm))
 
     def close(self) -> None:
         """Let go of the gauge and the journal."""

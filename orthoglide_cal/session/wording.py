@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.model import AXES, Contact, Floats, Model, Posture, other_axes
@@ -21,6 +22,9 @@ from orthoglide_cal.session.events import Questioned
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.state import State
 from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for
+
+if TYPE_CHECKING:
+    from orthoglide_cal.results import Parameter
 
 # A narrower screen gets pictures and prompts of its own.
 NARROW = 76
@@ -266,17 +270,20 @@ def closing(state: State, setting: Setting, session: str) -> str:
     return "\n".join([*lines, ""])
 
 
-def truth(offsets_mm: Floats, interval_mm: Floats, hidden_mm: Floats) -> str:
+def truth(found: Sequence[Parameter], hidden_mm: Floats) -> str:
     """After a simulated session: what was hidden, and what was found."""
-    lines = ["This machine was simulated. Hidden in it, and found (mm):"]
-    low, high = interval_mm.T
-    for axis, hidden, *known in zip(AXES, hidden_mm, offsets_mm, low, high, strict=True):
-        decimals = decimals_for((known[2] - known[1]) / 2.0)
-        found, least, most = (f"{value:+.{decimals}f}" for value in known)
+    lines, inside = ["This machine was simulated. Hidden in it, and found (mm):"], True
+    for each, hidden in zip(found, hidden_mm.tolist(), strict=True):
+        if each.found is None:
+            continue
+        known = (each.found, each.found - each.expanded, each.found + each.expanded)
+        value, least, most = (f"{one:+.{decimals_for(each.expanded)}f}" for one in known)
+        inside &= known[1] <= hidden <= known[2]
         lines.append(
-            f"  {axis.upper()}  hidden {hidden:+.4f}   found {found}   95 % from {least} to {most}"
+            f"  {each.name.upper()}  hidden {hidden:+.4f}   found {value}   95 % from {least} to"
+            f" {most}"
         )
-    if ((low <= hidden_mm) & (hidden_mm <= high)).all():
+    if inside:
         lines.append("All three lie inside their intervals.")
     else:
         lines.append("Not all lie inside their intervals; expected once in seven sessions.")

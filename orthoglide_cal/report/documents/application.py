@@ -8,7 +8,7 @@ from typing import Any
 from orthoglide_cal.errors import command
 from orthoglide_cal.model import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.controller import measure_again
+from orthoglide_cal.report.case import measure_again
 from orthoglide_cal.report.json import SCHEMA_VERSION, by_axis
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import signed

@@ -7,17 +7,15 @@ parameters with their uncertainty, as found and as left. Behind it stands what t
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
-from orthoglide_cal.estimation import Method
 from orthoglide_cal.files import Conditions, machine_values
 from orthoglide_cal.model import AXES, DataKind, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.documents.budget import budget_section
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.documents.diagnosis import (
     cause_blocks,
@@ -26,10 +24,16 @@ from orthoglide_cal.report.documents.diagnosis import (
     note_blocks,
     ranking_grid,
 )
-from orthoglide_cal.report.documents.parameters import offsets_grid, offsets_title, open_blocks
+from orthoglide_cal.report.documents.parameters import (
+    alone_block,
+    budget_sections,
+    open_blocks,
+    parameters_grid,
+    parameters_title,
+)
 from orthoglide_cal.report.documents.pictures import residual_blocks
 from orthoglide_cal.report.documents.plan import next_blocks
-from orthoglide_cal.report.documents.solution import left_after, noise_grid
+from orthoglide_cal.report.documents.solution import left_after, method_words, noise_grid
 from orthoglide_cal.report.documents.verification import (
     entered_and_left,
     verification_data,
@@ -38,7 +42,6 @@ from orthoglide_cal.report.documents.verification import (
     verification_to_do,
 )
 from orthoglide_cal.report.facts import (
-    METHOD_WORDS,
     SCOPE,
     data_words,
     method_facts,
@@ -46,8 +49,8 @@ from orthoglide_cal.report.facts import (
     owner_facts,
 )
 from orthoglide_cal.report.json import fields_of
-from orthoglide_cal.results import Answer, Calibration
-from orthoglide_cal.results.answer import FoundCause
+from orthoglide_cal.results import Answer, FoundCause, Identity, Workspace
+from orthoglide_cal.verification import Verification
 from orthoglide_cal.words import (
     coverage_words,
     difference_decimals,
@@ -55,7 +58,6 @@ from orthoglide_cal.words import (
     short,
     signed,
     two_figures,
-    with_uncertainty,
 )
 
 _MOST_NOTES = 40
@@ -64,28 +66,27 @@ SEEN = 2.0
 
 
 def calibration_document(
-    calibration: Calibration, machine_file: Path | None = None
+    case: Case, identity: Identity, left: Verification | None = None
 ) -> doc.Document:
     """The document, for any of the renderers.
 
     Args:
-        calibration: the input, its identity, the answer, and the verification.
-        machine_file: as the user gave it, for the commands to run next.
+        case: the input and the answer.
+        identity: number, time, software.
+        left: of the session measured after the adjustment; None without one.
     """
     return doc.Document(
-        partial(report_data, calibration, calibration.answer),
-        partial(_page, calibration, calibration.answer, machine_file),
+        partial(report_data, case, identity, left), partial(_page, case, identity, left)
     )
 
 
-def report_data(calibration: Calibration, answer: Answer) -> dict[str, Any]:
+def report_data(case: Case, identity: Identity, left: Verification | None) -> dict[str, Any]:
     """The answer, and what only a report says; lengths in mm."""
-    given, left = calibration.input.conditions, calibration.verification
-    issued = calibration.identity.issued.isoformat(timespec="seconds")
+    given, answer = case.given.conditions, case.answer
     return {
         "schema_version": answer.schema_version,
-        "identity": {**fields_of(calibration.identity, "number", "software"), "issued": issued},
-        "machine": machine_values(calibration.input.model),
+        "identity": identity.model_dump(mode="json"),
+        "machine": machine_values(case.given.model),
         "conditions": {
             **fields_of(given, "protocol", "operator", "started", "finished", "temperature_c"),
             "environment": dict(given.environment),
@@ -101,20 +102,19 @@ def report_data(calibration: Calibration, answer: Answer) -> dict[str, Any]:
     }
 
 
-def _page(calibration: Calibration, answer: Answer, machine_file: Path | None) -> doc.Page:
-    identity, conditions = calibration.identity, calibration.input.conditions
-    machine, verification = calibration.input.model.machine, calibration.verification
-    if verification is not None:
-        notice = verification_notice(verification)
-        sheet = [verification_to_do(verification, machine_file)]
-        pages = [verification_outcome(verification)]
+def _page(case: Case, identity: Identity, left: Verification | None) -> doc.Page:
+    conditions, machine = case.given.conditions, case.machine
+    if left is not None:
+        notice = verification_notice(left)
+        sheet = [verification_to_do(left, case.machine_file)]
+        pages = [verification_outcome(left)]
     else:
-        notice = decision_notice(calibration)
-        sheet, pages = [to_do(calibration, machine_file)], []
-    background = [_conditions(calibration, answer), _origin(calibration, answer)]
-    if answer.parameters:
-        sheet += _parameters(calibration, answer)
-        pages += _evidence(calibration, answer, machine_file)
+        notice = decision_notice(case)
+        sheet, pages = [to_do(case)], []
+    background = [_conditions(case), _origin(case, identity)]
+    if case.answer.parameters:
+        sheet += _parameters(case, left)
+        pages += _evidence(case, left)
         pages += background
     else:
         # There is nothing to pin to the machine, and one sheet of paper says it all.
@@ -142,20 +142,15 @@ def _page(calibration: Calibration, answer: Answer, machine_file: Path | None) -
 # --- the first sheet --------------------------------------------------------------------------
 
 
-def _parameters(calibration: Calibration, answer: Answer) -> list[doc.Section]:
+def _parameters(case: Case, left: Verification | None) -> list[doc.Section]:
     """The parameters with U, and the deviations as found and as left."""
-    found, left = calibration.adjustment, calibration.verification
-    machine, usable = calibration.input.model.machine, answer.release.usable
-    assert found is not None
-    coverage = doc.Paragraph(_coverage(answer, machine.vocabulary.many), small=True)
+    answer, machine = case.answer, case.machine
+    coverage = doc.Paragraph(_coverage(answer, case.words.many), small=True)
     if left is not None:
-        sections = [entered_and_left(found, left)]
-    elif machine.absolute:
-        blocks = (offsets_grid(found, calibration.enters), *open_blocks(calibration, found))
-        sections = [doc.Section(offsets_title(found, usable), (*blocks, coverage))]
+        sections = [entered_and_left(case, left)]
     else:
-        title = "Joint offsets" if usable else "Joint offsets as found"
-        sections = [doc.Section(title, (_tiles(answer), coverage))]
+        blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case), coverage)
+        sections = [doc.Section(parameters_title(case), blocks)]
     if answer.as_found is None:
         return sections
     raw = answer.input.kind == DataKind.READINGS
@@ -171,33 +166,14 @@ def _parameters(calibration: Calibration, answer: Answer) -> list[doc.Section]:
         if after
         else (None, None, None)
     )
+    rest = "left after correction" if answer.release.usable else "would be left"
     grid = doc.Grid(
-        ("", "as found", "promised" if left else "left after correction", "as left"),
+        ("", "as found", "promised" if left else rest, "as left"),
         tuple(zip(("r.m.s.", "largest", "which"), *columns, strict=True)),
         caption="Deviation of the legs from parallel motion, mm"
         + ("." if left else "; as left is blank until it is measured again."),
     )
     return [*sections, doc.Section("As found, as left", (grid,))]
-
-
-def _tiles(answer: Answer) -> doc.Grid:
-    """Joint offsets, to be read from afar."""
-    digits, usable = answer.decimals, answer.release.usable
-    rows: tuple[tuple[doc.Blank, ...], ...] = tuple(
-        (
-            doc.Strong(each.name),
-            signed(each.active, digits),
-            with_uncertainty(each.found or 0.0, each.expanded),
-            *([doc.Strong(signed(each.new(digits), digits))] if usable else []),
-        )
-        for each in answer.parameters
-    )
-    return doc.Grid(
-        ("axis", "now", "Δρ ± U", *(["enter"] if usable else [])),
-        rows,
-        caption="In mm. Now: active in the controller. True joint position = indicated + Δρ.",
-        tiles=True,
-    )
 
 
 def _coverage(answer: Answer, many: str) -> str:
@@ -216,29 +192,24 @@ def _coverage(answer: Answer, many: str) -> str:
 # --- the evidence -----------------------------------------------------------------------------
 
 
-def _evidence(
-    calibration: Calibration, answer: Answer, machine_file: Path | None
-) -> list[doc.Section]:
+def _evidence(case: Case, left: Verification | None) -> list[doc.Section]:
     """What the result rests on: budget, fit, residuals, diagnosis, error over the workspace."""
-    solution, found, diagnosis = calibration.solution, calibration.adjustment, calibration.diagnosis
-    assert solution is not None
-    assert found is not None
-    sections = [budget_section(found.budget, found.machine)]
-    table = left_after(solution, found.promised, usable=answer.release.usable)
-    if answer.deviations and calibration.verification is None:
+    answer = case.answer
+    sections = list(budget_sections(case))
+    table = left_after(case)
+    if answer.deviations and left is None:
         table = doc.Section(table.title, (*table.blocks, _deviations(answer)))
     sections.append(table)
-    if blocks := residual_blocks(answer, found.machine.vocabulary.many):
+    if blocks := residual_blocks(answer, case.words.many):
         sections.append(doc.Section("Residuals (measured − model), µm", tuple(blocks)))
-    if diagnosis is not None:
-        blocks = [doc.Paragraph(headline(diagnosis)), *fit_blocks(diagnosis)]
-        blocks += cause_blocks(diagnosis, machine_file)
+    if answer.verdict is not None:
+        blocks = [doc.Paragraph(headline(case)), *fit_blocks(case), *cause_blocks(case)]
         if answer.verdict is not Verdict.CONSISTENT and answer.explanations:
-            blocks.append(ranking_grid(diagnosis))
-        blocks += [*next_blocks(diagnosis, calibration.following), *note_blocks(diagnosis)]
+            blocks.append(ranking_grid(case))
+        blocks += [*next_blocks(answer, answer.next_measurement), *note_blocks(case)]
         sections.append(doc.Section("Diagnosis", tuple(blocks)))
     if answer.workspace is not None:
-        sections.append(_workspace(calibration, answer))
+        sections.append(_workspace(case, answer.workspace))
     return sections
 
 
@@ -254,23 +225,20 @@ def _deviations(answer: Answer) -> doc.Figure:
     return doc.Figure(None, "Each difference as found, and as expected.", (panel,), 1, key)
 
 
-def _workspace(calibration: Calibration, answer: Answer) -> doc.Section:
+def _workspace(case: Case, found: Workspace) -> doc.Section:
     """Tool-position error in slices of the workspace, before and after."""
-    found = answer.workspace
-    assert found is not None
     before, after, before_mean, after_mean, left = map(
         two_figures,
         (found.before_mm, found.after_mm, found.before_mean_mm, found.after_mean_mm, found.left_mm),
     )
-    effects = calibration.model.accepted
-    causes = " and ".join(effect.cause.id for effect in effects)
+    causes = " and ".join(cause.id for cause in case.known)
     rest = ", which their uncertainty leaves."
     if causes:
         rest = f"; {left} mm of that comes from {causes}, which offsets do not remove."
     timed = "".join(
-        f" What {effect.cause.id} does depends on time or on the way there, and is not included."
-        for effect in effects
-        if effect.cause.timed
+        f" What {cause.id} does depends on time or on the way there, and is not included."
+        for cause in case.known
+        if cause.timed
     )
     lead = doc.Paragraph(
         f"Before: up to {before} mm (mean {before_mean}). After the offsets are entered: at most"
@@ -290,9 +258,9 @@ def _workspace(calibration: Calibration, answer: Answer) -> doc.Section:
 # --- conditions and origin --------------------------------------------------------------------
 
 
-def _conditions(calibration: Calibration, answer: Answer) -> doc.Section:
+def _conditions(case: Case) -> doc.Section:
     """Under which conditions, with which gauges: blank where not given."""
-    given, machine = calibration.input.conditions, calibration.input.model.machine
+    given, machine, answer = case.given.conditions, case.machine, case.answer
     stated, noise = machine.gauge, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [
         *method_facts(machine, given.finished or given.started),
@@ -304,7 +272,7 @@ def _conditions(calibration: Calibration, answer: Answer) -> doc.Section:
     ]
     remarks = ((name, text) for name, text in given.environment if name != "temperature_c")
     rows += [(name.replace("_", " "), doc.Given(text)) for name, text in remarks]
-    if calibration.input.is_session:
+    if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
     if not machine.vocabulary.probing:
@@ -330,7 +298,7 @@ def _conditions(calibration: Calibration, answer: Answer) -> doc.Section:
         if row.leg and row.direction and row.gauge_at is not None
     })  # fmt: skip
     if places:
-        blocks.append(_sketch(calibration, answer, places))
+        blocks.append(_sketch(case, places))
         sign = "A reading grows when the leg moves towards the dial."
         blocks.append(doc.Paragraph(sign, small=True))
     if given.notes and answer.parameters:
@@ -343,16 +311,14 @@ def _series(leg: str, direction: str) -> Series:
     return Series(AXES.index(leg), AXES.index(direction))
 
 
-def _sketch(
-    calibration: Calibration, answer: Answer, places: list[tuple[int, int, float]]
-) -> doc.Figure:
+def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
     """The machine with its gauges, and a ring around those whose readings a cause spoils."""
-    machine = calibration.input.model.orthoglide
+    machine = case.given.model.orthoglide
     series = {Series(leg, direction) for leg, direction, _ in places}
     faults: set[tuple[int, int]] = set()
     rails: set[int] = set()
     marked = []
-    for cause in answer.causes:
+    for cause in case.answer.causes:
         seen = _seen(cause)
         if cause.in_machine:
             rails |= {AXES.index(axis) for name in seen for axis in name if axis in AXES}
@@ -383,17 +349,16 @@ def _seen(cause: FoundCause) -> list[str]:
     ]
 
 
-def _origin(calibration: Calibration, answer: Answer) -> doc.Section:
+def _origin(case: Case, identity: Identity) -> doc.Section:
     """The input, the software, the numbers behind the uncertainty."""
-    measured, model = calibration.input.measured, calibration.input.model
-    identity, machine = calibration.identity, model.machine
+    answer, model, machine = case.answer, case.given.model, case.machine
     rows: list[tuple[str, doc.Blank]] = [
         ("Number", doc.Code(identity.number)),
         ("Issued", f"{identity.issued:%Y-%m-%d %H:%M:%S} UTC"),
         ("Software", identity.software),
         ("Input", doc.Given(file_words(answer.input.path))),
         ("SHA-256", doc.Code(answer.input.sha256)),
-        ("Data", data_words(measured.source, answer.input.kind, answer.input.readings)),
+        ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
         ("Machine", doc.Given(machine.name)),
         ("Geometry", machine.geometry_words),
     ]
@@ -401,10 +366,10 @@ def _origin(calibration: Calibration, answer: Answer) -> doc.Section:
         accepted = ", ".join(effect.cause.id for effect in model.accepted)
         rows.append(("Accepted", accepted))
     blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
-    if calibration.solution is not None and answer.method is not None:
-        method = f"{answer.method} ({METHOD_WORDS[Method(answer.method)]})"
+    if answer.method is not None:
+        method = method_words(case)
         blocks.append(doc.Paragraph(f"Method: {method}. Standard deviation of one reading, mm:"))
-        blocks.append(noise_grid(calibration.solution))
+        blocks.append(noise_grid(case))
         blocks += [doc.Paragraph(warning, small=True) for warning in answer.warnings]
     return doc.Section("Traceability", tuple(blocks))
 

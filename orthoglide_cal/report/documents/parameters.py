@@ -1,44 +1,74 @@
-"""What was found of the calibrated parameters: a table, what the readings leave open, and values.
-
-A kind of machine says what its parameters are called, and whether they are told as an excess over
-what the controller has or as the values themselves.
-"""
+"""What was found of the calibrated parameters, what stays open, and where U comes from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Verdict
-from orthoglide_cal.model import Floats, Machine, Model
+from orthoglide_cal.model import Machine
+from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.model.vocabulary import Vocabulary
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.json import fields_of
-from orthoglide_cal.results import Adjustment, Calibration
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.results import BudgetLine, BudgetTotal
 from orthoglide_cal.words import (
+    counted,
     coverage_words,
+    decimals_for,
     plain,
+    short,
     signed,
     two_figures,
     unit_words,
-    with_uncertainty,
 )
 
-# Every kind of machine has as many, and as many offsets of them.
-JOINTS = 3
 # Instead of a number that the readings do not give.
 UNKNOWN = "not determined"
+# Source → in words, and what would lessen it.
+_SOURCES: Mapping[str, tuple[str, str]] = {
+    Origin.NOISE: (
+        "scatter of the readings",
+        "Take more cycles; if the residuals are larger than noise, first see what diagnose says.",
+    ),
+    Origin.RESOLUTION: (
+        "resolution of the gauge",
+        "Take more cycles, or a gauge with finer divisions.",
+    ),
+    Origin.GAUGE_SCALE: (
+        "scale of the gauge",
+        "State what its certificate says as scale_u of the gauge in the machine file.",
+    ),
+    Origin.GAUGE_PLACEMENT: (
+        "gauge position",
+        "Measure where the gauges stand, and state how well as placement_mm of the gauge.",
+    ),
+    Origin.BED_TEXTURE: (
+        "local shape of the bed",
+        "Probe more places; state how rough the bed is as texture_mm of the probe.",
+    ),
+    Origin.TEMPERATURE: ("temperature, off 20 °C (steel)", "Measure nearer to 20 °C."),
+    Origin.EXPLANATIONS: (
+        "undecided causes",
+        "The data leave them open: see what diagnose says.",
+    ),
+}
+# What lessens a cause that may be there, and one of a size that no reading shows.
+_OPEN = (
+    "These readings hardly show it: measure with other postures, or state under tolerances in the"
+    " machine file how large it can be."
+)
+_STATE = "State how well that is known under tolerances in the machine file."
 
 
-def offsets_title(found: Adjustment, usable: bool, short: bool = False) -> str:
+def parameters_title(case: Case) -> str:
     """Heading of the table: what it is of, in which unit, and how it is meant."""
-    vocabulary = found.machine.vocabulary
-    kind = vocabulary.title if usable else f"{vocabulary.title} as found"
-    # Where there is little room, of "true position" the "position" goes without saying.
-    relation = (
-        vocabulary.relation.replace("true position", "true") if short else vocabulary.relation
+    usable = case.answer.release.usable
+    kind = case.words.title if usable else f"{case.words.title} as found"
+    causes = " and ".join(case.answer.named)
+    return (
+        f"{kind}{f' with {causes}' if causes else ''}{common_unit(case.machine)}"
+        f" ({case.words.relation.replace('true position', 'true')})"
     )
-    return f"{kind}{common_unit(found.machine)} ({relation})"
 
 
 def common_unit(machine: Machine) -> str:
@@ -47,152 +77,117 @@ def common_unit(machine: Machine) -> str:
     return f", {units.pop()}" if len(units) == 1 else ""
 
 
-def offsets_grid(found: Adjustment, enters: bool, beside: Adjustment | None = None) -> doc.Grid:
-    """What was found, and only if it may be entered what to type in.
-
-    Args:
-        found: with uncertainty.
-        enters: whether it may be entered, and changes something.
-        beside: the same as a cause that was found would have it.
-    """
-    columns = (_values if found.machine.absolute else _changes)(found)
-    if beside is not None:
-        head = f"with {' and '.join(beside.causes)}"
-        values = beside.values.tolist()
-        show = plain if found.machine.absolute else signed
-        columns[head] = [
-            show(value, found.decimals) if known else UNKNOWN
-            for value, known in zip(values, beside.determined, strict=True)
-        ]
-    if enters:
-        show = plain if found.machine.absolute else signed
-        columns["type in"] = [
-            doc.Strong(show(each.new_mm, found.decimals)) for each in found.joints
-        ]
-    return doc.Grid(tuple(columns), tuple(zip(*columns.values(), strict=True)))
+def parameters_grid(case: Case) -> doc.Grid:
+    """What was found, and only if it may be entered what to type in."""
+    answer = case.answer
+    every, digits = answer.parameters, answer.decimals
+    columns: dict[str, Iterable[doc.Blank]] = {"": [doc.Strong(each.name) for each in every]}
+    if not case.unit:
+        columns["unit"] = [each.unit for each in every]
+    columns["active now"] = [plain(each.active, digits) for each in every]
+    columns[case.words.found] = [
+        UNKNOWN if each.found is None else signed(each.found, digits) for each in every
+    ]
+    columns["± U"] = [two_figures(each.expanded) for each in every]
+    if answer.release.usable and not answer.release.settled:
+        columns["type in"] = [doc.Strong(plain(each.new(digits), digits)) for each in every]
+    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}."
+    return doc.Grid(
+        tuple(columns), tuple(zip(*columns.values(), strict=True)), caption=caption, tiles=True
+    )
 
 
-def _changes(found: Adjustment) -> dict[str, Iterable[doc.Blank]]:
-    """Of joint offsets: how much they exceed those that are active."""
-    digits = found.decimals
-    return {
-        "": found.machine.parameter_names,
-        found.machine.vocabulary.found: [
-            signed(value, digits) for value in found.offsets_mm.tolist()
-        ],
-        "std. dev.": map(two_figures, found.std_mm.tolist()),
-        "95 % interval": [
-            f"{signed(low, digits)} … {signed(high, digits)}"
-            for low, high in found.interval_mm.tolist()
-        ],
-        "active now": [signed(joint.previous_mm, digits) for joint in found.joints],
-    }
-
-
-def _values(found: Adjustment) -> dict[str, Iterable[doc.Blank]]:
-    """Of parameters that the firmware states: it, and how far each is off."""
-    off = zip(found.offsets_mm.tolist(), found.joints, strict=True)
-    return {
-        "": found.machine.parameter_names,
-        "unit": found.machine.parameter_units,
-        "controller": [plain(joint.previous_mm, found.decimals) for joint in found.joints],
-        f"{found.machine.vocabulary.found} ± U": [
-            with_uncertainty(value, joint.expanded_mm) if joint.determined else UNKNOWN
-            for value, joint in off
-        ],
-    }
-
-
-def open_blocks(calibration: Calibration, found: Adjustment) -> tuple[doc.Block, ...]:
-    """What these readings do not determine: parameters, what is taken as given, what may hide.
-
-    Nothing for a kind of machine whose every parameter is told as an excess.
-    """
-    if not found.machine.absolute:
+def alone_block(case: Case) -> tuple[doc.Block, ...]:
+    """What the parameters would be without the causes that were found, in one line."""
+    if case.answer.alone is None:
         return ()
-    return tuple(doc.Paragraph(line) for line in _open(calibration, found))
+    values = ", ".join(
+        f"{each.name} {UNKNOWN if each.found is None else signed(each.found, case.answer.decimals)}"
+        for each in case.answer.alone.parameters
+    )
+    left = plain(case.answer.alone.rms_after_mm, 4)
+    return (
+        doc.Paragraph(f"{case.words.many.capitalize()} alone: {values} ({left} mm r.m.s. left)."),
+    )
 
 
-def _open(calibration: Calibration, found: Adjustment) -> Iterator[str]:
-    yield f"U: expanded uncertainty, {coverage_words(found.k)}."
-    missing = [joint for joint in found.joints if not joint.determined]
+def open_blocks(case: Case) -> tuple[doc.Block, ...]:
+    """What these readings do not determine: parameters, and what is taken as given."""
+    return tuple(map(doc.Paragraph, _open(case)))
+
+
+def _open(case: Case) -> Iterator[str]:
+    names = {each.name for each in case.answer.parameters}
+    missing = [each for each in case.answer.undetermined if each.name in names]
     if missing:
-        names = " and ".join(
-            f"{joint.axis} (U = {two_figures(joint.expanded_mm)} {joint.unit})" for joint in missing
+        told = " and ".join(
+            f"{each.name} (U = {two_figures(each.within)} {each.unit})" for each in missing
         )
-        yield f"These {len(calibration.input.measured)} readings do not determine {names}."
-    machine, model = calibration.input.model.machine, calibration.input.model
-    known = {effect.cause.id for effect in model.accepted}
-    for cause in (CAUSES[id] for id in found.machine.fixed_parameters if id not in known):
-        size = f"{cause.size(machine):g} {unit_words(cause.unit)}"
-        yield (
-            f"No reading of this kind determines {cause.id}: it is taken as the controller has it,"
-            f" to within {size}, and that is part of U. What is found goes with the controller's"
-            " own values."
-        )
-    diagnosis = calibration.diagnosis
-    if diagnosis is not None and diagnosis.verdict is Verdict.CONSISTENT:
-        hidden = [id for id in diagnosis.ambiguous_with if id not in found.machine.fixed_parameters]
-        if hidden:
+        yield f"These {case.answer.input.readings} readings do not determine {told}."
+    for each in case.answer.undetermined:
+        if each.name not in names:
             yield (
-                f"They show nothing else, but would hardly show it, either: {', '.join(hidden)}."
+                f"No reading of this kind determines {each.name}: it is taken as the controller"
+                f" has it, to within {each.within:g} {unit_words(each.unit)}, and that is part of"
+                " U. What is found goes with the controller's own values."
             )
 
 
-def by_joint(found: Adjustment | Model, values: Sequence[Any] | Floats) -> dict[str, Any]:
-    """Each joint's name → value, of those that all kinds of machine have: joint offsets."""
-    told = list(values) if isinstance(values, Sequence) else values.tolist()
-    return dict(zip(found.machine.parameter_names[:JOINTS], told, strict=False))
+def budget_sections(case: Case) -> tuple[doc.Section, ...]:
+    """The budget of an answer; nothing without a result."""
+    lines, total = case.answer.budget, case.answer.total
+    return () if total is None else (budget_section(case.machine, lines, total),)
 
 
-def result_of(found: Adjustment, *names: str) -> dict[str, Any]:
-    """The offsets, their standard deviations, intervals and expanded uncertainties.
-
-    No value is told of what the readings do not determine.
-
-    Args:
-        found: the result.
-        names: which of these; all of them if none is named.
-    """
-    told = [
-        (value, limits) if known else (None, None)
-        for value, limits, known in zip(
-            found.values.tolist(), found.limits.tolist(), found.determined, strict=True
+def budget_section(
+    machine: Machine, lines: Sequence[BudgetLine], total: BudgetTotal
+) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter of the kind of machine."""
+    words, unit = machine.vocabulary, common_unit(machine)
+    rows = [
+        (
+            source_words(each.source, words, each.possible)[0],
+            each.type,
+            _size(each),
+            *map(two_figures, each.std),
         )
+        for each in sorted(lines, key=lambda each: -max(each.std))
+        if not each.minor
     ]
-    result = {
-        "offsets_mm": by_joint(found, [value for value, _ in told]),
-        "std_mm": by_joint(found, found.std_mm),
-        "ci95_mm": by_joint(found, [limits for _, limits in told]),
-        "expanded_mm": by_joint(found, found.expanded_mm),
-    }
-    return {name: result[name] for name in names or result}
+    if any(total.minor):
+        others = sum(each.minor for each in lines)
+        rows.append((counted(others, "other"), "", "", *map(two_figures, total.minor)))
+    rows.append(("together, u", "", "", *map(two_figures, total.std)))
+    reach = map(two_figures, total.expanded)
+    rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *reach))
+    largest = max(lines, key=lambda each: sum(std**2 for std in each.std))
+    what, remedy = source_words(largest.source, words, largest.possible)
+    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
+    heads = [name if unit else f"{name}, {own}" for name, own in named]
+    return doc.Section(
+        f"Uncertainty of the {words.many}{unit}",
+        (
+            doc.Grid(("source", "type", "size", *heads), tuple(rows)),
+            doc.Paragraph(f"Largest contribution: {what}. {remedy}"),
+        ),
+    )
 
 
-def parameters_of(found: Adjustment) -> dict[str, Any]:
-    """Every calibrated parameter with its unit, where not all of them are joint offsets."""
-    if not found.machine.absolute:
-        return {}
-    columns = (found.joints, found.values.tolist(), found.std_mm.tolist(), found.limits.tolist())
-    return {
-        "parameters": {
-            joint.axis: {
-                "value": value if joint.determined else None,
-                "std": std,
-                "unit": joint.unit,
-                "ci95": limits if joint.determined else None,
-                "controller": joint.previous_mm,
-                "expanded": joint.expanded_mm,
-                "determined": joint.determined,
-            }
-            for joint, value, std, limits in zip(*columns, strict=True)
-        }
-    }
+def source_words(source: str, words: Vocabulary, possible: bool = False) -> tuple[str, str]:
+    """A source in words, and what would lessen it; `possible` if it may be there or not."""
+    if source in _SOURCES:
+        what, remedy = _SOURCES[source]
+        return words.said(what), words.said(remedy)
+    causes = [CAUSES[id] for id in source.split(" and ")]
+    what = words.said(" and ".join(cause.title for cause in causes))
+    if possible:
+        return f"possible: {what}", words.said(_OPEN)
+    return what, words.said(f"{causes[0].advice} {_STATE}")
 
 
-def release_of(calibration: Calibration) -> dict[str, Any]:
-    """Whether the result may be used and why not, and if the controller may have it already."""
-    told = fields_of(calibration.release, "usable", "reasons")
-    if not calibration.input.model.machine.absolute:
-        return told
-    return {**told, **fields_of(calibration, "settled")}
+def _size(each: BudgetLine) -> str:
+    """Its size with unit, and whether it is assumed; what has no one size is blank."""
+    if each.size is None:
+        return ""
+    value = f"{short(each.size, decimals_for(each.size))} {unit_words(each.unit)}".rstrip()
+    return f"{value} (assumed)" if each.assumed else value

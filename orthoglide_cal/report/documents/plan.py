@@ -32,11 +32,10 @@ from orthoglide_cal.planning.plan import (
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.controller import about
-from orthoglide_cal.report.documents.budget import budget_section, source_words
-from orthoglide_cal.report.documents.parameters import common_unit
-from orthoglide_cal.report.figures import separation_lines
-from orthoglide_cal.results import Answer
+from orthoglide_cal.report.case import about
+from orthoglide_cal.report.documents.parameters import budget_section, common_unit, source_words
+from orthoglide_cal.report.shades import KEY, separation_lines, separation_panel
+from orthoglide_cal.results import Answer, budget_lines
 from orthoglide_cal.words import (
     counted,
     decimals_for,
@@ -105,7 +104,7 @@ def _page(
             _sessions(plan),
             *([_ways(plan)] if plan.compare else []),
             *([_design(plan, plan.design, machine_file, source)] if plan.design else []),
-            budget_section(plan.chosen.budget, model.machine),
+            budget_section(model.machine, *budget_lines(plan.chosen.budget)),
             _separation(plan),
         ),
     )
@@ -208,7 +207,7 @@ def _unreached(plan: MeasurementPlan, target_mm: float) -> str:
 
 
 def _floor_words(plan: MeasurementPlan, floor: Budget) -> str:
-    what, remedy = source_words(floor.largest, plan.model.machine)
+    what, remedy = source_words(floor.largest.source, plan.model.machine.vocabulary)
     if plan.gauges is None:
         return f"What stays of it is mostly this: {what}. {remedy}"
     left = two_figures(float(floor.expanded_mm.max()))
@@ -379,8 +378,14 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         f"Of {len(seen.pairs)} pairs of causes of their usual size {len(near)} cannot be"
         f" distinguished by {by}{named}."
     )
-    sketch = separation_lines(names, seen.sigma, seen.trace)
-    figure = doc.Figure(None, finding, (), sketch=sketch)
+    figure = doc.Figure(
+        None,
+        finding,
+        (separation_panel(names, seen.sigma, seen.trace, finding),),
+        sketch=separation_lines(names, seen.sigma, seen.trace),
+        columns=1,
+        key=KEY,
+    )
     blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
     if hidden:
         rows = tuple((cause.id, said(cause.instrument)) for cause in hidden)

@@ -2,188 +2,144 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
-from orthoglide_cal.estimation import PromisedDifference, Solution
-from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.estimation import Method
 from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.documents.budget import budget_section
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.documents.parameters import (
-    JOINTS,
-    by_joint,
-    offsets_grid,
-    offsets_title,
+    alone_block,
+    budget_sections,
     open_blocks,
-    parameters_of,
-    release_of,
-    result_of,
+    parameters_grid,
+    parameters_title,
 )
 from orthoglide_cal.report.facts import METHOD_WORDS, comparison_words, data_words
-from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of, input_data
-from orthoglide_cal.results import Calibration
 from orthoglide_cal.words import counted, difference_decimals, plain, signed, two_figures
 
 
-def solution_document(calibration: Calibration, machine_file: Path | None = None) -> doc.Document:
-    """The whole answer.
-
-    Args:
-        calibration: a result with a solution.
-        machine_file: as the user gave it, for the commands to run next.
-    """
+def solution_document(case: Case, details: bool = False) -> doc.Document:
+    """The whole answer; `details`: with what the screen leaves out."""
+    case.answer.require_result()
     return doc.Document(
-        partial(solution_data, calibration), partial(_solution_page, calibration, machine_file)
+        partial(case.answer.model_dump, mode="json"), partial(_solution_page, case, details)
     )
 
 
-def _solution_page(calibration: Calibration, machine_file: Path | None) -> doc.Page:
-    solution, found = calibration.found
+def _solution_page(case: Case, details: bool) -> doc.Page:
+    answer = case.answer
+    blocks = (parameters_grid(case), *open_blocks(case))
+    more = (*alone_block(case), *_correlations(case)) if details else ()
     return doc.Page(
         kind="Solution",
-        title=file_words(solution.source.path),
+        title=file_words(case.source.path),
         facts=doc.Facts(
             (
-                ("Data", data_words(solution.source, solution.kind, solution.count)),
-                ("Method", f"{solution.method} ({METHOD_WORDS[solution.method]})"),
-                ("Machine", doc.Given(solution.machine)),
+                ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
+                ("Method", method_words(case)),
+                ("Machine", doc.Given(answer.machine.name)),
             )
         ),
-        notice=decision_notice(calibration),
-        sheet=(to_do(calibration, machine_file),),
+        notice=decision_notice(case),
+        sheet=(to_do(case),),
         sections=(
-            _offsets(calibration),
-            left_after(solution, found.promised, usable=calibration.release.usable),
-            budget_section(found.budget, found.machine),
-            _noise(calibration),
+            doc.Section(parameters_title(case), (*blocks, *more)),
+            left_after(case),
+            *budget_sections(case),
+            _noise(case),
         ),
     )
 
 
-def solution_data(calibration: Calibration) -> dict[str, Any]:
-    """The contract's fields, then a few more; lengths in mm, None where nothing is known."""
-    solution, found = calibration.found
-    unsure = solution.suspicious or solution.lack_of_fit_p is None
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "input": input_data(solution.source, solution.kind, solution.count),
-        **fields_of(solution, "machine", "method"),
-        **parameters_of(found),
-        **result_of(found),
-        "k": found.budget.k,
-        "budget": [
-            {
-                "source": each.source,
-                "type": each.evaluation,
-                "std_mm": by_joint(found, each.std_mm),
-                **fields_of(each, "size", "unit", "assumed"),
-                "sensitivity": by_joint(found, each.std_mm / each.size) if each.size else None,
-            }
-            for each in found.budget.contributions
-        ],
-        **release_of(calibration),
-        **fields_of(solution, "correlation", "sigma_mm", "sigma_rho_mm", "dof"),
-        **fields_of(solution, "rms_before_mm", "rms_after_mm", "converged"),
-        "table": [
-            {
-                "difference": row.difference.name,
-                **fields_of(row, "measured_mm", "modelled_mm", "expected_mm", "expanded_mm"),
-            }
-            for row in found.promised
-        ],
-        "warnings": [*solution.warnings, *([solution.judgement] if unsure else [])],
-        **fields_of(solution, "sigma_residuals_mm", "sigma_repeats_mm", "sigma_floor_mm"),
-        **fields_of(solution, "sigma_stated_mm", "lack_of_fit_p"),
-        "iterations": solution.iterations,
-    }
+def method_words(case: Case) -> str:
+    """The method by its name, and what it is."""
+    method = Method(case.answer.method or "")
+    return f"{method} ({METHOD_WORDS[method]})"
 
 
-def _offsets(calibration: Calibration) -> doc.Section:
-    solution, found = calibration.found
-    usable, diagnosis = calibration.release.usable, calibration.diagnosis
-    names, correlation = found.machine.parameter_names[:JOINTS], solution.correlation
+def _correlations(case: Case) -> tuple[doc.Block, ...]:
+    """How the parameters depend on each other."""
+    names, matrix = [each.name for each in case.answer.parameters], case.answer.correlation
     pairs = ", ".join(
-        f"{names[i]}{names[j]} {signed(correlation[i, j], 2)}" for i, j in ((0, 1), (1, 2), (2, 0))
+        f"{one}{other} {signed(matrix[i][k], 2)}"
+        for i, one in enumerate(names)
+        for k, other in enumerate(names[:i])
     )
-    together = f"Correlations: {pairs}. Together: σ_ρ = {two_figures(solution.sigma_rho_mm)} mm."
-    named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED and not usable
-    beside = calibration.adjustment if named else None
-    blocks = (*open_blocks(calibration, found), doc.Paragraph(together))
-    return doc.Section(
-        offsets_title(found, usable), (offsets_grid(found, calibration.enters, beside), *blocks)
-    )
+    sigma = case.answer.sigma_rho_mm
+    together = "" if sigma is None else f" Together: σ_ρ = {two_figures(sigma)} mm."
+    return (doc.Paragraph(f"Correlations: {pairs}.{together}"),)
 
 
-def left_after(
-    solution: Solution,
-    table: Sequence[PromisedDifference],
-    in_full: bool = False,
-    usable: bool = True,
-) -> doc.Section:
+def left_after(case: Case, in_full: bool = False) -> doc.Section:
     """Table 4 of the paper: measured, and what is left after the correction.
 
     Args:
-        solution: of the offsets alone, for its residuals.
-        table: the differences, with the promise of the offsets to enter.
+        case: where it is not released, what would be left is no promise.
         in_full: with what the model explains.
-        usable: False where the offsets are not to be entered: what would be left is no promise.
     """
-    raw = solution.kind is DataKind.READINGS
-    what = f"{'readings' if raw else 'differences'}{solution.measured.weighing}"
-    quality = doc.Paragraph(
-        f"Residual r.m.s. of the {what}: {plain(solution.rms_before_mm, 4)} before,"
-        f" {plain(solution.rms_after_mm, 4)} with the {solution.model.machine.vocabulary.many}."
-    )
-    if not table:
-        return doc.Section(None, (quality,))
-    values = {
-        "measured": [row.measured_mm for row in table],
-        "left after" if usable else "would be left": [row.expected_mm for row in table],
-    }
+    answer = case.answer
+    raw = answer.input.kind == DataKind.READINGS
+    what = f"{'readings' if raw else 'differences'}{case.given.measured.weighing}"
+    quality: tuple[doc.Block, ...] = ()
+    if answer.rms is not None:
+        fitted = " and ".join((case.words.many, *answer.named))
+        quality = (
+            doc.Paragraph(
+                f"Residual r.m.s. of the {what}: {plain(answer.rms.before_mm, 4)} before,"
+                f" {plain(answer.rms.after_mm, 4)} with the {fitted}."
+            ),
+        )
+    table = answer.deviations
+    if not table or answer.as_found is None or answer.expected is None:
+        return doc.Section(None, quality)
+    digits = difference_decimals(raw, case.machine.gauge.resolution_mm)
+    usable = answer.release.usable
+
+    def row(title: str, name: str, size: float | None) -> tuple[str, ...]:
+        values = (signed(getattr(each, name), digits) for each in table)
+        return (title, *values, "" if size is None else plain(size, digits))
+
+    left = "left after" if usable else "would be left"
+    rows = [
+        row("measured", "measured_mm", answer.as_found.rms_mm),
+        row(left, "expected_mm", answer.expected.rms_mm),
+        ("", *(f"± {plain(each.expanded_mm, digits)}" for each in table), ""),
+    ]
     if in_full:
-        values["modelled"] = [row.modelled_mm for row in table]
-    digits = difference_decimals(raw, solution.model.machine.gauge.resolution_mm)
-    rows: list[tuple[str, ...]] = []
-    for title, row in values.items():
-        size = plain(rms(np.array(row)), digits)
-        rows.append((title, *(signed(value, digits) for value in row), size))
-    reach = (f"± {plain(row.expanded_mm, digits)}" for row in table)
-    rows.insert(2, ("", *reach, ""))
-    differences = [row.difference for row in table]
-    what, meaning = comparison_words(bool(differences[0].posture))
-    names = (each.name for each in differences)
-    grid = doc.Grid(("", *names, "r.m.s."), tuple(rows), caption=meaning)
-    title = "Left after correction" if usable else "Left if these offsets were entered"
-    return doc.Section(f"{title}, mm (differences, {what})", (grid, quality))
+        rows.append(row("modelled", "modelled_mm", None))
+    what, meaning = comparison_words(answer.check is not None and answer.check.ends)
+    grid = doc.Grid(("", *(each.name for each in table), "r.m.s."), tuple(rows), caption=meaning)
+    title = "Left after correction" if usable else "Would be left if entered"
+    return doc.Section(f"{title}, mm (differences, {what})", (grid, *quality))
 
 
-def noise_grid(solution: Solution) -> doc.Grid:
+def noise_grid(case: Case) -> doc.Grid:
     """The standard deviation of one reading from each source, side by side [mm]."""
+    noise = case.answer.noise
     sigmas = (
-        solution.sigma_repeats_mm,
-        solution.sigma_residuals_mm,
-        solution.sigma_stated_mm,
-        solution.sigma_floor_mm,
-        solution.sigma_mm,
+        ()
+        if noise is None
+        else (
+            noise.repeats_mm,
+            noise.residuals_mm,
+            noise.stated_mm,
+            noise.floor_mm,
+            noise.used_mm,
+        )
     )
     cells = ("unknown" if sigma is None else plain(sigma, 4) for sigma in sigmas)
     return doc.Grid(("", "repeats", "residuals", "stated", "floor q/√12", "used"), (("σ", *cells),))
 
 
-def _noise(calibration: Calibration) -> doc.Section:
-    solution = calibration.found[0]
-    spare = f"; {counted(solution.dof, 'degree')} of freedom" if solution.dof else ""
-    title = f"Standard deviation of one reading, mm{spare}"
-    notes = [doc.Paragraph(f"Note: {warning}") for warning in solution.warnings]
-    if not calibration.release.usable:
-        # Otherwise it stands at the top.
-        notes.append(doc.Paragraph(solution.judgement))
-    return doc.Section(title, (noise_grid(solution), *notes))
+def _noise(case: Case) -> doc.Section:
+    answer = case.answer
+    dof = answer.noise.dof if answer.noise else 0
+    spare = f"; {counted(dof, 'degree')} of freedom" if dof else ""
+    notes = [doc.Paragraph(f"Note: {warning}") for warning in answer.warnings]
+    if not (answer.release.usable or answer.named):
+        # Otherwise it stands at the top, or is of the parameters alone.
+        notes.append(doc.Paragraph(answer.judgement))
+    return doc.Section(f"Standard deviation of one reading, mm{spare}", (noise_grid(case), *notes))

@@ -16,10 +16,10 @@ from orthoglide_cal.files import Conditions
 from orthoglide_cal.model import AXES, DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.controller import remainder
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.facts import SCOPE, moment, owner_facts
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
-from orthoglide_cal.results import Adjustment, Identity
+from orthoglide_cal.results import Identity, remainder
 from orthoglide_cal.verification import (
     RULE,
     AxisResponse,
@@ -257,9 +257,9 @@ def _decision(verification: Verification) -> tuple[str, ...]:
     )
 
 
-def entered_and_left(adjustment: Adjustment, verification: Verification) -> doc.Section:
+def entered_and_left(case: Case, verification: Verification) -> doc.Section:
     """What the controller held, what was entered, and what remains; where both sides come from."""
-    decimals = max(adjustment.decimals, _entered(verification))
+    decimals = max(case.answer.decimals, _entered(verification))
     after, applied = verification.after, verification.applied_mm.tolist()
     rows = tuple(
         (
@@ -271,7 +271,7 @@ def entered_and_left(adjustment: Adjustment, verification: Verification) -> doc.
         )
         for axis, before, change, remains, expanded in zip(
             AXES,
-            adjustment.previous_mm.tolist(),
+            [each.active for each in case.answer.parameters],
             applied,
             after.offsets_mm.tolist(),
             after.expanded_mm.tolist(),
