@@ -101,6 +101,7 @@ def _to_read_again(
     return cause.to_read_again(plan, place)
 
 
+@functools.lru_cache(maxsize=256)
 def _mended(*causes: Cause) -> Ids:
     return tuple(sorted({cause.mended_as or cause.id for cause in causes}))
 

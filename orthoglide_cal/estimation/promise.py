@@ -9,7 +9,6 @@ import numpy as np
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width, rms
 from orthoglide_cal.estimation.influences import influences
-from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.estimation.methods import pose_differences, table_kind
 from orthoglide_cal.model import DataKind, Difference, Floats, Measured, Model, ReadOnly
 from orthoglide_cal.model.influence import Origin
@@ -76,55 +75,38 @@ def promise(
         right: the data without faults that will not return, such as a misreading; None if there
             are none.
     """
-    if not _shown(measured):
-        return ()
+    if all(kind is DataKind.READINGS for kind in measured.kinds):
+        return ()  # no differences of the paper can be made of these data
     posed, kept = (
         pose_differences(data, known.model, table_kind(measured))
         for data in (measured, right or measured)
     )
     problem = posed.problem
-    modelled = problem.predict(known.offsets_mm)
-    expected = kept.data + problem.change(known.offsets_mm, entered)
+    after = known.offsets_mm - entered
+    modelled, first = problem.predict_with_jacobian(known.offsets_mm)
+    left, second = problem.predict_with_jacobian(after)
+    expected = kept.data + left - modelled
     # The same readings are taken once before and once after.
     scatter = 2.0 * noise.sigma_mm**2 * np.diag(problem.covariance())
-    variance = scatter + (_columns(problem, known, entered) ** 2).sum(axis=1)
+    # What one standard deviation of each other source changes in the effect of what is entered.
+    sources = [(second - first) @ np.linalg.cholesky(known.covariance_mm2)]
+    each = (influences(known.model, at, problem.plan) for at in (known.offsets_mm, after))
+    for one, other in zip(*each, strict=True):
+        was, is_left = problem.matrix @ one.columns, problem.matrix @ other.columns
+        # The stands are put there anew; machine and gauge are the same.
+        anew = one.source == Origin.GAUGE_PLACEMENT
+        sources += [was, is_left] if anew else [is_left - was]
+    if not problem.model.repeats:
+        # Another pace changes what time does in an accepted cause.
+        slower = replace(problem.plan, hours=(1.0 + PACE) * problem.plan.hours)
+        sources.append((replace(problem, plan=slower).predict(after) - left)[:, None])
+    variance = scatter + (np.hstack(sources) ** 2).sum(axis=1)
     # Effective degrees of freedom by Welch–Satterthwaite, all but the noise known without end.
     factor = [half_width(noise.dof * ratio**2) for ratio in (variance / scatter).tolist()]
     reach = np.array(factor) * np.sqrt(variance)
     columns = (posed.data, modelled, expected, reach)
     rows = zip(posed.which, *(column.tolist() for column in columns), strict=True)
     return tuple(PromisedDifference(*row) for row in rows)
-
-
-def _shown(measured: Measured) -> bool:
-    """Whether differences of the paper can be made of the data."""
-    return any(kind is not DataKind.READINGS for kind in measured.kinds)
-
-
-def _columns(problem: Problem, known: Known, entered: Floats) -> Floats:
-    """What one standard deviation of each source but the noise adds to a promise, (k, p) [mm].
-
-    A source adds what it changes in the effect of the offsets that are entered.
-    """
-    before, after = known.offsets_mm, known.offsets_mm - entered
-    root = np.linalg.cholesky(known.covariance_mm2)
-    first, second = (problem.predict_with_jacobian(at)[1] for at in (before, after))
-    columns = [(second - first) @ root, _pace(problem, after)]
-    pairs = zip(*(influences(known.model, at, problem.plan) for at in (before, after)), strict=True)
-    for one, other in pairs:
-        was, left = problem.matrix @ one.columns, problem.matrix @ other.columns
-        # The stands are put there anew; machine and gauge are the same.
-        columns += [was, left] if one.source == Origin.GAUGE_PLACEMENT else [left - was]
-    return np.hstack(columns)
-
-
-def _pace(problem: Problem, after: Floats) -> Floats:
-    """What another pace changes where time plays a part in an accepted cause, (k, 0 or 1) [mm]."""
-    if problem.model.repeats:
-        return np.zeros((len(problem.matrix), 0))
-    slower = replace(problem.plan, hours=(1.0 + PACE) * problem.plan.hours)
-    later = replace(problem, plan=slower).predict(after)
-    return (later - problem.predict(after))[:, None]
 
 
 def stays(promised: Sequence[PromisedDifference]) -> bool:
