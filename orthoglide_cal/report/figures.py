@@ -8,26 +8,129 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from orthoglide_cal.model import AXES, Floats, Ints, Series
 from orthoglide_cal.model.workspace import WorkspaceError
-from orthoglide_cal.report.canvas import (
-    Axes,
-    Scale,
-    around,
-    line,
-    mark,
-    polyline,
-    rectangle,
-    ruler,
-    svg,
-    tick_text,
-    words,
-)
-from orthoglide_cal.report.escape import Html, join, tag
+from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.words import plain, signed
+
+# --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
+
+MINUS = "\N{MINUS SIGN}"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Maps low … high to start … end, linearly."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def __call__(self, value: float) -> float:
+        """Place of a value; the middle if the scale has no length."""
+        if self.high == self.low:
+            return (self.start + self.end) / 2.0
+        return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
+
+
+def ticks(low: float, high: float, count: int = 4) -> list[float]:
+    """About `count` round numbers from low to high."""
+    if not high > low:
+        return [low]
+    rough = (high - low) / max(count, 1)
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * 0.999)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return [k * step for k in range(first, last + 1)]
+
+
+def tick_text(value: float, step: float) -> str:
+    """A tick's number with as many decimals as its step needs."""
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if step > 0 else 2
+    if step > 0 and abs(round(step, decimals) - step) > step * 1e-6:
+        decimals += 1
+    written = f"{abs(value):.{decimals}f}"
+    return MINUS + written if value < 0 and float(written) else written
+
+
+def around(values: Sequence[float], least: float = 0.0) -> tuple[float, float]:
+    """Limits that hold the values and zero with a little room; at least ±`least`."""
+    known = [v for v in values if math.isfinite(v)]
+    low, high = min([*known, -least, 0.0]), max([*known, least, 0.0])
+    room = 0.06 * (high - low) or 1.0
+    return low - (room if low < 0 else 0.0), high + (room if high > 0 else 0.0)
+
+
+def svg(name: str, width: float, height: float, title: str, finding: str, *parts: Html) -> Html:
+    """A picture with its text alternative.
+
+    Args:
+        name: unique in the page; letters, digits and "-".
+        width, height: natural size.
+        title: what it is.
+        finding: what one sees in it.
+    """
+    return tag(
+        "svg",
+        tag("title", title, id=f"{name}-t"),
+        tag("desc", finding, id=f"{name}-d"),
+        *parts,
+        viewBox=f"0 0 {width:g} {height:g}",
+        role="img",
+        aria_labelledby=f"{name}-t {name}-d",
+        xmlns="http://www.w3.org/2000/svg",
+    )
+
+
+def words(
+    x: float, y: float, content: str, anchor: str = "start", class_: str | None = None
+) -> Html:
+    """A text; `y` is its base line."""
+    return tag("text", content, x=x, y=y, text_anchor=anchor, class_=class_)
+
+
+def line(x1: float, y1: float, x2: float, y2: float, class_: str = "ink") -> Html:
+    """A straight line."""
+    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_)
+
+
+def _path(points: Sequence[tuple[float, float]]) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+
+
+def rectangle(x: float, y: float, width: float, height: float, class_: str) -> Html:
+    """A filled rectangle."""
+    return tag("rect", x=x, y=y, width=max(width, 0.0), height=max(height, 0.0), class_=class_)
+
+
+def mark(x: float, y: float, shape: int, class_: str = "mark", size: float = 3.6) -> Html:
+    """A mark: 0 circle, 1 triangle, 2 square, 3 diamond; then again."""
+    corners = {
+        1: ((0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)),
+        2: ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)),
+        3: ((0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)),
+    }.get(shape % 4)
+    if corners is None:
+        return tag("circle", cx=x, cy=y, r=size, class_=class_)
+    return tag(
+        "polygon", points=_path([(x + size * a, y + size * b) for a, b in corners]), class_=class_
+    )
+
+
+def _marked(scale: Scale, count: int) -> Iterator[tuple[float, str, str]]:
+    """Place, class and number of each grid line of a scale."""
+    values = ticks(scale.low, scale.high, count)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    for value in values:
+        class_ = "zero" if abs(value) < step * 1e-6 else "grid"
+        yield scale(value), class_, tick_text(value, step)
+
 
 # --- differences ------------------------------------------------------------------------------
 
@@ -60,7 +163,9 @@ def deviation_rows(
     across, bottom = Scale(*limits, 56.0, _WIDE - 104.0), _TOP + _ROW * len(names)
     heading = "expected ± U, mm" if left_mm is None else "left ± U, mm"
     parts = [
-        ruler(across, 16.0, bottom, 5, "mm", (across.start + across.end) / 2),
+        *(line(x, 16.0, x, bottom, kind) for x, kind, _ in _marked(across, 5)),
+        *(words(x, bottom + 14, text, "middle", "tick") for x, _, text in _marked(across, 5)),
+        words((across.start + across.end) / 2, bottom + 29, "mm", "middle", "muted"),
         words(_WIDE - 4, 12, heading, "end", "muted"),
         *(line(across(edge), 16.0, across(edge), bottom, "due") for edge in edges),
     ]
@@ -109,6 +214,7 @@ def residual_panels(
     width, height, band = 240.0, 176.0, 2000.0 * noise_mm
     microns = [1000.0 * values for values in left_mm.values()]
     largest = max(band, *(float(np.abs(values).max()) for values in microns)) * 1.08
+    up = Scale(-largest, largest, height - 32.0, 26.0)
     panels = []
     for one in sorted(set(series)):
         chosen = sorted(
@@ -116,13 +222,14 @@ def residual_panels(
             key=lambda k: (displacement_mm[k], posture[k]),
         )
         postures = list(dict.fromkeys(posture[k] for k in chosen))
-        limits = (-0.5, len(postures) - 0.5)
-        axes = Axes.of(width, height, limits, (-largest, largest), bottom=32.0)
+        across = Scale(-0.5, len(postures) - 0.5, 46.0, width - 10.0)
         parts = [
-            axes.band(band),
-            axes.left_axis("µm"),
+            rectangle(46.0, up(band), width - 56.0, up(-band) - up(band), "band"),
+            *(line(46.0, y, width - 10.0, y, kind) for y, kind, _ in _marked(up, 4)),
+            *(words(41.0, y + 3.5, text, "end", "tick") for y, _, text in _marked(up, 4)),
+            words(2.0, up.end - 8.0, "µm", class_="muted"),
             *(
-                words(axes.across(float(k)), axes.up.start + 12.0 * (n + 1) + 1.0, word, "middle")
+                words(across(float(k)), up.start + 12.0 * (n + 1) + 1.0, word, "middle")
                 for k, text in enumerate(postures)
                 for n, word in enumerate(text.split())
             ),
@@ -132,19 +239,19 @@ def residual_panels(
             for turn in sorted({cycle[k] for k in chosen}):
                 shift = 0.09 * (turn - 2.5)
                 points = [
-                    (axes.across(postures.index(posture[k]) + shift), axes.up(float(values[k])))
+                    (across(postures.index(posture[k]) + shift), up(float(values[k])))
                     for k in chosen
                     if cycle[k] == turn
                 ]
                 last = number == len(microns)
-                parts += [polyline(points, "thread")] if last else []
+                parts += [tag("polyline", points=_path(points), class_="thread")] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
         finding = (
             f"Residuals of {one.words}: the largest is at posture {posture[worst]}, cycle"
             f" {cycle[worst]}."
         )
-        body = tag("g", join(parts), class_=f"c-{AXES[one.leg]}")
+        body = tag("g", *parts, class_=f"c-{AXES[one.leg]}")
         name = f"residual-{AXES[one.direction]}{AXES[one.leg]}"
         panels.append(svg(name, width, height, f"Residuals, {one.words}", finding, body))
     return tuple(panels)
