@@ -1,4 +1,5 @@
-"""The figures: what is left of differences and readings, errors over the workspace, the machine.
+"""The figures: what is left of differences and readings, errors over the workspace, the machine,
+and which causes can be distinguished.
 
 Drawing functions take plain values and return pictures; every number that a picture writes, but
 those of its axes, is one that it was given.
@@ -7,6 +8,7 @@ those of its axes, is one that it was given.
 from __future__ import annotations
 
 import math
+import string
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -456,3 +458,49 @@ def _gauge(leg: int, direction: int, place: float, faulty: bool) -> Html:
         words(x, y + 4, f"+{AXES[direction]}", "middle", "small"),
         class_=f"c-{AXES[leg]}",
     )
+
+
+# --- causes that can be distinguished -----------------------------------------------------------
+
+# Below so many σ two causes: cannot, can hardly, can mostly be distinguished; above: surely.
+_SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"), (math.inf, " "))
+_MOST = 99  # σ beyond which the number says nothing more
+_NOTHING = "–"
+SEPARATION_LEGEND = (
+    "Distinguished? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
+    f"{_NOTHING}: from nothing wrong at all; {_MOST}: or more",
+)
+
+
+def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tuple[str, ...]:
+    """How far each cause stands from the others: the lower half of a table, in characters.
+
+    Each cell has a shade, the darker the less can the two be distinguished, and its number.
+
+    Args:
+        names: of c causes, at most 26.
+        sigma: between each pair, shape (c, c).
+        trace: of each from nothing wrong, shape (c,).
+
+    >>> import numpy as np
+    >>> print("\\n".join(separation_lines(["a", "bc"], np.array([[0, 3.2], [3.2, 0]]), np.ones(2))))
+            –   A
+    A a   ▓ 1
+    B bc  ▓ 1 ▒ 3
+    Distinguished? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
+    –: from nothing wrong at all; 99: or more
+    """
+
+    def cell(value: float) -> str:
+        shade = next(shade for limit, shade in _SHADES if value < limit)
+        number = "<1" if value < 1.0 else str(min(int(value), _MOST))
+        return f"{shade}{number:>2} "
+
+    room = max(map(len, names), default=0)
+    letters = string.ascii_uppercase[: len(names)]
+    head = "".join(f"  {letter} " for letter in (_NOTHING, *letters[:-1]))
+    lines = [f"{'':{room + 4}}{head}".rstrip()]
+    for k, (letter, name) in enumerate(zip(letters, names, strict=True)):
+        cells = "".join(map(cell, [float(trace[k]), *sigma[k, :k].tolist()]))
+        lines.append(f"{letter} {name:<{room}}  {cells}".rstrip())
+    return (*lines, *SEPARATION_LEGEND)

@@ -167,7 +167,7 @@ def _figure(figure: doc.Figure) -> Html:
         tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding),
         tag("div", *figure.panels, class_=f"panels {_COLUMNS[figure.columns]}")
         if figure.panels
-        else tag("pre", join(figure.sketch, "\n")),
+        else tag("pre", join(figure.sketch, "\n"), class_="scroll", tabindex="0"),
         tag("p", figure.key, class_="small") if figure.key else None,
     )
 

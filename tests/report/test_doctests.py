@@ -5,10 +5,10 @@ import doctest
 import pytest
 
 from orthoglide_cal import errors, words
-from orthoglide_cal.report import facts
+from orthoglide_cal.report import facts, figures
 
 
-@pytest.mark.parametrize("module", [errors, facts, words])
+@pytest.mark.parametrize("module", [errors, facts, figures, words])
 def test_examples(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

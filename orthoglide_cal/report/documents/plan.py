@@ -34,7 +34,7 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import about
 from orthoglide_cal.report.documents.parameters import budget_section, common_unit, source_words
-from orthoglide_cal.report.shades import KEY, separation_lines, separation_panel
+from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.results import Answer, budget_lines
 from orthoglide_cal.words import (
     counted,
@@ -378,14 +378,8 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         f"Of {len(seen.pairs)} pairs of causes of their usual size {len(near)} cannot be"
         f" distinguished by {by}{named}."
     )
-    figure = doc.Figure(
-        None,
-        finding,
-        (separation_panel(names, seen.sigma, seen.trace, finding),),
-        sketch=separation_lines(names, seen.sigma, seen.trace),
-        columns=1,
-        key=KEY,
-    )
+    sketch = separation_lines(names, seen.sigma, seen.trace)
+    figure = doc.Figure(None, finding, (), sketch=sketch)
     blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
     if hidden:
         rows = tuple((cause.id, said(cause.instrument)) for cause in hidden)
