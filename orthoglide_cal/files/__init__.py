@@ -27,15 +27,22 @@ from orthoglide_cal.files.machine_file import (
 )
 from orthoglide_cal.files.orthoglide_machine import LARGEST_OFFSET_MM
 from orthoglide_cal.files.probe_readings import check_same_printer, places_csv, touches_csv
-from orthoglide_cal.files.readings import Conditions, GaugeIdentity
+from orthoglide_cal.files.readings import (
+    Conditions,
+    GaugeIdentity,
+    reading_rows,
+    readings_csv,
+    row_at,
+)
+from orthoglide_cal.files.rows import ReadingRow
 from orthoglide_cal.files.session_file import (
+    Session,
     session_json,
     session_of_readings,
     session_text,
     write_session,
 )
 from orthoglide_cal.files.text import FileText, number_text, read_document, write_text
-from orthoglide_cal.files.written_readings import file_columns, readings_csv, sitting_cells
 
 __all__ = [
     "LARGEST_OFFSET_MM",
@@ -45,12 +52,13 @@ __all__ = [
     "FoundSession",
     "GaugeIdentity",
     "Input",
+    "ReadingRow",
+    "Session",
     "StoredMachine",
     "check_file",
     "check_same_printer",
     "default_machine",
     "differing",
-    "file_columns",
     "input_from_document",
     "latest_session",
     "machine_from_text",
@@ -65,14 +73,15 @@ __all__ = [
     "read_input",
     "read_machine",
     "read_machine_file",
+    "reading_rows",
     "readings_csv",
+    "row_at",
     "session_json",
     "session_of_readings",
     "session_text",
     "sessions_in",
     "shipped_folder",
     "shipped_machine",
-    "sitting_cells",
     "touches_csv",
     "with_history",
     "write_session",

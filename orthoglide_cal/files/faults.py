@@ -104,7 +104,7 @@ class Faults:
             error: as raised.
             schema: what the content was checked by, for the names that are known there.
             place: from a path inside the content to its place in the file.
-            words: instead of those for all files, by pydantic's type of the error.
+            words: instead of those for all files: "missing posture" → (what, remedy).
         """
         if len(self.problems) >= _MOST:
             self._more += error.error_count()
@@ -181,8 +181,9 @@ def _worded(
             kind = "greater_than_zero"
         elif kind == "greater_than_equal" and given["ge"] == 0:
             kind = "not_negative"
-        what, remedy = {**_WORDS, **words}.get(kind, (f"{each['msg']}.", "Correct it."))
         key = next((step for step in reversed(path) if isinstance(step, str)), "value")
+        usual = _WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
+        what, remedy = words.get(f"{kind} {key}", usual)
         said = {**given, "key": key, "near": nearest(meant, known), "known": ", ".join(known)}
         yield path, what.format(**said), remedy.format(**said)
 

@@ -309,7 +309,7 @@ def _touches(table: Table, judge: Model) -> Input:
         raise InputError(
             "These are touches of a bed; the machine is no linear delta.",
             "Give its machine file: --machine FILE, see configs/linear_delta.yaml.",
-            file=table.document.path,
+            file=table.file.path,
             line=table.header_line,
         )
     readings = probe_readings_from_table(table, judge.machine)

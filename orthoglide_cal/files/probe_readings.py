@@ -14,18 +14,17 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.delta_machine import CALLIPER_MM
 from orthoglide_cal.files.faults import unused
 from orthoglide_cal.files.printer_file import PrinterFile
-from orthoglide_cal.files.readings import LATEST_MINUTES, check_order
-from orthoglide_cal.files.table import Cells, Table
+from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
+from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import Excerpt, Floats, Gauge, Ints, Machine, Readings
 from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.layouts import MINUTES_PER_TOUCH
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_readings
-from orthoglide_cal.schema import parse_count
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
-PROBE_COLUMNS = (*PLACE_COLUMNS, "reading_mm", "z_mm", "seq", "cycle", "minutes", "note")
+PROBE_COLUMNS = tuple(ProbeRow.model_fields)
 # What no printer.cfg states: a probe repeats within a hundredth.
 REPEATABILITY_MM = 0.012
 # A place farther out than so many radii of the bed is none of it.
@@ -58,33 +57,41 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
             column="reading_mm",
         )
         faults.check()  # the empty cells are no faults of their own
-    cells = Cells(table.rows, faults, table.number)
-    wide, high = 2.0 * machine.bed_radius_mm, max(machine.arm_lengths_mm)
-    wanted, arm = "Give it, or remove the row.", "an arm is long"
-    x, y = (
-        cells.lengths(name, wide, "coordinate", wanted, "the bed is wide") for name in PLACE_COLUMNS
+    wide, high, arm = 2.0 * machine.bed_radius_mm, max(machine.arm_lengths_mm), "an arm is long"
+    longest = {
+        **dict.fromkeys(PLACE_COLUMNS, (wide, "coordinate", "the bed is wide")),
+        **dict.fromkeys(("reading_mm", "z_mm"), (high, "height", arm)),
+    }
+    checking = Rows(table.rows, ProbeRow, Reading(table.number, longest), faults)
+    checking.check_complete(("seq", "minutes"))
+    check_order(checking)
+    for index, row in checking.sound:
+        away = math.hypot(row.x_mm, row.y_mm)
+        if away > BEYOND * machine.bed_radius_mm:
+            checking.note(
+                index,
+                "x_mm",
+                f"The place is {away:.0f} mm from the middle of the bed.",
+                f"Check it, or bed_radius_mm ({machine.bed_radius_mm:g}) in the machine file.",
+            )
+    rows = checking.checked()
+    timed = rows[0].minutes is not None
+    seq = [-1 if row.seq is None else row.seq for row in rows]
+    plan = _plan(
+        machine,
+        np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows]),
+        np.array([row.z_mm or 0.0 for row in rows]),
+        np.argsort(np.argsort(seq, kind="stable")),
+        np.array([row.minutes or 0.0 for row in rows]) if timed else None,
     )
-    reading = cells.lengths("reading_mm", high, "height", wanted, arm)
-    surface = np.nan_to_num(cells.lengths("z_mm", high, "height", than=arm), nan=0.0)
-    minutes = cells.numbers("minutes", 0.0, LATEST_MINUTES)
-    seq = cells.read("seq", lambda text: parse_count(text, 0), -1)
-    cycle = cells.read("cycle", lambda text: parse_count(text, 1), 1)
-    cells.check_complete(("seq", "minutes"))
-    check_order(cells, seq, minutes, "minutes")
-    _check_places(cells, x, y, machine)
-    faults.check()
-    timed = "minutes" in table.rows[0].cells
-    place = np.column_stack((x, y, reading))
-    order = np.argsort(np.argsort(seq, kind="stable"))
-    plan = _plan(machine, place, surface, order, minutes if timed else None)
     unknown = (name for name in table.columns if name not in PROBE_COLUMNS)
     return bed_readings(
         plan,
-        reading - surface,
-        table.document.source,
-        np.array([row.line for row in table.rows]),
-        cycle=np.array(cycle),
-        note=tuple(row.cells.get("note", "") for row in table.rows),
+        plan.place[:, 2] - plan.surface,
+        table.file.source,
+        np.array([record.line for record in table.rows]),
+        cycle=np.array([row.cycle or 1 for row in rows]),
+        note=tuple(row.note or "" for row in rows),
         timed=timed,
         remarks=tuple(unused("Columns", unknown, PROBE_COLUMNS)),
     )
@@ -111,17 +118,6 @@ def touches_csv(readings: Readings) -> str:
         for number, minutes, x, y, z, value in zip(*(c.tolist() for c in columns), strict=True)
     ]
     return "\n".join(("seq,minutes,x_mm,y_mm,z_mm,reading_mm", *rows)) + "\n"
-
-
-def _check_places(cells: Cells, x: Floats, y: Floats, machine: LinearDelta) -> None:
-    for index, away in enumerate(np.hypot(x, y).tolist()):
-        if away > BEYOND * machine.bed_radius_mm:
-            cells.note(
-                index,
-                "x_mm",
-                f"The place is {away:.0f} mm from the middle of the bed.",
-                f"Check it, or bed_radius_mm ({machine.bed_radius_mm:g}) in the machine file.",
-            )
 
 
 def machine_of_printer(file: PrinterFile) -> LinearDelta:

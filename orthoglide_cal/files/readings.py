@@ -1,28 +1,33 @@
-"""Rows of readings to columns of arrays.
-
-A row holds the cells of one reading as text, from a CSV or a session. Every cell is checked by
-itself, then what only shows across rows; everything that is wrong is found at once.
-"""
+"""Rows of readings to columns of arrays, and back to rows."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from difflib import get_close_matches
-from itertools import pairwise
 
 import numpy as np
+from pydantic import AliasChoices, ConfigDict, Field
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults, unused
-from orthoglide_cal.files.table import Cells, Row, Table
+from orthoglide_cal.files.rows import (
+    LATEST_MINUTES,
+    TURNED,
+    Reading,
+    ReadingRow,
+    Record,
+    Rows,
+    check_order,
+)
+from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model import (
     AXES,
-    Bools,
     Contact,
-    Floats,
     GaugePlan,
     Ints,
     Machine,
@@ -32,35 +37,40 @@ from orthoglide_cal.model import (
     number_setups,
     places_of,
 )
-from orthoglide_cal.schema import parse_count, parse_number
+from orthoglide_cal.schema import Day, Positive, Schema, Word, parse_number
 from orthoglide_cal.words import listed
 
 NEEDED_COLUMNS = ("leg", "posture", "direction")
 VALUE_COLUMNS = ("reading_mm", "reading_in")
-TEXT_COLUMNS = ("gauge", "note")
+_SESSION_COLUMNS = ("timestamp", "reason")
 READING_COLUMNS = (
-    *NEEDED_COLUMNS, *VALUE_COLUMNS, "seq", "cycle", "minutes", "temperature_c", "gauge_at", "end",
-    "part", "bar", "entered", *TEXT_COLUMNS,
-)  # fmt: skip
-CODED_COLUMNS = tuple(name for name in READING_COLUMNS if name not in TEXT_COLUMNS)
-
-MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
-LATEST_MINUTES = 1e6  # two years
-
-TURNED = "turned"
-ENDS = {"joint": Contact.JOINT, "tool": Contact.TOOL}
-_ALL_OR_NONE = ("seq", "cycle", "minutes", "end")
-_COLDEST, _HOTTEST = -100.0, 200.0  # °C
-_AXIS = "Write x, y or z."
+    *(name for name in ReadingRow.model_fields if name not in _SESSION_COLUMNS),
+    VALUE_COLUMNS[1],
+)
+CODED_COLUMNS = tuple(name for name in READING_COLUMNS if name not in ("gauge", "note"))
+_MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
 
 
-@dataclass(frozen=True)
-class GaugeIdentity:
-    """A gauge as given; None where not given."""
+class GaugeIdentity(Schema):
+    """A gauge as given; None where not given.
 
-    label: str
+    Attributes:
+        id: its label.
+        certificate: of its last calibration.
+        due: day on which it is to be calibrated again.
+        resolution_mm: smallest step that it shows.
+    """
+
+    model_config = ConfigDict(extra="ignore", populate_by_name=True)
+
+    id: Word
     certificate: str | None = None
-    resolution_mm: float | None = None
+    due: Day | None = None
+    resolution_mm: Positive | None = Field(
+        default=None,
+        validation_alias=AliasChoices("resolution_mm", "resolution"),
+        serialization_alias="resolution",
+    )
 
 
 @dataclass(frozen=True)
@@ -99,129 +109,115 @@ class Conditions:
             return None
 
 
-def axis(text: str) -> int:
-    """0, 1, 2 for x, y, z. Raises InputError without a place."""
-    if text.lower() not in AXES:
-        raise InputError("This is not an axis.", _AXIS)
-    return AXES.index(text.lower())
-
-
-def end(text: str) -> Contact:
-    """What the gauge touches. Raises InputError without a place."""
-    if text.lower() not in ENDS:
-        raise InputError("This is not an end of the leg.", "Write joint or tool.")
-    return ENDS[text.lower()]
-
-
-def bar(text: str) -> bool:
-    """Whether the touched bar was turned half round. Raises InputError without a place."""
-    if text.lower() != TURNED:
-        remedy = f"Write {TURNED} where it was turned half round, else leave the cell empty."
-        raise InputError("This does not say how the bar was.", remedy)
-    return True
-
-
-def entered(text: str, number: Callable[[str], float]) -> tuple[float, ...]:
-    """What was entered of x, y, z [mm], as `number` reads each. Raises InputError without place."""
-    values = tuple(number(each) for each in text.split())
-    if len(values) != len(AXES):
-        raise InputError(
-            f"Three numbers are wanted, of x, y and z; here are {len(values)}.",
-            "Write mm with blanks between them, such as 0.5 0 0.",
-        )
-    return values
-
-
 def readings_from_table(table: Table, machine: Machine) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
     _check_header(table)
     table.check_split_numbers(VALUE_COLUMNS, CODED_COLUMNS)
-    unknown = (name for name in table.columns if name not in READING_COLUMNS)
-    return readings_from_rows(
-        table.rows, machine, table.document.source, table.faults, table.number,
+    unknown = [name for name in table.columns if name not in READING_COLUMNS]
+    records = table.rows
+    if not {*unknown}.isdisjoint(_SESSION_COLUMNS):
+        records = tuple(
+            replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
+            for each in records
+        )
+    return readings_from_records(
+        records, machine, table.file.source, table.faults, Reading(table.number),
         remarks=unused("Columns", unknown, READING_COLUMNS),
     )  # fmt: skip
 
 
-def readings_from_rows(
-    rows: Sequence[Row],
+def readings_from_records(
+    records: Sequence[Record],
     machine: Machine,
     source: Source,
     faults: Faults,
-    number: Callable[[str], float],
+    reading: Reading,
     *,
-    clock: Sequence[float] | None = None,
+    started: str | None = None,
     remarks: Sequence[str] = (),
 ) -> Readings:
-    """Convert and check rows.
+    """Convert and check records.
 
     Args:
-        rows: in the order of the file.
+        records: in the order of the file.
         machine: for postures and limits.
-        source: of the rows.
+        source: of the records.
         faults: those found earlier; these are added.
-        number: what a cell's text is; raises InputError.
-        clock: minutes of each row from its `timestamp`; None where the rows have `minutes`.
+        reading: how their numbers are read.
+        started: when the session began, ISO 8601, for times without `minutes`.
         remarks: those of the reader so far.
 
     Raises:
-        InvalidFileError: everything that is wrong with the rows.
+        InvalidFileError: everything that is wrong with the records.
     """
-    if not rows and not faults:
+    if not records and not faults:
         faults.add("There is no reading.", "Give one row for each reading, under the header.")
-    cells = Cells(rows, faults, number)
-    leg, direction = _axes(cells)
-    posture, displacement = _postures(cells, machine)
-    value = _values(cells, machine)
-    contact = np.array(cells.read("end", end, Contact.FIXED), dtype=np.intp)
-    gauge_at = cells.numbers("gauge_at", 0.0, 1.0)
-    minutes = cells.numbers("minutes", 0.0, LATEST_MINUTES) if clock is None else np.array(clock)
-    temperature = cells.numbers("temperature_c", _COLDEST, _HOTTEST)
-    seq = cells.read("seq", lambda text: parse_count(text, 0), -1)
-    cycle = cells.read("cycle", lambda text: parse_count(text, 1), 0)
-    part = np.array(cells.read("part", lambda text: parse_count(text, 1), 1)) - 1
-    turned = np.array(cells.read("bar", bar, False))
-    offsets = _entered(cells, machine)
-    cells.check_complete(_ALL_OR_NONE)
-    check_order(cells, seq, minutes, "minutes" if clock is None else "timestamp")
-    _check_parts(cells, seq, part)
-    _check_bars(cells, part, leg, direction, turned)
-    faults.check()
+    than = "the leg is long"
+    reading.travel = machine.joint_limits_mm
+    reading.longest = {
+        "reading_mm": (machine.leg_length_mm, "reading", than),
+        "entered": (machine.leg_length_mm, "offset", than),
+    }
+    checking = Rows(records, ReadingRow, reading, faults)
+    checking.check_complete(("seq", "cycle", "minutes", "end"))
+    clock = _clock(checking, started)
+    check_order(checking, clock)
+    _check_parts(checking)
+    _check_bars(checking)
+    rows = checking.checked()
 
-    filled = rows[0].cells  # what is numbered or timed in one row is so in all
-    timed = clock is not None or "minutes" in filled
+    first = rows[0]  # what is numbered or timed in one row is so in all
+    timed = clock is not None or first.minutes is not None
+    seq = [-1 if row.seq is None else row.seq for row in rows]
+    minutes = clock or [row.minutes or 0.0 for row in rows]
     in_time = np.argsort(seq, kind="stable")
     order = np.argsort(in_time)
-    touched = np.where(np.isnan(gauge_at), 0.5, gauge_at)
+    contact = np.array([Contact[(row.end or "fixed").upper()] for row in rows], dtype=np.intp)
+    leg, direction = (
+        np.array([AXES.index(getattr(row, name)) for row in rows], dtype=np.intp)
+        for name in ("leg", "direction")
+    )
+    named = {posture.value: machine.displacement_mm(posture) for posture in Posture}
+    touched = np.array([0.5 if row.gauge_at is None else row.gauge_at for row in rows])
     gauge_at = np.where(contact == Contact.FIXED, touched, contact == Contact.TOOL)
-    gauge = tuple(row.cells.get("gauge", "") for row in rows)
+    gauge = tuple(row.gauge or "" for row in rows)
+    part = np.array([(row.part or 1) - 1 for row in rows])
+    turned = np.array([row.bar is not None for row in rows])
     places = places_of(leg, direction, contact, gauge_at, part, turned)
+    ordered = timed or first.seq is not None
     plan = GaugePlan(
         leg=leg,
         direction=direction,
-        displacement=displacement,
+        displacement=np.array(
+            [named[p] if p in named else float(p) for p in (row.posture for row in rows)]
+        ),
         contact=contact,
         gauge_at=gauge_at,
-        setup=number_setups(places, gauge, in_time.tolist(), ordered=timed or "seq" in filled),
+        setup=number_setups(places, gauge, in_time.tolist(), ordered=ordered),
         order=order,
-        hours=np.where(timed, minutes, order * MINUTES_PER_READING) / 60.0,
+        hours=np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0,
         part=part,
         turned=turned,
-        entered=offsets,
+        entered=np.array([row.entered or (0.0,) * len(AXES) for row in rows]),
     )
+    cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else _cycles(plan)
+    nothing = math.nan
     readings = Readings(
         plan=plan,
-        value=value,
-        cycle=np.array(cycle) if "cycle" in filled else _cycles(plan),
-        posture=posture,
-        temperature=temperature,
+        value=np.array([row.reading_mm for row in rows], dtype=np.float64),
+        cycle=np.array(cycle),
+        posture=tuple(row.posture for row in rows),
+        temperature=np.array(
+            [nothing if row.temperature_c is None else row.temperature_c for row in rows]
+        ),
         gauge=gauge,
-        note=tuple(row.cells.get("note", "") for row in rows),
-        line=np.array([row.line for row in rows]),
+        note=tuple(row.note or "" for row in rows),
+        line=np.array([record.line for record in records]),
         timed=timed,
         source=source,
     )
-    return replace(readings, remarks=(*remarks, *_remarks(readings, cells, machine)))
+    further = _remarks(readings, records, reading.marks, machine)
+    return replace(readings, remarks=(*remarks, *further))
 
 
 def conditions_in(readings: Readings) -> Conditions:
@@ -231,8 +227,67 @@ def conditions_in(readings: Readings) -> Conditions:
     notes = zip(readings.line.tolist(), readings.note, strict=True)
     return Conditions(
         temperature_c=(min(known), max(known)) if known else None,
-        gauges=tuple(GaugeIdentity(label) for label in labels),
+        gauges=tuple(GaugeIdentity(id=label) for label in labels),
         notes=tuple((line, note) for line, note in notes if note),
+    )
+
+
+def reading_rows(readings: Readings) -> list[ReadingRow]:
+    """The readings as a file holds them, in their order.
+
+    Reading them back gives exactly the same values, postures, order and set-ups, and the times to
+    1e-6 minutes. Set-ups that the reader could not distinguish by part, leg, direction, position
+    and gauge get labels of their own.
+    """
+    plan, gauges = readings.plan, readings.gauge
+    seq, minutes = (np.argsort(plan.in_time) + 1).tolist(), (plan.hours * 60.0).tolist()
+    places = places_of(
+        plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
+    )
+    understood = number_setups(places, gauges, plan.in_time.tolist(), ordered=True)
+    pairs = set(zip(understood.tolist(), plan.setup.tolist(), strict=True))
+    if not len(pairs) == len(set(understood.tolist())) == plan.setups:
+        gauges = tuple(f"set-up {number + 1}" for number in plan.setup.tolist())
+    return [
+        row_at(plan, k, readings.posture[k]).model_copy(
+            update={
+                "cycle": int(readings.cycle[k]),
+                "reading_mm": float(readings.value[k]),
+                "seq": seq[k],
+                "minutes": round(minutes[k], 6) if readings.timed else None,
+                "temperature_c": None if math.isnan(t) else t,
+                "gauge": gauges[k],
+                "note": readings.note[k],
+            }
+        )
+        for k, t in enumerate(readings.temperature.tolist())
+    ]
+
+
+def row_at(plan: GaugePlan, index: int, posture: str) -> ReadingRow:
+    """Where the gauge of a planned reading stands; what is as usual is left out."""
+    at, offsets = float(plan.gauge_at[index]), plan.entered[index].tolist()
+    contact = Contact(plan.contact[index])
+    return ReadingRow(
+        leg=AXES[plan.leg[index]],
+        posture=posture,
+        direction=AXES[plan.direction[index]],
+        end=contact.end,
+        gauge_at=at if contact is Contact.FIXED and at != 0.5 else None,
+        part=int(plan.part[index]) + 1 if plan.parts > 1 else None,
+        bar=TURNED if plan.turned[index] else None,
+        entered=offsets if any(offsets) else None,
+    )
+
+
+def readings_csv(readings: Readings) -> str:
+    """The text of a readings file, without columns that would be empty; see `reading_rows`."""
+    rows = [row.cells() for row in reading_rows(readings)]
+    columns = [name for name in ReadingRow.model_fields if any(name in row for row in rows)]
+    cells = ([row.get(name) for name in columns] for row in rows)
+    return csv_text(
+        columns,
+        ([number_text(c) if isinstance(c, float) else c for c in row] for row in cells),
     )
 
 
@@ -260,115 +315,52 @@ def _check_header(table: Table) -> None:
         table.faults.check()
 
 
-def _axes(cells: Cells) -> tuple[Ints, Ints]:
-    """Leg and direction; −1 where there is none."""
-    leg, direction = (
-        np.array(cells.read(column, axis, -1, wanted=_AXIS), dtype=np.intp)
-        for column in ("leg", "direction")
-    )
-    for index in np.flatnonzero((leg == direction) & (leg >= 0)).tolist():
-        other = " or ".join(name for name in AXES if name != AXES[leg[index]])
-        what = "A gauge along the leg's own axis says nothing of the leg."
-        remedy = f"Give the direction across the leg: {other}; or correct the leg."
-        cells.note(index, "direction", what, remedy)
-    return leg, direction
+def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:
+    """Minutes from the timestamps; None unless all readings have one and none has `minutes`."""
+    taken = {index: row.timestamp for index, row in rows.sound if row.timestamp}
+    if not taken or len(taken) < len(rows.sound) or any("minutes" in r.cells for r in rows.records):
+        return None
+    moments = {index: datetime.fromisoformat(at) for index, at in taken.items()}
+    try:
+        first = datetime.fromisoformat(started) if started else min(moments.values())
+        minutes = {k: (moment - first).total_seconds() / 60.0 for k, moment in moments.items()}
+    except TypeError:
+        what = "Some times have a time zone and others have none."
+        remedy = "Write all of them, and `started`, in the same way."
+        rows.note(min(taken), "timestamp", what, remedy)
+        return None
+    for index, value in minutes.items():
+        if not 0.0 <= value <= LATEST_MINUTES:
+            what = "The time is before `started`, or years after it."
+            rows.note(index, "timestamp", what, "Correct the time, or `started`.")
+    return [minutes.get(index, 0.0) for index in range(len(rows.rows))]
 
 
-def _postures(cells: Cells, machine: Machine) -> tuple[tuple[str, ...], Floats]:
-    """Names (a displacement as text) and displacements [mm]."""
-    low, high = machine.joint_limits_mm
-    named = {posture.value: machine.displacement_mm(posture) for posture in Posture}
-    remedy = f"Write iso, max, min or a displacement from {low:g} to {high:g} mm."
-
-    def posture(text: str) -> tuple[str, float]:
-        name = text.lower()
-        if name in named:
-            return name, named[name]
-        try:
-            displacement = cells.number(text)
-        except InputError:
-            raise InputError("This is not a posture.", remedy) from None
-        if not low <= displacement <= high:
-            raise InputError("The posture is outside the joint limits.", remedy)
-        return number_text(displacement), displacement
-
-    read = cells.read("posture", posture, ("", 0.0), wanted=remedy)
-    return tuple(name for name, _ in read), np.array([d for _, d in read], dtype=np.float64)
-
-
-def _values(cells: Cells, machine: Machine) -> Floats:
-    """Readings [mm], shape (n,)."""
-    for index, row in enumerate(cells.rows):
-        given = [name for name in VALUE_COLUMNS if name in row.cells]
-        if len(given) != 1:
-            column = given[1] if given else VALUE_COLUMNS[0]
-            what = "The row has two readings." if given else "The reading is missing."
-            cells.note(index, column, what, "Give the reading, or remove the row.")
-
-    mm, inches = (
-        cells.lengths(column, machine.leg_length_mm, "reading") for column in VALUE_COLUMNS
-    )
-    return np.where(np.isnan(mm), inches, mm)
-
-
-def _entered(cells: Cells, machine: Machine) -> Floats:
-    """What was entered in the controller, shape (n, 3) [mm]."""
-
-    def offsets(text: str) -> tuple[float, ...]:
-        values = entered(text, cells.number)
-        if max(map(abs, values)) > machine.leg_length_mm:
-            raise InputError("An offset is larger than the leg is long.", "Offsets are in mm.")
-        return values
-
-    blank = (0.0,) * len(AXES)
-    return np.reshape(cells.read("entered", offsets, blank), (-1, len(AXES)))
-
-
-def check_order(cells: Cells, seq: Sequence[int], minutes: Floats, clock: str) -> None:
-    """Each `seq` stands once, and time never runs backwards along it."""
-    lines, sound = [row.line for row in cells.rows], np.flatnonzero(cells.sound).tolist()
-    first: dict[int, int] = {}
-    for index in sound:
-        earlier = first.setdefault(seq[index], index)
-        if seq[index] >= 0 and earlier != index:
-            what = f"The same number stands in line {lines[earlier]}."
-            remedy = "Number the readings in the order in which they were taken."
-            cells.note(index, "seq", what, remedy)
-    for before, after in pairwise(sorted(sound, key=lambda index: seq[index])):
-        if minutes[after] < minutes[before]:
-            cells.note(
-                after, clock,
-                f"Time runs backwards: line {lines[before]} was taken before this one.",
-                "Give minutes since the session began; correct seq or the order of the rows.",
-            )  # fmt: skip
-
-
-def _check_parts(cells: Cells, seq: Sequence[int], part: Ints) -> None:
+def _check_parts(rows: Rows[ReadingRow]) -> None:
     """Parts are numbered in order of time, without a gap."""
-    sound = sorted(np.flatnonzero(cells.sound).tolist(), key=lambda index: seq[index])
-    last = 0
-    for index in sound:
-        if not last <= part[index] <= last + 1:
-            what = f"Part {part[index] + 1} does not follow part {last + 1}."
+    last = 1
+    for index, row in sorted(rows.sound, key=lambda each: each[1].seq or 0):
+        part = row.part or 1
+        if not last <= part <= last + 1:
+            what = f"Part {part} does not follow part {last}."
             remedy = "Number the parts 1, 2 and so on, in the order in which they were measured."
-            cells.note(index, "part", what, remedy)
-        last = max(last, int(part[index]))
+            rows.note(index, "part", what, remedy)
+        last = max(last, part)
 
 
-def _check_bars(cells: Cells, part: Ints, leg: Ints, direction: Ints, turned: Bools) -> None:
+def _check_bars(rows: Rows[ReadingRow]) -> None:
     """A bar is turned for both gauges that touch it."""
-    kinds, which = np.unique(np.stack((part, leg)), axis=1, return_inverse=True)
-    for kind in range(kinds.shape[1]):
-        mine = np.array(cells.sound) & (which.reshape(-1) == kind)
-        with_it = set(direction[mine & turned].tolist())
-        others = mine & ~np.isin(direction, list(with_it))
-        if with_it and others.any():
-            names = " and ".join(AXES[axis] for axis in sorted(with_it))
-            first = int(np.flatnonzero(others)[0])
-            cells.note(
-                first, "bar",
-                f"The bar of leg {AXES[leg[first]]} is turned for direction {names} alone; it is"
-                " one bar.",
+    alike: dict[tuple[int, str], list[tuple[int, ReadingRow]]] = {}
+    for index, row in rows.sound:
+        alike.setdefault((row.part or 1, row.leg), []).append((index, row))
+    for (_, leg), group in sorted(alike.items()):
+        turned = {row.direction for _, row in group if row.bar}
+        others = [index for index, row in group if row.direction not in turned]
+        if turned and others:
+            rows.note(
+                others[0], "bar",
+                f"The bar of leg {leg} is turned for direction {' and '.join(sorted(turned))}"
+                " alone; it is one bar.",
                 "Write turned in all rows of that leg that were read so, or give these a part of"
                 " their own.",
             )  # fmt: skip
@@ -385,7 +377,9 @@ def _cycles(plan: GaugePlan) -> Ints:
     return cycles
 
 
-def _remarks(readings: Readings, cells: Cells, machine: Machine) -> list[str]:
+def _remarks(
+    readings: Readings, records: Sequence[Record], marks: set[str], machine: Machine
+) -> list[str]:
     """What the user should know although nothing is wrong."""
     remarks, plan, travel = [], readings.plan, machine.gauge.range_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
@@ -396,17 +390,17 @@ def _remarks(readings: Readings, cells: Cells, machine: Machine) -> list[str]:
             f" {travel:g} mm (first: line {readings.line[first]}, {readings.value[first]:g} mm):"
             " check the unit, and the gauge in the machine file."
         )
-    if len(cells.marks) > 1:
+    if len(marks) > 1:
         remarks.append("Decimal points and decimal commas are mixed; both were accepted.")
     if not readings.timed:
         remarks.append(
-            f"Times were not given; {MINUTES_PER_READING:g} minutes per reading were assumed."
+            f"Times were not given; {_MINUTES_PER_READING:g} minutes per reading were assumed."
         )
     ends = np.flatnonzero(plan.contact != Contact.FIXED).tolist()
-    if any("gauge_at" in cells.rows[index].cells for index in ends):
+    if any("gauge_at" in records[index].cells for index in ends):
         remarks.append("gauge_at was not used: `end` says where the gauge stood.")
-    if readings.timed or "cycle" in cells.rows[0].cells:
-        remarks += _repeated_rows(cells.rows)
+    if readings.timed or "cycle" in records[0].cells:
+        remarks += _repeated_rows(records)
     places = places_of(
         plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
     )
@@ -419,7 +413,7 @@ def _remarks(readings: Readings, cells: Cells, machine: Machine) -> list[str]:
     return remarks
 
 
-def _repeated_rows(rows: Sequence[Row]) -> list[str]:
+def _repeated_rows(rows: Sequence[Record]) -> list[str]:
     """Rows that are equal word for word, where cycle or minutes should tell repeats apart."""
     remarks = []
     first: dict[frozenset[tuple[str, str]], int] = {}

@@ -1,55 +1,69 @@
-"""Session files (`orthocal guide files`): read, checked and written."""
+"""Session files (`orthocal guide files`): the schema, read and written."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ConfigDict, InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults, unused
-from orthoglide_cal.files.groups import (
-    Group,
-    count,
-    not_negative,
-    number,
-    positive,
-    text,
-    version,
-    word,
-)
-from orthoglide_cal.files.machine_file import differing, machine_in, machine_values
+from orthoglide_cal.files.faults import Steps, unused
+from orthoglide_cal.files.groups import Group
+from orthoglide_cal.files.machine_file import default_machine, differing, machine_in, machine_values
 from orthoglide_cal.files.readings import (
-    LATEST_MINUTES,
     READING_COLUMNS,
     Conditions,
     GaugeIdentity,
-    axis,
-    bar,
     conditions_in,
-    end,
-    entered,
-    readings_from_rows,
+    reading_rows,
+    readings_from_records,
 )
-from orthoglide_cal.files.table import Row
+from orthoglide_cal.files.rows import Reading, ReadingRow, Record, Rows
 from orthoglide_cal.files.text import write_text
-from orthoglide_cal.files.written_readings import SITTING_COLUMNS, file_columns
 from orthoglide_cal.files.yaml_tree import Tree, yaml_text
 from orthoglide_cal.model import Model, Readings
+from orthoglide_cal.schema import Moment, Schema, Version
 
-# Keys in the order of the file, with what stands for nothing.
-_BLANK: dict[str, Any] = {
-    "schema_version": 1, "machine": None, "protocol": "", "operator": None, "gauges": (),
-    "started": None, "finished": None, "environment": None,
-    "readings": (), "retaken": (), "skipped": (),
-}  # fmt: skip
 _COLUMNS = (*READING_COLUMNS, "timestamp")
-_ENTRY = (
-    "leg", "posture", "direction", "end", "cycle", "reading_mm", "seq", "minutes",
-    "temperature_c", "gauge", *SITTING_COLUMNS, "note", "timestamp", "reason",
-)  # fmt: skip
+
+
+def _said(value: object) -> object:
+    """What is said of the surroundings; a text instead of a group is one remark."""
+    if isinstance(value, str):
+        return {"note": value} if value else None
+    return value
+
+
+class Session(Schema):
+    """A session as its file holds it; keys that it does not know are kept out of it, and reported.
+
+    Attributes:
+        machine: that was measured, with its accepted causes.
+        protocol, operator, started, finished: as `measure` was told; times are ISO 8601.
+        gauges: that were used.
+        environment: name → what is said of it.
+        readings, retaken, skipped: that count; that were replaced; steps that were left out.
+    """
+
+    model_config = ConfigDict(extra="ignore", arbitrary_types_allowed=True)
+
+    schema_version: Version = 1
+    machine: Annotated[InstanceOf[Model], PlainSerializer(machine_values)]
+    protocol: str | None = ""
+    operator: str | None = None
+    gauges: tuple[GaugeIdentity, ...] = ()
+    started: Moment | None = None
+    finished: Moment | None = None
+    environment: Annotated[Mapping[str, str | None] | None, BeforeValidator(_said)] = None
+    readings: tuple[ReadingRow, ...] = ()
+    retaken: tuple[ReadingRow, ...] = ()
+    skipped: tuple[ReadingRow, ...] = ()
+
+
+_ROWS = ("readings", "retaken", "skipped")
 
 
 def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model, Conditions]:
@@ -65,91 +79,89 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
         InputError: no session.
     """
     _refuse_others(tree)
-    file = Group(tree, (), tree.value)
-    conditions = _recorded(file)
-    recorded = machine_in(file.group("machine"))
-    rows = _rows(file)
-    clock = _clock(rows, conditions.started, tree.faults)
+    recorded = machine_in(Group(tree, (), tree.value).group("machine"))
+    session = _recorded(tree, recorded)
+    records = _records(tree, "readings")
     judge = model or recorded
     if judge is None:
         raise tree.faults.error()
     if model and recorded and model.machine.offsets_mm != recorded.machine.offsets_mm:
         judge = model.holding(recorded.machine.offsets_mm)
-    columns = dict.fromkeys(name for row in rows for name in row.lines if name not in _COLUMNS)
+    keys = Session.model_fields
+    columns = dict.fromkeys(name for each in records for name in each.lines if name not in _COLUMNS)
     remarks = [
         *(_difference(recorded, judge) if recorded else ()),
-        *unused("Keys", (key for key in tree.value if key not in _BLANK), _BLANK),
+        *unused("Keys", (key for key in tree.value if key not in keys), keys),
         *unused("Columns", columns, READING_COLUMNS),
     ]
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
-    readings = readings_from_rows(
-        rows, judge.machine, tree.file.source, tree.faults, number, clock=clock,
-        remarks=remarks,
+    readings = readings_from_records(
+        records, judge.machine, tree.file.source, tree.faults, Reading(),
+        started=session.started if session else None, remarks=remarks,
     )  # fmt: skip
+    if session is None:
+        raise tree.faults.error()
     found = conditions_in(readings)
-    own = {gauge.label for gauge in conditions.gauges}
-    others = (gauge for gauge in found.gauges if gauge.label not in own)
+    own = {gauge.id for gauge in session.gauges}
+    said = session.environment or {}
     conditions = replace(
-        conditions,
-        temperature_c=found.temperature_c,
-        gauges=(*conditions.gauges, *others),
-        notes=found.notes,
+        found,
+        protocol=session.protocol or None,
+        operator=session.operator or None,
+        started=session.started,
+        finished=session.finished,
+        environment=tuple((name, text) for name, text in said.items() if text),
+        gauges=(*session.gauges, *(gauge for gauge in found.gauges if gauge.id not in own)),
+        retaken=len(session.retaken),
+        skipped=len(session.skipped),
     )
     return readings, judge, conditions
 
 
-def session_json(values: Mapping[str, Any]) -> dict[str, Any]:
-    """A whole session as a JSON object; saved as a .json file it reads back as a session.
-
-    Args:
-        values: key → plain value as in the file (`machine` is `machine_values`); what is missing
-            is blank. Blanks in readings, retaken and skipped are left out.
-    """
-    content = {**_BLANK, **values}
-    for key in ("readings", "retaken", "skipped"):
-        content[key] = [
-            {name: entry[name] for name in _ENTRY if entry.get(name) not in (None, "")}
-            for entry in content[key]
-        ]
-    return content
+def session_json(session: Session) -> dict[str, Any]:
+    """A whole session as a JSON object; saved as a .json file it reads back as a session."""
+    rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
+    content = session.model_dump(by_alias=True, exclude=set(_ROWS))
+    gauges = [
+        {key: said for key, said in gauge.items() if key != "due" or said}
+        for gauge in content["gauges"]
+    ]
+    return {**content, "gauges": gauges, **rows}
 
 
-def session_text(values: Mapping[str, Any]) -> str:
-    """The session file's text, of values as in `session_json`; one line for each reading."""
-    return yaml_text(session_json(values))
+def session_text(session: Session) -> str:
+    """The session file's text; one line for each reading."""
+    return yaml_text(session_json(session))
 
 
-def write_session(values: Mapping[str, Any], path: Path | str, *, overwrite: bool = False) -> None:
-    """Write a session file of values as in `session_json`, as `write_text` does.
+def write_session(session: Session, path: Path | str, *, overwrite: bool = False) -> None:
+    """Write a session file, as `write_text` does.
 
     Raises:
         UsageError: the file exists and `overwrite` is False.
         InputError: the file cannot be written.
     """
-    write_text(Path(path), session_text(values), overwrite=overwrite)
+    write_text(Path(path), session_text(session), overwrite=overwrite)
 
 
 def session_of_readings(
     readings: Readings, model: Model, environment: Mapping[str, str]
-) -> dict[str, Any]:
-    """Values of the session that holds these readings of this machine; the rest stays blank.
+) -> Session:
+    """The session that holds these readings of this machine; the rest stays blank.
 
     Args:
         readings: in any order; written in the order of time.
         model: its machine is embedded in the session.
         environment: name → text.
     """
-    columns, plan = file_columns(readings), readings.plan
-    return {
-        "machine": machine_values(model),
-        "protocol": "double-posture" if plan.fixed else "single-posture",
-        "environment": dict(environment),
-        "readings": [
-            {name: cells[index] for name, cells in columns.items()}
-            for index in plan.in_time.tolist()
-        ],
-    }
+    rows, plan = reading_rows(readings), readings.plan
+    return Session(
+        machine=model,
+        protocol="double-posture" if plan.fixed else "single-posture",
+        environment=dict(environment),
+        readings=tuple(rows[index] for index in plan.in_time.tolist()),
+    )
 
 
 def _refuse_others(tree: Tree) -> None:
@@ -171,129 +183,52 @@ def _refuse_others(tree: Tree) -> None:
     )
 
 
-def _recorded(file: Group) -> Conditions:
-    """What is written around the readings."""
-    file.take("schema_version", version, 1)
-    retaken, skipped = list(file.groups("retaken")), list(file.groups("skipped"))
-    for entry in retaken:
-        _check_place(entry)
-        _check_reading(entry)
-    for entry in skipped:
-        _check_place(entry)
-    return Conditions(
-        protocol=file.take("protocol", text, None) or None,
-        operator=file.take("operator", text, None) or None,
-        started=file.take("started", _moment, None),
-        finished=file.take("finished", _moment, None),
-        environment=_environment(file),
-        gauges=tuple(_gauge(entry) for entry in file.groups("gauges")),
-        retaken=len(retaken),
-        skipped=len(skipped),
-    )
+def _recorded(tree: Tree, machine: Model | None) -> Session | None:
+    """What is written around the readings; None after noting what is wrong with it."""
+    content = {key: value for key, value in tree.value.items() if value is not None}
+    before = tree.faults.count
+    for key, wanted in (("retaken", True), ("skipped", False)):
+        rows = Rows(_records(tree, key), ReadingRow, Reading(wanted=wanted), tree.faults)
+        content[key] = [row for _, row in rows.sound]
+    content |= {"machine": machine or default_machine(), "readings": ()}
+    try:
+        session = Session.model_validate(content)
+    except ValidationError as error:
+        tree.faults.take(error, Session, tree.place)
+        return None
+    return session if machine and tree.faults.count == before else None
 
 
-def _check_place(entry: Group) -> None:
-    """Where a gauge stands, and why the step was repeated or left out."""
-    for key in ("leg", "direction"):
-        entry.take(key, lambda value: axis(text(value)))
-    entry.take("posture", word)
-    entry.take("end", lambda value: end(text(value)), None)
-    entry.take("cycle", count, None)
-    entry.take("part", count, None)
-    entry.take("bar", lambda value: bar(text(value)), None)
-    entry.take("entered", lambda value: entered(text(value), number), None)
-    entry.take("gauge_at", number, None)
-    entry.take("reason", text, "")
-
-
-def _check_reading(entry: Group) -> None:
-    """A reading that was replaced; nothing is computed from it."""
-    in_inches = "reading_in" in entry.content and "reading_mm" not in entry.content
-    entry.take("reading_in" if in_inches else "reading_mm", number)
-    entry.take("minutes", not_negative, None)
-    entry.take("timestamp", _moment, None)
-    for key in ("seq", "temperature_c"):
-        entry.take(key, number, None)
-    for key in ("gauge", "note"):
-        entry.take(key, text, None)
-
-
-def _gauge(entry: Group) -> GaugeIdentity:
-    size = "resolution" if "resolution" in entry.content else "resolution_mm"
-    return GaugeIdentity(
-        label=entry.take("id", word),
-        certificate=entry.take("certificate", text, None) or None,
-        resolution_mm=entry.take(size, positive, None),
-    )
-
-
-def _environment(file: Group) -> tuple[tuple[str, str], ...]:
-    """A text instead of a group is one remark."""
-    said = file.content.get("environment")
-    if isinstance(said, str):
-        return (("note", said),) if said else ()
-    group = file.group("environment", required=False)
-    named = ((name, group.take(name, text, None)) for name in group.names(word))
-    return tuple((name, said) for name, said in named if said)
-
-
-def _rows(file: Group) -> list[Row]:
-    """The readings as rows of cells; entries that are no groups of values are faults."""
-    rows = []
-    for entry in file.groups("readings"):
-        if not entry.sound:
+def _records(tree: Tree, key: str) -> list[Record]:
+    """The entries of a list as rows of cells; those that are no groups of values are faults."""
+    entries = tree.value.get(key)
+    if not isinstance(entries, list):
+        if entries is not None:
+            what, remedy = "A list is wanted here.", "Write [first, second] or `- …` lines."
+            _note(tree, (key,), what, remedy)
+        return []
+    records = []
+    for index, entry in enumerate(entries):
+        path: Steps = (key, index)
+        if not isinstance(entry, dict):
+            what = "A group of keys is wanted here."
+            _note(tree, path, what, "Write `name: value` lines, indented.")
             continue
-        for key, value in entry.content.items():
-            if isinstance(value, dict | list):
-                entry.note("One value is wanted here.", "Write `name: value`.", key)
-        if entry.sound:
-            lines = {key: file.tree.place((*entry.path, key)).line for key in entry.content}
-            stripped = {key: value.strip() for key, value in entry.content.items() if value}
-            cells = {key: value for key, value in stripped.items() if value}
-            line, at, _ = file.tree.place(entry.path)
-            rows.append(Row(line, cells, lines, f"{at}."))
-    return rows
+        inner = [name for name, value in entry.items() if isinstance(value, dict | list)]
+        for name in inner:
+            _note(tree, (*path, name), "One value is wanted here.", "Write `name: value`.")
+        if not inner:
+            lines = {name: tree.place((*path, name)).line for name in entry}
+            cells = {name: value.strip() for name, value in entry.items() if value}
+            line, at, _ = tree.place(path)
+            full = {name: cell for name, cell in cells.items() if cell}
+            records.append(Record(line, full, lines, f"{at}."))
+    return records
 
 
-def _clock(rows: Sequence[Row], started: str | None, faults: Faults) -> list[float] | None:
-    """Minutes from the timestamps; None unless all readings have one and none has `minutes`."""
-    moments = [_taken(row, faults) for row in rows]
-    known = [moment for moment in moments if moment is not None]
-    if not rows or len(known) < len(rows) or any("minutes" in row.cells for row in rows):
-        return None
-    try:
-        first = datetime.fromisoformat(started) if started else min(known)
-        minutes = [(moment - first).total_seconds() / 60.0 for moment in known]
-    except TypeError:
-        what = "Some times have a time zone and others have none."
-        remedy = "Write all of them, and `started`, in the same way."
-        rows[0].fault(faults, "timestamp", what, remedy)
-        return None
-    for row, value in zip(rows, minutes, strict=True):
-        if not 0.0 <= value <= LATEST_MINUTES:
-            what = "The time is before `started`, or years after it."
-            row.fault(faults, "timestamp", what, "Correct the time, or `started`.")
-    return minutes
-
-
-def _moment(value: Any) -> str:
-    """An ISO time."""
-    try:
-        datetime.fromisoformat(text(value))
-    except ValueError as error:
-        raise InputError("This is not a time.", "Write it as 2025-01-31T14:05:00.") from error
-    return text(value)
-
-
-def _taken(row: Row, faults: Faults) -> datetime | None:
-    stamp = row.cells.get("timestamp")
-    if stamp is None:
-        return None
-    try:
-        return datetime.fromisoformat(_moment(stamp))
-    except InputError as error:
-        row.fault(faults, "timestamp", error.what, error.remedy)
-        return None
+def _note(tree: Tree, path: Steps, what: str, remedy: str) -> None:
+    line, column, value = tree.place(path)
+    tree.faults.add(what, remedy, line=line, column=column, value=value)
 
 
 def _difference(recorded: Model, given: Model) -> list[str]:

@@ -1,4 +1,4 @@
-"""CSV text to rows of named cells and back, and the cells of many rows to columns of values.
+"""CSV text to records of named cells, and back.
 
 The delimiter is the one that the header line uses (tab, then semicolon, then comma): guessing
 from the content goes wrong on `1,234;5,678`.
@@ -8,150 +8,21 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
 
-import numpy as np
-
-from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.rows import Record
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model import Floats
 from orthoglide_cal.schema import parse_number, shortened
-from orthoglide_cal.words import MM, MM_PER_INCH, short
-
-T = TypeVar("T")
+from orthoglide_cal.words import MM, short
 
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
 _BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
 _BLANK_CELL = _BLANKS + "\n\r\v\f"
-
-
-@dataclass(frozen=True)
-class Row:
-    """One record of a file.
-
-    Attributes:
-        line: its first line, from 1.
-        cells: column → text without blanks around it; empty cells are left out.
-        lines: column → line, where a cell has its own.
-        prefix: what precedes a column's name in messages, e.g. "readings[3].".
-    """
-
-    line: int
-    cells: Mapping[str, str]
-    lines: Mapping[str, int] = field(default_factory=dict)
-    prefix: str = ""
-
-    def fault(self, faults: Faults, column: str, what: str, remedy: str) -> None:
-        """Note a fault of one cell."""
-        line, value = self.lines.get(column, self.line), self.cells.get(column)
-        faults.add(what, remedy, line=line, column=self.prefix + column, value=value)
-
-
-class Cells:
-    """The cells of all rows, column by column; what cannot be read is a fault of its row.
-
-    Args:
-        rows: in the order of the file.
-        faults: where faults go.
-        number: what a text is as a number; raises InputError.
-
-    Attributes:
-        sound: whether each row is without a fault so far.
-        marks: decimal marks seen.
-    """
-
-    def __init__(self, rows: Sequence[Row], faults: Faults, number: Callable[[str], float]) -> None:
-        self.rows = rows
-        self.faults = faults
-        self.sound = [True] * len(rows)
-        self.marks: set[str] = set()
-        self._number = number
-
-    def note(self, index: int, column: str, what: str, remedy: str) -> None:
-        """Note a fault in row `index`."""
-        self.rows[index].fault(self.faults, column, what, remedy)
-        self.sound[index] = False
-
-    def read(
-        self, column: str, rule: Callable[[str], T], blank: T, wanted: str | None = None
-    ) -> list[T]:
-        """What a rule makes of each cell of a column.
-
-        Args:
-            column: name.
-            rule: text to value; raises InputError.
-            blank: for an empty cell, and for one that breaks the rule.
-            wanted: what to write into an empty cell; None if it may stay empty.
-        """
-        values = []
-        for index, row in enumerate(self.rows):
-            text, value = row.cells.get(column), blank
-            if text is not None:
-                try:
-                    value = rule(text)
-                except InputError as error:
-                    self.note(index, column, error.what, error.remedy)
-            elif wanted:
-                self.note(index, column, "The cell is empty.", wanted)
-            values.append(value)
-        return values
-
-    def number(self, text: str) -> float:
-        """The number that a text writes; remembers its decimal mark."""
-        value = self._number(text)
-        self.marks |= {mark for mark in ".," if mark in text}
-        return value
-
-    def numbers(self, column: str, low: float, high: float) -> Floats:
-        """Numbers from `low` to `high`, shape (n,); NaN for an empty cell."""
-
-        def within(text: str) -> float:
-            value = self.number(text)
-            if not low <= value <= high:
-                raise InputError(f"The number is outside {low:g} … {high:g}.", "Check the number.")
-            return value
-
-        return np.array(self.read(column, within, math.nan), dtype=np.float64)
-
-    def lengths(
-        self,
-        column: str,
-        longest: float,
-        noun: str,
-        wanted: str | None = None,
-        than: str = "the leg is long",
-    ) -> Floats:
-        """Lengths up to `longest`, shape (n,) [mm]; NaN for an empty cell.
-
-        A column in inches is named `…_in`. None is larger `than` that, in words.
-        """
-        unit = MM_PER_INCH if column.endswith("_in") else 1.0
-
-        def length(text: str) -> float:
-            value = self.number(text) * unit
-            if abs(value) > longest:
-                raise InputError(
-                    f"The {noun} is larger than {than}.",
-                    f"Check the unit and the decimal mark; {noun}s are in mm.",
-                )
-            return value
-
-        return np.array(self.read(column, length, math.nan, wanted), dtype=np.float64)
-
-    def check_complete(self, columns: Sequence[str]) -> None:
-        """Each of these columns is filled in every row or in none."""
-        for column in columns:
-            empty = [index for index, row in enumerate(self.rows) if column not in row.cells]
-            for index in empty if len(empty) < len(self.rows) else ():
-                what = "The cell is empty here but filled in other rows."
-                self.note(index, column, what, "Fill it in every row or in none.")
 
 
 @dataclass(frozen=True)
@@ -163,15 +34,15 @@ class Table:
         header_line: from 1.
         rows: records that are not blank.
         decimal_comma: True if the delimiter leaves the comma free.
-        document: where it came from.
+        file: where it came from.
         faults: wrong quotes and row lengths found so far.
     """
 
     columns: tuple[str, ...]
     header_line: int
-    rows: tuple[Row, ...]
+    rows: tuple[Record, ...]
     decimal_comma: bool
-    document: FileText
+    file: FileText
     faults: Faults
 
     def number(self, text: str) -> float:
@@ -217,24 +88,24 @@ class Table:
             )
 
 
-def read_table(document: FileText, coded: Sequence[str]) -> Table:
-    """Split a document into header and rows.
+def read_table(file: FileText, coded: Sequence[str]) -> Table:
+    """Split a file into header and rows.
 
     Blank lines are skipped, and so are lines that start with # and Excel's `sep=;` line.
 
     Args:
-        document: the file.
+        file: as read.
         coded: columns that never hold free text. If another column comes first, a # after the
             header belongs to its text: skipping the line would lose a reading.
     """
-    faults = Faults(document.path)
-    lines = _Lines(document.text.split("\n"))
+    faults = Faults(file.path)
+    lines = _Lines(file.text.split("\n"))
     delimiter = lines.find_header()
     records = _records(lines, delimiter, faults)
     header_line, header = next(records, (1, []))
     columns = _columns(header, header_line, faults)
     lines.comments = bool(columns) and columns[0] in coded
-    rows: list[Row] = []
+    rows: list[Record] = []
     for line, record in records:
         if len(rows) >= _ROWS:
             faults.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
@@ -250,8 +121,8 @@ def read_table(document: FileText, coded: Sequence[str]) -> Table:
             faults.add(what, remedy, line=line, value=lines.shown(line))
         elif any(cells):
             pairs = zip(columns, cells, strict=False)
-            rows.append(Row(line, {name: cell for name, cell in pairs if cell}))
-    return Table(columns, header_line, tuple(rows), delimiter != ",", document, faults)
+            rows.append(Record(line, {name: cell for name, cell in pairs if cell}))
+    return Table(columns, header_line, tuple(rows), delimiter != ",", file, faults)
 
 
 def _clean(cell: str) -> str:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -18,10 +17,12 @@ from orthoglide_cal.errors import UsageError, visible
 from orthoglide_cal.files import (
     Conditions,
     FileText,
+    GaugeIdentity,
+    ReadingRow,
     differing,
-    file_columns,
     input_from_document,
     read_document,
+    reading_rows,
 )
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import AXES, Floats, Model, Readings, Series
@@ -49,34 +50,25 @@ class First:
         return self.following.data.path
 
     @cached_property
-    def columns(self) -> dict[str, list[Any]]:
-        """Column → cell of each reading, as the joined session holds them."""
-        return file_columns(self.readings)
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """The readings as rows of a session, in the order of time."""
-        columns = {**self.columns, "timestamp": self._timestamps}
-        return [
-            {name: cells[index] for name, cells in columns.items()}
-            for index in self.readings.plan.in_time.tolist()
-        ]
-
-    @property
-    def _timestamps(self) -> list[str | None]:
-        """When each reading was taken, as a session says it."""
+    def _rows(self) -> list[ReadingRow]:
+        """Each reading as the joined session holds it."""
+        rows = reading_rows(self.readings)
         if not self.is_session:
-            return [None] * len(self.readings)
+            return rows
         entries = load_tree(self.following.data).value["readings"]
-        return [entry.get("timestamp") for entry in entries]
-
-    def gauges(self, known: set[str]) -> list[dict[str, Any]]:
-        """Gauges of the first readings beside those `known` by their label."""
         return [
-            {"id": each.label, "certificate": each.certificate, "resolution": each.resolution_mm}
-            for each in self.conditions.gauges
-            if each.label not in known
+            row.model_copy(update={"timestamp": entry.get("timestamp")})
+            for row, entry in zip(rows, entries, strict=True)
         ]
+
+    @property
+    def rows(self) -> list[ReadingRow]:
+        """The readings as rows of a session, in the order of time."""
+        return [self._rows[index] for index in self.readings.plan.in_time.tolist()]
+
+    def gauges(self, known: set[str]) -> list[GaugeIdentity]:
+        """Gauges of the first readings beside those `known` by their label."""
+        return [each for each in self.conditions.gauges if each.id not in known]
 
     @property
     def environment(self) -> dict[str, str]:
@@ -115,7 +107,7 @@ class First:
         plan = self.readings.plan
         return next(
             (
-                self.columns["gauge"][index]
+                self._rows[index].gauge
                 for index in reversed(plan.in_time.tolist())
                 if plan.series[index] == series
             ),

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 from orthoglide_cal.errors import UsageError, command
-from orthoglide_cal.files import machine_values, session_text, sitting_cells
-from orthoglide_cal.model import AXES
+from orthoglide_cal.files import GaugeIdentity, ReadingRow, Session, row_at, session_text
 from orthoglide_cal.session.events import Arrived, Questioned
 from orthoglide_cal.session.following import First
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
@@ -103,37 +101,37 @@ def _names(paths: list[Path]) -> str:
     return ", ".join(path.name for path in paths)
 
 
-def session_values(so_far: ReadingsSoFar) -> dict[str, Any]:
-    """The session file's content as plain values; the same records always give the same."""
+def session_values(so_far: ReadingsSoFar) -> Session:
+    """The session file's content; the same records always give the same."""
     state, setting, first = so_far.state, so_far.setting, so_far.setting.first
     opened, resolution = state.opened, setting.machine.gauge.resolution_mm
     rows = first.rows if first else []
-    return {
-        "schema_version": 1,
-        "machine": machine_values(setting.model),
-        "protocol": opened.protocol.value,
-        "operator": opened.operator or (first.conditions.operator if first else None),
-        "gauges": [
-            {"id": gauge.id, "certificate": gauge.certificate, "resolution": resolution}
-            for gauge in opened.gauges
-        ]
-        + (first.gauges({gauge.id for gauge in opened.gauges}) if first else []),
-        "started": (first.conditions.started if first else None) or opened.at,
-        "finished": state.ended.at if state.ended else None,
-        "environment": _environment(state, first),
-        "readings": rows
-        + [
-            {**_row(so_far, item.take), "seq": seq, "gauge": label, "note": _note(state, item.take)}
-            for seq, (item, label) in enumerate(
-                zip(state.accepted.values(), so_far.labels, strict=True), start=len(rows) + 1
-            )
-        ],
-        "retaken": [{**_row(so_far, old.take), "reason": old.reason} for old in state.replaced],
-        "skipped": [
-            {**_place(setting, number), "reason": reason}
+    gauges = [
+        GaugeIdentity(id=gauge.id, certificate=gauge.certificate, resolution_mm=resolution)
+        for gauge in opened.gauges
+    ]
+    accepted = zip(state.accepted.values(), so_far.labels, strict=True)
+    return Session(
+        machine=setting.model,
+        protocol=opened.protocol.value,
+        operator=opened.operator or (first.conditions.operator if first else None),
+        gauges=(*gauges, *(first.gauges({gauge.id for gauge in gauges}) if first else ())),
+        started=(first.conditions.started if first else None) or opened.at,
+        finished=state.ended.at if state.ended else None,
+        environment=_environment(state, first),
+        readings=(
+            *rows,
+            *(
+                _row(so_far, item.take, seq=seq, gauge=label, note=_note(state, item.take))
+                for seq, (item, label) in enumerate(accepted, start=len(rows) + 1)
+            ),
+        ),
+        retaken=tuple(_row(so_far, old.take, reason=old.reason) for old in state.replaced),
+        skipped=tuple(
+            _place(setting, number).model_copy(update={"reason": reason})
             for number, reason in sorted(state.skipped.items())
-        ],
-    }
+        ),
+    )
 
 
 def written_before(so_far: ReadingsSoFar) -> set[bytes]:
@@ -145,33 +143,27 @@ def written_before(so_far: ReadingsSoFar) -> set[bytes]:
     return written
 
 
-def _place(setting: Setting, number: int) -> dict[str, Any]:
-    """What a step reads; the blank ones of its values are not written."""
+def _place(setting: Setting, number: int) -> ReadingRow:
+    """What a step reads."""
     step = setting.steps[number - 1]
-    return {
-        "leg": AXES[step.leg],
-        "posture": str(step.posture),
-        "direction": AXES[step.direction],
-        "end": step.end,
-        "cycle": setting.first.cycle(step) if setting.first else step.cycle,
-        **sitting_cells(setting.plan, number - 1),
-    }
+    cycle = setting.first.cycle(step) if setting.first else step.cycle
+    row = row_at(setting.plan, number - 1, str(step.posture))
+    return row.model_copy(update={"cycle": cycle})
 
 
-def _row(so_far: ReadingsSoFar, take: Arrived) -> dict[str, Any]:
-    """One reading; the blank ones of its values are not written."""
+def _row(so_far: ReadingsSoFar, take: Arrived, **further: object) -> ReadingRow:
+    """One reading, with what is known of it further."""
     setting, opened, minutes = so_far.setting, so_far.state.opened, take.file_minutes
-    step, first = setting.steps[take.step - 1], setting.first
-    return {
-        **_place(setting, take.step),
+    first = setting.first
+    update = {
         "reading_mm": take.value_mm,
-        "seq": None,
         "minutes": first.minutes(opened.at, minutes) if first else minutes,
         "temperature_c": opened.temperature_c,
-        "gauge": opened.gauge_id(step.stand),
-        "note": None,
+        "gauge": opened.gauge_id(setting.steps[take.step - 1].stand),
         "timestamp": take.at,
+        **further,
     }
+    return _place(setting, take.step).model_copy(update=update)
 
 
 def _note(state: State, take: Arrived) -> str | None:

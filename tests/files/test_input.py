@@ -9,9 +9,9 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files import (
     Conditions,
     GaugeIdentity,
+    Session,
     latest_session,
     machine_text,
-    machine_values,
     read_input,
     session_text,
     sessions_in,
@@ -24,8 +24,8 @@ READINGS = [{"leg": "x", "posture": "iso", "direction": "y", "reading_mm": 0.1}]
 
 
 def write(folder, name, **given):
-    values = {"machine": machine_values(MODEL), "readings": READINGS, **given}
-    (folder / name).write_text(session_text(values))
+    session = Session(machine=MODEL, readings=READINGS, **given)
+    (folder / name).write_text(session_text(session))
 
 
 def touch(path, year):
@@ -44,7 +44,7 @@ def test_the_conditions_of_a_table_are_those_of_its_columns(tmp_path):
     assert given.model is MODEL
     assert given.conditions == Conditions(
         temperature_c=(20.25, 21.5),
-        gauges=(GaugeIdentity("B"), GaugeIdentity("A")),
+        gauges=(GaugeIdentity(id="B"), GaugeIdentity(id="A")),
         notes=((3, "shaken"),),
     )
 
@@ -98,7 +98,7 @@ def test_no_folder(tmp_path):
         ("r.csv", "leg,posture,direction,reading_mm\nx,iso,y,0.1\n", "readings", 1),
         ("d.csv", "difference,value_mm\ndx_y,0.1\ndx_z,0.1\n", "six", 2),
         ("m.yaml", machine_text(MODEL), "machine", 0),
-        ("s.yaml", session_text({"machine": machine_values(MODEL), "readings": READINGS}),
+        ("s.yaml", session_text(Session(machine=MODEL, readings=READINGS)),
          "session", 1),
     ],
 )  # fmt: skip

@@ -3,9 +3,9 @@
 import pytest
 
 from orthoglide_cal.files import (
+    Session,
     machine_from_text,
     machine_text,
-    machine_values,
     read_machine,
     session_text,
 )
@@ -49,7 +49,7 @@ def test_history_and_details_are_kept_when_the_file_is_written_again(tmp_path):
 
 def session_of(model: Model) -> Model:
     """The machine that a session of it holds."""
-    text = session_text({"machine": machine_values(model), "readings": []})
+    text = session_text(Session(machine=model))
     tree = load_tree(document_from_bytes(text.encode(), "s.yaml"))
     found = machine_in(Group(tree, ("machine",), tree.value["machine"]))
     assert found is not None

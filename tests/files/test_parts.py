@@ -145,11 +145,11 @@ def test_a_usual_file_has_no_such_column(tmp_path: Path) -> None:
 
 def test_readings_that_were_replaced_are_checked_for_it_too(tmp_path: Path) -> None:
     session = session_of_readings(read(tmp_path / "r.csv"), Model(PROTOTYPE), {})
-    retaken = {**session["readings"][4], "reason": "slipped"}
+    retaken = session.readings[4].model_copy(update={"reason": "slipped"})
     path = tmp_path / "s.yaml"
-    write_session({**session, "retaken": [retaken]}, path)
+    write_session(session.model_copy(update={"retaken": (retaken,)}), path)
     assert check_file(str(path), None).valid
     assert "bar: turned" in path.read_text().split("retaken:")[1]
-    write_session({**session, "retaken": [{**retaken, "entered": "0.5 0"}]}, path, overwrite=True)
+    path.write_text(path.read_text().replace(", reason:", " 0, reason:"))
     (problem,) = check_file(str(path), None).problems
     assert "Three numbers are wanted" in problem.what

@@ -105,11 +105,11 @@ def row(cells: str, extra: str = "") -> str:
 BAD = [
     # file, line, column, value, words of the message, words of the remedy
     (row("q,iso,y,0"), 3, "leg", "q", "not an axis", "x, y or z"),
-    (row(",iso,y,0"), 3, "leg", None, "empty", "x, y or z"),
+    (row(",iso,y,0"), 3, "leg", None, "missing", "x, y or z"),
     (row("x,iso,w,0"), 3, "direction", "w", "not an axis", "x, y or z"),
     (row("x,iso,x,0"), 3, "direction", "x", "own axis", "across the leg: y or z"),
     (row("x,mid,y,0"), 3, "posture", "mid", "not a posture", "iso, max, min"),
-    (row("x,,y,0"), 3, "posture", None, "empty", "iso, max, min"),
+    (row("x,,y,0"), 3, "posture", None, "missing", "iso, max, min"),
     (row("x,60.01,y,0"), 3, "posture", "60.01", "joint limits", "-100 to 60 mm"),
     (row("x,-310.25,y,0"), 3, "posture", "-310.25", "joint limits", "-100 to 60 mm"),
     (row("x,nan,y,0"), 3, "posture", "nan", "not a posture", "iso, max, min"),
@@ -124,9 +124,9 @@ BAD = [
     (row("x,iso,y,0,1"), 3, None, "x,iso,y,0,1", "5 cells, the header 4", "semicolons"),
     (row('x,iso,y,"0.1'), 3, None, 'x,iso,y,"0.1', "never closed", "Close it"),
     (row('x,iso,"y"z,0.1'), 3, None, 'x,iso,"y"z,0.1', "cannot be split", "Close it"),
-    (row("x,iso,y,0,1.5", ",gauge_at"), 3, "gauge_at", "1.5", "outside 0 … 1", "Check"),
-    (row("x,iso,y,0,-0.1", ",gauge_at"), 3, "gauge_at", "-0.1", "outside 0 … 1", "Check"),
-    (row("x,iso,y,0,400", ",temperature_c"), 3, "temperature_c", "400", "outside", "Check"),
+    (row("x,iso,y,0,1.5", ",gauge_at"), 3, "gauge_at", "1.5", "at most 1", "Check"),
+    (row("x,iso,y,0,-0.1", ",gauge_at"), 3, "gauge_at", "-0.1", "not be negative", "zero or more"),
+    (row("x,iso,y,0,400", ",temperature_c"), 3, "temperature_c", "400", "at most 200", "Check"),
     (f"{HEAD},end\nx,iso,y,0,top\n", 2, "end", "top", "not an end", "joint or tool"),
     (row("x,iso,y,0,tool", ",end"), 2, "end", None, "empty here", "every row or in none"),
     (row("x,iso,y,0,1", ",cycle"), 2, "cycle", None, "empty here", "every row or in none"),
@@ -136,7 +136,7 @@ BAD = [
     (f"{HEAD},cycle\nx,iso,y,0,1.5\n", 2, "cycle", "1.5", "whole number from 1", "Write 1"),
     (f"{HEAD},seq\nx,iso,y,0,-1\n", 2, "seq", "-1", "whole number from 0", "Write 0"),
     (f"{HEAD},seq\nx,iso,y,0,1\nx,max,y,0,1\n", 3, "seq", "1", "line 2", "Number the readings"),
-    (f"{HEAD},minutes\nx,iso,y,0,-1\n", 2, "minutes", "-1", "outside", "Check"),
+    (f"{HEAD},minutes\nx,iso,y,0,-1\n", 2, "minutes", "-1", "not be negative", "zero or more"),
     (f"{HEAD},minutes\nx,iso,y,0,2\nx,max,y,0,1\n", 3, "minutes", "1", "backwards: line 2", "seq"),
     (f"{HEAD},reading_in\nx,iso,y,0,\n", 1, "reading_in", None, "both in mm", "Keep one"),
     (f"{HEAD},leg\nx,iso,y,0,x\n", 1, "leg", None, "twice", "Rename"),
@@ -161,7 +161,7 @@ def test_everything_is_collected_in_the_order_of_lines(tmp_path):
     text = f"{HEAD},seq\nq,iso,w,x,1\nx,iso,y,0.1,1\nx,99,x,,1\n"
     assert places(problems(measured, tmp_path, text)) == [
         (2, "leg", "q"), (2, "direction", "w"), (2, "reading_mm", "x"),
-        (4, "direction", "x"), (4, "posture", "99"), (4, "reading_mm", None),
+        (4, "posture", "99"), (4, "direction", "x"), (4, "reading_mm", None),
     ]  # fmt: skip
 
 
@@ -353,7 +353,7 @@ def test_assumed_times_are_not_written(tmp_path):
 
 def test_columns_without_content_are_left_out():
     text = readings_csv(made(double_posture(MACHINE, cycles=1)))
-    assert text.split("\n")[0] == "seq,leg,posture,direction,reading_mm,cycle,minutes"
+    assert text.split("\n")[0] == "leg,posture,direction,cycle,reading_mm,seq,minutes"
 
 
 def test_the_place_of_a_gauge_at_an_end_is_not_written(tmp_path):

@@ -9,6 +9,7 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import (
     Conditions,
     GaugeIdentity,
+    Session,
     machine_from_text,
     machine_text,
     machine_values,
@@ -27,10 +28,10 @@ from .helpers import MODEL, PROTOTYPE, places, problems
 LARGE = read_machine(PROTOTYPE.with_name("orthoglide_large.yaml"))
 
 
-def values(model=MODEL, **changes) -> dict:
+def values(model=MODEL, **changes) -> Session:
     steps = [("x", "iso", "y"), ("x", "max", "z"), ("y", "-20.5", "x"), ("z", "min", "y")]
     content = {
-        "machine": machine_values(model),
+        "machine": model,
         "protocol": "double-posture",
         "operator": "M. Muster: # 'quoted'",
         "gauges": [{"id": "012", "certificate": "1e-3", "resolution": 0.01}],
@@ -50,7 +51,7 @@ def values(model=MODEL, **changes) -> dict:
         ],
         "skipped": [{"leg": "z", "posture": "iso", "direction": "x", "reason": "no access"}],
     }  # fmt: skip
-    return {**content, **changes}
+    return Session(**{**content, **changes})
 
 
 def save(tmp_path, text, name="session.yaml"):
@@ -84,7 +85,7 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
         started="2025-03-01T09:00:00+01:00",
         temperature_c=(20.0, 20 + 3 / 7),
         environment=(("temperature_c", "20.5"), ("note", "null")),
-        gauges=(GaugeIdentity("012", "1e-3", 0.01),),
+        gauges=(GaugeIdentity(id="012", certificate="1e-3", resolution_mm=0.01),),
         retaken=1,
         skipped=1,
         notes=((given.notes[0][0], "yes: 1"),),
@@ -100,7 +101,7 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
 def test_labels_without_an_entry_are_gauges_too(tmp_path):
     other = values(gauges=[{"id": "7"}], environment="a foggy day")
     given = read_input(save(tmp_path, session_text(other))).conditions
-    assert given.gauges == (GaugeIdentity("7"), GaugeIdentity("012"))
+    assert given.gauges == (GaugeIdentity(id="7"), GaugeIdentity(id="012"))
     assert given.environment == (("note", "a foggy day"),)
 
 
@@ -122,7 +123,7 @@ def test_readings_in_memory_become_a_session(tmp_path):
     path = save(tmp_path, session_text(values()))
     read = read_input(path).measured
     again = session_of_readings(read, MODEL, {"source": "memory"})
-    assert again["protocol"] == "double-posture"
+    assert again.protocol == "double-posture"
     other = read_input(save(tmp_path, session_text(again), "again.yaml")).measured
     for field in dataclasses.fields(read.plan):
         mine, theirs = getattr(other.plan, field.name), getattr(read.plan, field.name)
@@ -296,7 +297,7 @@ def test_entries_that_are_no_readings(tmp_path):
     head = text[: text.index("readings:")]
     found = problems(read_input, save(tmp_path, head + "readings: [a, {leg: x}]\n"), MODEL)
     assert [fault.column for fault in found] == [
-        "readings[0]", "readings[1].direction", "readings[1].posture", "readings[1].reading_mm",
+        "readings[0]", "readings[1].posture", "readings[1].direction", "readings[1].reading_mm",
     ]  # fmt: skip
     found = problems(read_input, save(tmp_path, head + "readings: {a: b}\n"), MODEL)
     assert found[0].column == "readings"

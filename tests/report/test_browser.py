@@ -180,7 +180,10 @@ def test_a_report_without_a_result_takes_one_sheet_of_paper(chromium: Browser, t
         finished="2026-03-03T09:31:00+01:00",
         temperature_c=(20.9, 21.6),
         environment=tuple((f"remark {k}", "draught from the door " * 3) for k in range(6)),
-        gauges=tuple(GaugeIdentity(f"no. {k}", f"2026-{k:04d}", 0.01) for k in range(6)),
+        gauges=tuple(
+            GaugeIdentity(id=f"no. {k}", certificate=f"2026-{k:04d}", resolution_mm=0.01)
+            for k in range(6)
+        ),
         notes=tuple((k, "touched the stand") for k in range(60)),
     )
     failed = cases.failed()

@@ -47,7 +47,10 @@ def healthy() -> Calibration:
         finished="2026-03-03T09:31:00+01:00",
         temperature_c=(20.9, 21.6),
         environment=(("place", "hall 3"),),
-        gauges=(GaugeIdentity("no. 41", "2026-0117", 0.01), GaugeIdentity("no. 42")),
+        gauges=(
+            GaugeIdentity(id="no. 41", certificate="2026-0117", resolution_mm=0.01),
+            GaugeIdentity(id="no. 42"),
+        ),
         retaken=1,
         notes=((14, "touched the stand"),),
     )
@@ -120,7 +123,7 @@ def hostile() -> Calibration:
         operator=HOSTILE[3],
         started="2026-03-03T09:00:00+01:00",
         environment=((HOSTILE[1], HOSTILE[4]),),
-        gauges=tuple(GaugeIdentity(text, text) for text in HOSTILE),
+        gauges=tuple(GaugeIdentity(id=text, certificate=text) for text in HOSTILE),
         notes=tuple(enumerate(HOSTILE, start=2)),
     )
     return _made(measured, model, conditions)

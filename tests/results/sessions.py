@@ -60,4 +60,4 @@ def given(
 
 def write(measured: Readings, model: Model, path: Path, **more: str) -> None:
     """A session file of readings; `more` are further keys of it."""
-    write_session({**session_of_readings(measured, model, {}), **more}, path)
+    write_session(session_of_readings(measured, model, {}).model_copy(update=more), path)

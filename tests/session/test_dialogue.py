@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files import read_input, session_json
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
 from orthoglide_cal.results import calibrate
@@ -39,7 +39,7 @@ from .virtual import (
 
 def content(dialogue: Dialogue) -> dict[str, Any]:
     """The session file's content as it stands."""
-    return session_values(dialogue.so_far)
+    return session_json(session_values(dialogue.so_far))
 
 
 def values(dialogue: Dialogue) -> dict[int, float]:
@@ -399,7 +399,7 @@ def test_a_moved_stand_gets_a_new_zero_and_the_offsets_stay_right(tmp_path: Path
     assert isinstance(take, Questioned)
     assert "step 27" in take.question  # the last reading of that gauge
     labels = [
-        r["gauge"] for r in content(dialogue)["readings"] if r["leg"] + r["direction"] == "yx"
+        r.get("gauge") for r in content(dialogue)["readings"] if r["leg"] + r["direction"] == "yx"
     ]
     assert labels == [None] * 4 + ["(moved at step 29)"] * 6
     healthy, _ = answered(tmp_path / "h.journal", typed(right))

@@ -218,7 +218,7 @@ def test_readings_without_times_are_not_given_any(tmp_path: Path) -> None:
     path.write_text("\n".join(["leg,posture,direction,reading_mm", *rows]))
     joined = first_of(alone(path), default_machine())
     assert joined.minutes("2025-03-01T09:30:00+01:00", 1.5) is None
-    assert all(row["minutes"] is None for row in joined.rows)
+    assert all(row.minutes is None for row in joined.rows)
 
 
 def test_the_live_offsets_wait_for_the_end(first: Path, tmp_path: Path) -> None:

@@ -1,0 +1,408 @@
+"""One row of each kind of table, whatever file it stands in, and how its texts are checked.
+
+A row comes as the texts of its cells, from a CSV, from a session or from a record of a journal;
+the same class writes it. Every cell is checked by itself here; what only shows across rows, where
+the rows become arrays.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_serializer,
+    field_validator,
+)
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults, Place, Steps
+from orthoglide_cal.files.text import number_text
+from orthoglide_cal.model import AXES, DIFFERENCES, DataKind, Posture
+from orthoglide_cal.schema import Count, Moment, Schema, parse_count, yaml_number
+from orthoglide_cal.words import MM_PER_INCH
+
+LATEST_MINUTES = 1e6  # two years
+TURNED = "turned"
+_POSTURES = {posture.value for posture in Posture}
+_AXIS = "Write x, y or z."
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record of a file, as text.
+
+    Attributes:
+        line: its first line, from 1.
+        cells: column → text without blanks around it; empty cells are left out.
+        lines: column → line, where a cell has its own.
+        prefix: what precedes a column's name in messages, e.g. "readings[3].".
+    """
+
+    line: int
+    cells: Mapping[str, str]
+    lines: Mapping[str, int] = field(default_factory=dict)
+    prefix: str = ""
+
+    def place(self, path: Steps) -> Place:
+        """Where the cell of a column stands, which `path` begins with."""
+        column = str(path[0])
+        inches = f"{column.removesuffix('_mm')}_in"
+        if column not in self.cells and inches in self.cells:
+            column = inches
+        line = self.lines.get(column, self.line)
+        return Place(line, self.prefix + column, self.cells.get(column))
+
+
+@dataclass
+class Reading:
+    """How the cells of one file are read.
+
+    Attributes:
+        number: what a text is as a number; raises InputError.
+        longest: column of lengths → the longest [mm], what it is, and than what it must not be
+            larger.
+        travel: lowest and highest displacement of a carriage [mm].
+        wanted: whether each row has its reading; one that was skipped has none.
+        marks: decimal marks seen.
+    """
+
+    number: Callable[[str], float] = yaml_number
+    longest: Mapping[str, tuple[float, str, str]] = field(default_factory=dict)
+    travel: tuple[float, float] = (-math.inf, math.inf)
+    wanted: bool = True
+    marks: set[str] = field(default_factory=set)
+
+    def read(self, text: str) -> float:
+        """The number that a text writes; remembers its decimal mark."""
+        value = self.number(text)
+        self.marks |= {mark for mark in ".," if mark in text}
+        return value
+
+
+class _Inches(str):
+    """The text of a number in inches, in the place of one in mm."""
+
+
+def _number(value: object, info: ValidationInfo) -> float:
+    if info.context is not None and isinstance(value, str):
+        read: float = info.context.read(value)
+        return read
+    return yaml_number(value)
+
+
+def _length(value: object, info: ValidationInfo) -> float:
+    size = _number(value, info) * (MM_PER_INCH if isinstance(value, _Inches) else 1.0)
+    if info.context is not None and info.field_name in info.context.longest:
+        longest, noun, than = info.context.longest[info.field_name]
+        if abs(size) > longest:
+            raise InputError(
+                f"The {noun} is larger than {than}.",
+                f"Check the unit and the decimal mark; {noun}s are in mm.",
+            )
+    return size
+
+
+def _order(value: object) -> object:
+    return parse_count(value, 0) if isinstance(value, str) else value
+
+
+def _axis(value: object) -> object:
+    if not isinstance(value, str) or value.lower() not in AXES:
+        raise InputError("This is not an axis.", _AXIS)
+    return value.lower()
+
+
+def _end(value: object) -> object:
+    if not isinstance(value, str) or value.lower() not in ("joint", "tool"):
+        raise InputError("This is not an end of the leg.", "Write joint or tool.")
+    return value.lower()
+
+
+def _bar(value: object) -> object:
+    if not isinstance(value, str) or value.lower() != TURNED:
+        remedy = f"Write {TURNED} where it was turned half round, else leave the cell empty."
+        raise InputError("This does not say how the bar was.", remedy)
+    return TURNED
+
+
+def _posture(text: str, info: ValidationInfo) -> str:
+    """iso, max, min, or the displacement as the shortest text."""
+    if text.lower() in _POSTURES:
+        return text.lower()
+    if info.context is None:
+        return text
+    low, high = info.context.travel
+    remedy = "Write iso, max, min or a displacement in mm."
+    if low > -math.inf:
+        remedy = f"Write iso, max, min or a displacement from {low:g} to {high:g} mm."
+    try:
+        displacement: float = info.context.read(text)
+    except InputError:
+        raise InputError("This is not a posture.", remedy) from None
+    if not low <= displacement <= high:
+        raise InputError("The posture is outside the joint limits.", remedy)
+    return number_text(displacement)
+
+
+def _entered(value: object, info: ValidationInfo) -> object:
+    if not isinstance(value, str):
+        return value
+    offsets = tuple(_length(each, info) for each in value.split())
+    if len(offsets) != len(AXES):
+        raise InputError(
+            f"Three numbers are wanted, of x, y and z; here are {len(offsets)}.",
+            "Write mm with blanks between them, such as 0.5 0 0.",
+        )
+    return offsets
+
+
+def difference_name(text: str) -> str:
+    """The canonical name; the leading d may be missing, or a delta. Raises InputError."""
+    name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
+    if name not in _NAMED:
+        raise InputError("This is not the name of a difference.", KNOWN_DIFFERENCES)
+    return name
+
+
+DIFFERENCE_KINDS = {
+    DataKind.SIX: "max − min",
+    DataKind.TWELVE: "relative to the isotropic posture",
+    DataKind.SINGLE: "tool end − joint end",
+}
+_NAMED = {each.name for known in DIFFERENCES.values() for each in known}
+KNOWN_DIFFERENCES = "Direction first, leg second. Known: {}.".format(
+    "; ".join(
+        f"{kind} ({DIFFERENCE_KINDS[kind]}): {', '.join(each.name for each in known)}"
+        for kind, known in DIFFERENCES.items()
+    )
+)
+
+Cell = Annotated[float, BeforeValidator(_number)]
+Length = Annotated[float, BeforeValidator(_length)]
+Order = Annotated[int, BeforeValidator(_order)]  # a whole number from 0
+Axis = Annotated[str, BeforeValidator(_axis)]
+Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
+
+
+class Row(Schema):
+    """Base of all rows; what else stands in a record is kept by its file, and reported.
+
+    Attributes:
+        inches: column that may give the reading in inches.
+        empty: column → what to write into an empty cell of one that is needed.
+    """
+
+    model_config = ConfigDict(extra="ignore")
+    inches: ClassVar[str] = ""
+    empty: ClassVar[Mapping[str, str]] = {}
+
+    def cells(self) -> dict[str, Any]:
+        """Column → what a file holds, in the order of files; blank ones are left out."""
+        return {key: value for key, value in self.model_dump().items() if value not in (None, "")}
+
+
+class ReadingRow(Row):
+    """A gauge reading; None where nothing is said.
+
+    Attributes:
+        leg: whose carriage is displaced.
+        posture: iso, max, min of that leg, or its displacement from the isotropic posture [mm].
+        direction: along which the gauge measures.
+        end: of the leg, that is touched in the single-posture protocol.
+        cycle: repeat, from 1.
+        reading_mm: None for a step that was left out.
+        seq: order in time.
+        minutes: since the session began.
+        temperature_c: of the thermometer.
+        gauge: its label.
+        gauge_at: where it stood along the leg, from the carriage joint (0) to the tool (1).
+        part: of the measurement, from 1.
+        bar: "turned" where the touched bar was turned half round.
+        entered: in the controller since the first reading, x, y, z [mm].
+        note: remark.
+        timestamp: ISO time.
+        reason: why it was replaced or left out.
+    """
+
+    leg: Axis
+    posture: Annotated[str, AfterValidator(_posture)]
+    direction: Axis
+    end: Annotated[str, BeforeValidator(_end)] | None = None
+    cycle: Count | None = None
+    reading_mm: Length | None = Field(default=None, validate_default=True)
+    seq: Order | None = None
+    minutes: Minutes | None = None
+    temperature_c: Annotated[Cell, Field(ge=-100.0, le=200.0)] | None = None
+    gauge: str | None = None
+    gauge_at: Annotated[Cell, Field(ge=0.0, le=1.0)] | None = None
+    part: Count | None = None
+    bar: Annotated[str, BeforeValidator(_bar)] | None = None
+    entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
+    note: str | None = None
+    timestamp: Moment | None = None
+    reason: str | None = None
+
+    inches = "reading_in"
+    empty: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("leg", "direction"), _AXIS),
+        "posture": "Write iso, max, min or a displacement in mm.",
+    }
+
+    @field_validator("direction")
+    @classmethod
+    def _across(cls, direction: str, info: ValidationInfo) -> str:
+        if direction == info.data.get("leg"):
+            other = " or ".join(name for name in AXES if name != direction)
+            raise InputError(
+                "A gauge along the leg's own axis says nothing of the leg.",
+                f"Give the direction across the leg: {other}; or correct the leg.",
+            )
+        return direction
+
+    @field_validator("reading_mm")
+    @classmethod
+    def _given(cls, reading: float | None, info: ValidationInfo) -> float | None:
+        if reading is None and info.context is not None and info.context.wanted:
+            raise InputError("The reading is missing.", "Give the reading, or remove the row.")
+        return reading
+
+    @field_serializer("entered")
+    def _written(self, entered: tuple[float, ...] | None) -> str | None:
+        return " ".join(map(number_text, entered)) if entered else None
+
+
+class ProbeRow(Row):
+    """A touch of a bed by the probe.
+
+    Attributes:
+        x_mm, y_mm: commanded place.
+        reading_mm: height at which the probe triggers.
+        z_mm: height of the surface that was touched.
+        seq, cycle, minutes, note: as of a `ReadingRow`.
+    """
+
+    x_mm: Length
+    y_mm: Length
+    reading_mm: Length
+    z_mm: Length | None = None
+    seq: Order | None = None
+    cycle: Count | None = None
+    minutes: Minutes | None = None
+    note: str | None = None
+
+    empty: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
+    )
+
+
+class DifferenceRow(Row):
+    """A difference as the paper prints it."""
+
+    difference: Annotated[str, AfterValidator(difference_name)]
+    value_mm: Length
+
+    inches = "value_in"
+    empty: ClassVar[Mapping[str, str]] = {
+        "difference": KNOWN_DIFFERENCES,
+        "value_mm": "Give the value or remove the row.",
+    }
+
+
+R = TypeVar("R", bound=Row)
+Timed = TypeVar("Timed", ReadingRow, ProbeRow)
+
+
+class Rows(Generic[R]):
+    """The rows of a file; what is wrong with one is noted, and None stands in its place.
+
+    Args:
+        records: in the order of the file.
+        schema: what each of them is.
+        reading: how its cells are read.
+        faults: where faults go.
+    """
+
+    def __init__(
+        self, records: Sequence[Record], schema: type[R], reading: Reading, faults: Faults
+    ) -> None:
+        self.records = records
+        self.faults = faults
+        missing = "The value is missing."
+        words = {f"missing {name}": (missing, remedy) for name, remedy in schema.empty.items()}
+        mm = schema.inches.replace("_in", "_mm")
+        self.rows: list[R | None] = []
+        for index, record in enumerate(records):
+            cells = record.cells
+            if schema.inches in cells and mm not in cells:
+                cells = {**cells, mm: _Inches(cells[schema.inches])}
+            try:
+                self.rows.append(schema.model_validate(cells, context=reading))
+            except ValidationError as error:
+                faults.take(error, schema, record.place, words)
+                self.rows.append(None)
+            if schema.inches in record.cells and mm in record.cells:
+                remedy = "Give the reading, or remove the row."
+                self.note(index, schema.inches, "The row has two readings.", remedy)
+
+    def note(self, index: int, column: str, what: str, remedy: str) -> None:
+        """Note a fault in row `index`."""
+        line, at, value = self.records[index].place((column,))
+        self.faults.add(what, remedy, line=line, column=at, value=value)
+        self.rows[index] = None
+
+    @property
+    def sound(self) -> list[tuple[int, R]]:
+        """Those without a fault so far, with their places in the file."""
+        return [(index, row) for index, row in enumerate(self.rows) if row is not None]
+
+    def checked(self) -> list[R]:
+        """All rows. Raises InvalidFileError if anything is wrong."""
+        self.faults.check()
+        return [row for row in self.rows if row is not None]
+
+    def check_complete(self, columns: Sequence[str]) -> None:
+        """Each of these columns is filled in every row or in none."""
+        for column in columns:
+            empty = [index for index, row in enumerate(self.records) if column not in row.cells]
+            for index in empty if len(empty) < len(self.records) else ():
+                what = "The cell is empty here but filled in other rows."
+                self.note(index, column, what, "Fill it in every row or in none.")
+
+
+def check_order(rows: Rows[Timed], minutes: Sequence[float] | None = None) -> None:
+    """Each `seq` stands once, and time never runs backwards along it.
+
+    Args:
+        rows: of one file.
+        minutes: of each row, from its `timestamp`; None where rows have `minutes`.
+    """
+    lines = [record.line for record in rows.records]
+    first: dict[int, int] = {}
+    for index, row in rows.sound:
+        if row.seq is not None and first.setdefault(row.seq, index) != index:
+            what = f"The same number stands in line {lines[first[row.seq]]}."
+            remedy = "Number the readings in the order in which they were taken."
+            rows.note(index, "seq", what, remedy)
+    in_time = sorted(rows.sound, key=lambda each: -1 if each[1].seq is None else each[1].seq)
+    for (before, one), (after, other) in pairwise(in_time):
+        earlier, later = one.minutes, other.minutes
+        if minutes is not None:
+            earlier, later = minutes[before], minutes[after]
+        if earlier is not None and later is not None and later < earlier:
+            rows.note(
+                after,
+                "minutes" if minutes is None else "timestamp",
+                f"Time runs backwards: line {lines[before]} was taken before this one.",
+                "Give minutes since the session began; correct seq or the order of the rows.",
+            )
