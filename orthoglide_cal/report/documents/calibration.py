@@ -91,7 +91,7 @@ def report_data(case: Case, identity: Identity, left: Verification | None) -> di
             **fields_of(given, "protocol", "operator", "started", "finished", "temperature_c"),
             "environment": dict(given.environment),
             "gauges": [
-                {"id": gauge.label, **fields_of(gauge, "certificate", "resolution_mm")}
+                {"id": gauge.id, **fields_of(gauge, "certificate", "resolution_mm")}
                 for gauge in given.gauges
             ],
             **fields_of(given, "retaken", "skipped"),
@@ -278,7 +278,7 @@ def _conditions(case: Case) -> doc.Section:
     if not machine.vocabulary.probing:
         gauges: list[tuple[doc.Blank, ...]] = [
             (
-                doc.Given(gauge.label),
+                doc.Given(gauge.id),
                 _given(gauge.certificate),
                 None if gauge.resolution_mm is None else short(gauge.resolution_mm, 6),
             )
