@@ -5,14 +5,19 @@ import os
 import re
 import subprocess
 import sys
+import traceback
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 
 import pexpect
 from typer.testing import CliRunner
 
+import orthoglide_cal.cli.keyboard
+import orthoglide_cal.planning
+import orthoglide_cal.results
+import orthoglide_cal.session  # noqa: F401  # forked programs have these already
 from orthoglide_cal.cli.app import app
 from tests.machines import ROOT
 
@@ -33,13 +38,50 @@ QUESTION = re.compile(r"(\d+)\. k keep it[^\r\n]* > (?:\x1b\[0m)?$")
 PATIENCE_S = 300
 
 
+def forked(
+    program: str, arguments: Sequence[str], environ: dict[str, str], before: Callable[[], None]
+) -> Callable[[], None]:
+    """What a new process does instead of starting Python anew, which takes a second.
+
+    It is a copy of this one, with the descriptors 0, 1 and 2 of a process that was started.
+    """
+
+    def run() -> None:
+        code: object = 1
+        try:
+            os.closerange(3, 1024)
+            os.environ.clear()
+            os.environ.update(environ)
+            before()
+            sys.argv = ["orthocal", *arguments]
+            sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
+            sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+            sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+            exec(program, {})
+            code = 0
+            sys.stdout.flush()
+        except SystemExit as end:
+            code = end.code or 0
+            sys.stdout.flush()
+        except BaseException:
+            traceback.print_exc(file=sys.stderr)
+        finally:
+            sys.stderr.flush()
+            os._exit(code if isinstance(code, int) else 1)
+
+    return run
+
+
 def environment() -> dict[str, str]:
     """For a program that is to be the one of this checkout."""
     return {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
 
 class Terminal:
-    """One run of a command; of `measure`, `agreed`: nothing is asked before the first reading."""
+    """One run of a command.
+
+    Of `measure`, `agreed`: nothing is asked before the first reading. `anew`: by a new Python.
+    """
 
     def __init__(
         self,
@@ -50,6 +92,7 @@ class Terminal:
         columns: int = 80,
         agreed: bool = True,
         program: str = AT_ONCE,
+        anew: bool = False,
     ) -> None:
         here = environment()
         for name in ("COLUMNS", "LINES", "NO_COLOR"):
@@ -57,14 +100,16 @@ class Terminal:
         here |= (
             {"TERM": "xterm-256color"} if colour else {"TERM": "xterm-256color", "NO_COLOR": "1"}
         )
+        words = [*command, *arguments, *(("--yes",) if agreed else ())]
         self.child = pexpect.spawn(
             sys.executable,
-            ["-c", program, *command, *arguments, *(("--yes",) if agreed else ())],
+            ["-c", program, *words],
             cwd=str(folder),
             env=here,
             dimensions=(24, columns),
             encoding="utf-8",
             timeout=PATIENCE_S,
+            preexec_fn=None if anew else forked(program, words, here, lambda: None),
         )
         self.child.delaybeforesend = None
         self.seen = ""
@@ -149,16 +194,17 @@ def run_program(
     before: Callable[[], None] | None = None,
 ) -> subprocess.CompletedProcess[str]:
     """`orthocal measure` without a terminal; `before` runs in the new process."""
+    # On a full disk Python would keep a module's code cut off, for all runs after this one.
+    here = {**environment(), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
-        [sys.executable, "-c", PROGRAM, "measure", *arguments],
+        [sys.executable],
         cwd=folder,
         input=stdin,
         capture_output=True,
+        restore_signals=False,
         text=True,
         timeout=PATIENCE_S,
-        # On a full disk Python would keep a module's code cut off, for all runs after this one.
-        env={**environment(), "PYTHONDONTWRITEBYTECODE": "1" if before else ""},
-        preexec_fn=before,
+        preexec_fn=forked(PROGRAM, ("measure", *arguments), here, before or (lambda: None)),
         check=False,
     )
 

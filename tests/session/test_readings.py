@@ -1,7 +1,7 @@
 """The readings so far as arrays: the same as in the file at the end, to the last digit."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -211,7 +211,7 @@ def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
 def test_a_doubt_about_the_reading_itself_or_another_set_up_is_no_reason_for_that() -> None:
     steps = steps_of()
     for doubt, about in ((Doubt.GRID, None), (Doubt.SIGN, 2)):
-        kept = replace(reading(25, 0.123, doubt), about=about)
+        kept = reading(25, 0.123, doubt).model_copy(update={"about": about})
         events = [*(reading(k, 0.1 * k) for k in range(1, 25)), kept, Answered(at=AT, keep=True)]
         beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[25], 3.0)
         assert len(beside.past) == 25

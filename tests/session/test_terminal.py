@@ -287,7 +287,7 @@ def test_a_reader_that_goes_away(tmp_path: Path) -> None:
 def test_the_first_prompt_comes_soon(tmp_path: Path) -> None:
     """In processor time, so that it does not matter what else the computer does."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    with Terminal(tmp_path, "s.yaml") as terminal:
+    with Terminal(tmp_path, "s.yaml", anew=True) as terminal:
         terminal.step()
         terminal.type("q")
         assert terminal.finish() == 130
