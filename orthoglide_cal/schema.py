@@ -13,9 +13,10 @@ from __future__ import annotations
 import math
 import re
 from datetime import date, datetime
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
+from pydantic.fields import FieldInfo
 
 from orthoglide_cal.errors import InputError
 
@@ -35,6 +36,19 @@ class Schema(BaseModel):
         allow_inf_nan=False,
         defer_build=True,
     )
+
+    def changed(self, **fields: object) -> Self:
+        """The same with other values of some fields, which nobody checks."""
+        if unknown := fields.keys() - type(self).model_fields.keys():
+            raise TypeError(f"{type(self).__name__} has no {', '.join(sorted(unknown))}.")
+        return self.model_copy(update=fields)
+
+
+def told(title: str, why: str, unit: str = "mm") -> FieldInfo:
+    """What people are told when they are asked for a field: its name, what it is, its unit."""
+    extra: dict[str, JsonValue] = {"unit": unit}
+    found: FieldInfo = Field(title=title, description=why, json_schema_extra=extra)
+    return found
 
 
 def parse_number(text: str, *, decimal_comma: bool = False) -> float:

@@ -8,23 +8,17 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import Effect, Gauge, Machine, Model
+from orthoglide_cal.model import Effect, Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = ROOT / "sample_data"
 
 
-def _machine(name: str) -> Machine:
+def _machine(name: str) -> Orthoglide:
     given = yaml.safe_load((ROOT / "configs" / f"{name}.yaml").read_text(encoding="utf-8"))
-    given = {
-        key: value
-        for key, value in given.items()
-        if key not in ("schema_version", "identified", "offsets_mm")
-    }
-    given["gauge"] = Gauge(**{"revolution_mm": None, **given["gauge"]})
-    given["joint_limits_mm"] = tuple(given["joint_limits_mm"])
-    return Orthoglide(**given)
+    left_out = ("schema_version", "identified", "offsets_mm")
+    return Orthoglide(**{key: value for key, value in given.items() if key not in left_out})
 
 
 PROTOTYPE = _machine("orthoglide_prototype")
@@ -38,10 +32,11 @@ both_models = pytest.mark.parametrize("model", [NOMINAL, NOMINAL_LARGE], ids=["p
 
 def sure(model: Model) -> Model:
     """The same machine where nothing but noise is uncertain: stands, scale and legs are exact."""
-    machine = model.machine
-    gauge = replace(machine.gauge, placement_mm=0.0, scale_u=0.0)
-    tolerances = {**machine.tolerances, "leg_length": 0.0}
-    return replace(model, machine=replace(machine, gauge=gauge, tolerances=tolerances))
+    machine = model.machine.changed(tolerances={**model.machine.tolerances, "leg_length": 0.0})
+    if isinstance(machine, Orthoglide):
+        gauge = machine.gauge.changed(placement_mm=0.0, scale_u=0.0)
+        machine = machine.changed(gauge=gauge)
+    return replace(model, machine=machine)
 
 
 def extended(**causes: tuple[float, ...]) -> Model:

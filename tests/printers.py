@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import yaml
 
-from orthoglide_cal.model import Floats, Gauge, Model, Readings, Source
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model import Floats, Model, Readings, Source
+from orthoglide_cal.model.instrument import Probe
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_readings
 from tests.machines import ROOT
@@ -21,12 +22,17 @@ def printer(machine: Delta, tolerances: dict[str, float] | None = None) -> Linea
     """The program's machine of the truth's."""
     return LinearDelta(
         name=machine.name,
-        **LinearDelta.dimensions(
-            machine.arms, machine.radius, machine.angles, machine.endstops, machine.bed
+        arm_length_mm=machine.arms,
+        delta_radius_mm=machine.radius,
+        tower_angles_deg=machine.angles,
+        endstops_mm=Endstops(*machine.endstops),
+        bed_radius_mm=machine.bed,
+        probe=Probe(
+            resolution_mm=machine.resolution,
+            repeatability_mm=machine.noise,
+            calliper_mm=machine.calliper,
+            texture_mm=0.0,
         ),
-        gauge=Gauge(machine.resolution, max(machine.arms), None, machine.noise),
-        calliper_mm=machine.calliper,
-        texture_mm=0.0,
         tolerances=tolerances or {},
     )
 

@@ -38,19 +38,21 @@ class Subject(NamedTuple):
     def measured(self, model: Model, seed: int = 4) -> Readings:
         """What is read on a machine with these values, with the noise of its gauge or probe."""
         rng = np.random.default_rng(seed)
-        noise = self.machine.gauge.noise_mm / self.plan.precision * rng.normal(size=len(self.plan))
+        noise = (
+            self.machine.instrument.noise_mm / self.plan.precision * rng.normal(size=len(self.plan))
+        )
         return self.made(self.plan, simulate(model, self.values, self.plan) + noise)
 
 
 SUBJECTS = {
-    "orthoglide": Subject(
+    "Orthoglide": Subject(
         NOMINAL,
         double_posture(PROTOTYPE),
         np.array([0.4, -0.9, 0.6]),
         "orthoglide_prototype.yaml",
         partial(readings_of, PROTOTYPE),
     ),
-    "linear_delta": Subject(
+    "LinearDelta": Subject(
         NOMINAL_PRINTER,
         standard_plan(),
         np.array([0.4, -0.9, 0.6, -0.3, 0.2, -0.1]),
@@ -64,7 +66,7 @@ every_subject = pytest.mark.parametrize("subject", SUBJECTS.values(), ids=list(S
 def on_each_kind(causes: list[Cause]) -> pytest.MarkDecorator:
     """Parametrise by `cause` and `subject`: each cause on every kind that can have it."""
     cases = [
-        pytest.param(cause, SUBJECTS[kind.kind], id=f"{cause.id}-{kind.kind}")
+        pytest.param(cause, SUBJECTS[kind.__name__], id=f"{cause.id}-{kind.__name__}")
         for cause in causes
         for kind in cause.sizes
     ]

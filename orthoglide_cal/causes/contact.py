@@ -54,7 +54,7 @@ class BarSkew(Cause):
         own = np.array([plan.of(series) for series in _SERIES])
         # Turned half round, a bar rises where it fell.
         slope: Numbers = theta @ (own * np.where(plan.turned, -1.0, 1.0))
-        return heights + slope * where * machine.leg_length_mm
+        return heights + slope * where * Orthoglide.require(machine).leg_length_mm
 
 
 class GaugeDrift(PatternCause):

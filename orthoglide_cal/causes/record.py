@@ -78,7 +78,10 @@ class GaugeSlip(PatternCause):
 
     def possible(self, machine: Machine) -> bool:
         """Only a gauge with a dial has turns to miscount."""
-        return super().possible(machine) and machine.gauge.revolution_mm is not None
+        return (
+            super().possible(machine)
+            and Orthoglide.require(machine).gauge.revolution_mm is not None
+        )
 
     def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
         """Those that stand apart from the rest of their set-up."""
@@ -86,7 +89,7 @@ class GaugeSlip(PatternCause):
 
     def millimetres(self, machine: Machine) -> float:
         """One revolution of the dial [mm]."""
-        return machine.gauge.revolution_mm or 0.0
+        return Orthoglide.require(machine).gauge.revolution_mm or 0.0
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         """Every reading alone, and every reading but the first of a set-up with all after it."""

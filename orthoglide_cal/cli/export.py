@@ -131,7 +131,7 @@ def _require_format(format: Format, machine: Machine) -> None:
     """Refuse what the controller of another kind of machine reads. Raises UsageError."""
     from orthoglide_cal.model.machines import MACHINES
 
-    others = {each: other.kind for other in MACHINES.values() for each in other.controller_formats}
+    others = {each: kind for kind, other in MACHINES.items() for each in other.controller_formats}
     if format in others and format not in machine.controller_formats:
         raise UsageError(
             f"--format {format} is for the controller of kind {others[format]}; this machine is of"

@@ -138,14 +138,14 @@ def _write_program(
             )
         write_places(chosen, program)
         return
-    careful = require_on_bar(chosen.plan, model.machine)
+    careful = require_on_bar(chosen.plan, model.orthoglide)
     if careful is not None:
         common.tell(" ".join(careful.lines))
     turn = common.named(Order, "order", order) or Order.PAPER
     session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
     told = command("measure", machine=machine, options=sequence_options(*session))
     length = APPROACH_MM if approach is None else approach
-    steps = sequence(model.machine, *session)
+    steps = sequence(model.orthoglide, *session)
     write_program(posture_program(model, steps, told, length, travel), program, template)
 
 

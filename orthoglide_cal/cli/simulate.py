@@ -108,7 +108,6 @@ def simulate(
     no_colour: NoColour = False,
 ) -> None:
     """Make up a session: readings as a technician would write them down, as CSV."""
-    from dataclasses import replace
 
     import numpy as np
 
@@ -131,7 +130,7 @@ def simulate(
     known = given_machine(machine) or folder_machine()
     nominal: Any = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
-    gauge = replace(nominal.gauge, **{k: v for k, v in given.items() if v is not None})
+    gauge = nominal.gauge.changed(**{k: v for k, v in given.items() if v is not None})
     rng = np.random.default_rng(chosen)
     yaml = target is not None and target.suffix.lower() in (".yaml", ".yml")
 

@@ -28,7 +28,7 @@ def start() -> None:
         known = "none in this folder" if path is None else str(path)
         if path:
             model = common.read_machine_file(path).model
-            size = f"L = {model.machine.leg_length_mm:g} mm"
+            size = f"L = {model.orthoglide.leg_length_mm:g} mm"
             if model.machine.absolute:
                 size = model.machine.geometry_words
             known += f": {model.machine.name}, {size}"

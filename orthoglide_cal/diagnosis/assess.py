@@ -249,7 +249,7 @@ class Assessment:
     @property
     def chance(self) -> float:
         """Chance that noise as stated leaves more than the calibrated parameters alone do."""
-        noise = self.at.white.machine.gauge.noise_mm
+        noise = self.at.white.machine.instrument.noise_mm
         dof = len(self.at.white) - self.alone.offsets.size
         return chance_of_residual(self.alone.sum_of_squares(noise), dof, noise)
 

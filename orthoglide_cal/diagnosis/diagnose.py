@@ -163,7 +163,8 @@ def _weighable(model: Model) -> Iterator[None]:
     except np.linalg.LinAlgError as error:
         raise UnusableResultError(
             "These data cannot be weighed: the gauge's stated noise"
-            f" ({model.machine.gauge.noise_mm:.2g} mm) is out of all proportion to the readings.",
+            f" ({model.machine.instrument.noise_mm:.2g} mm) is out of all proportion to the"
+            " readings.",
             "Check gauge and tolerances in the machine file.",
         ) from error
 
@@ -237,7 +238,7 @@ def _aliases(found: Assessment, effect: Effect) -> Ids:
 
 def _lack_of_fit(found: Assessment, measured: Measured) -> LackOfFit:
     white, nothing = found.at.white, found.alone
-    noise, dof = white.machine.gauge.noise_mm, len(white) - nothing.offsets.size
+    noise, dof = white.machine.instrument.noise_mm, len(white) - nothing.offsets.size
     total = nothing.sum_of_squares(noise)
     repeats, chance = None, None
     if white.raw:
@@ -300,7 +301,7 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
     unknowns = accepted.offsets.size + sum(e.cause.unknowns for e in accepted.effects)
     if len(white) <= unknowns:
         return  # the answer follows anything
-    noise = white.machine.gauge.noise_mm
+    noise = white.machine.instrument.noise_mm
     left = white.rms(accepted.left)
     beyond = np.sqrt(max(left**2 - noise**2, 0.0))
     yield (

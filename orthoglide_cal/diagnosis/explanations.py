@@ -107,7 +107,7 @@ class Whitened(ReadOnly):
             problem = Problem(model, measured.plan, matrix)
             require_rank(problem)
             data = np.asarray(matrix @ measured.value)
-            unit = other_unit(measured, model.machine.gauge)
+            unit = other_unit(measured, model.machine.instrument)
             in_file = np.arange(len(measured))
             return cls(
                 problem,
@@ -124,8 +124,8 @@ class Whitened(ReadOnly):
         plan, matrix = posed.problem.plan, posed.problem.matrix
         if measured.kind is DataKind.SIX:
             # The readings behind max − min, with the isotropic ones that the carriages pass.
-            plan = ideal_plan(DataKind.TWELVE, model.machine)
-            matrix = reduction(DataKind.SIX, posed.which, model.machine, plan)
+            plan = ideal_plan(DataKind.TWELVE, model.orthoglide)
+            matrix = reduction(DataKind.SIX, posed.which, model.orthoglide, plan)
         # Rows of R, and the data, in units of independent noise.
         white, data = whiten(matrix @ matrix.T, matrix, posed.data)
         root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))
@@ -209,7 +209,7 @@ def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
     machine = model.machine
     own = (cause for cause in causes if type(machine) in cause.sizes)
     sizes = {cause.id: factor * cause.size(machine) for cause in own}
-    return replace(model, machine=replace(machine, tolerances={**machine.tolerances, **sizes}))
+    return replace(model, machine=machine.changed(tolerances={**machine.tolerances, **sizes}))
 
 
 def as_read(plan: GaugePlan, effects: Sequence[Effect]) -> GaugePlan:
@@ -345,7 +345,7 @@ class Linearised:
         problem, precision = white.problem, np.ones(len(white))
         if white.spectrum is not None:
             # The local shape that is stated makes some data less precise than others.
-            precision /= np.sqrt(1.0 + white.spectrum / machine.gauge.noise_mm**2)
+            precision /= np.sqrt(1.0 + white.spectrum / machine.instrument.noise_mm**2)
             problem = replace(problem, matrix=precision[:, None] * white.matrix)
         fit = fit_offsets(problem, precision * versions)
         if not fit.converged[0]:
@@ -377,7 +377,7 @@ class Linearised:
         return cls(
             white=white,
             candidates=candidates,
-            noise=NoiseGrid.around(machine.gauge.noise_mm, white.spectrum, white.assumed),
+            noise=NoiseGrid.around(machine.instrument.noise_mm, white.spectrum, white.assumed),
             extras=extras,
             versions=versions[fit.converged],
             offsets=fit.offsets_mm[fit.converged],

@@ -31,8 +31,9 @@ from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import condition, fit_size, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import fit_offsets
-from orthoglide_cal.model import Effect, Floats, Gauge, Ints, ReadOnly, differentiate
+from orthoglide_cal.model import Effect, Floats, Ints, ReadOnly, differentiate
 from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.instrument import Instrument
 
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
@@ -120,7 +121,7 @@ class Fitted(ReadOnly):
         columns = np.hstack([white.matrix @ slopes, self.columns[:, theta.size :] / unit])
         linear = white.data + white.matrix @ (slopes @ theta - readings)
         # Weighed as the fit was: by the stated noise, however large it turned out to be.
-        found, _ = condition(columns, linear, self.sizes, white.machine.gauge.noise_mm / unit)
+        found, _ = condition(columns, linear, self.sizes, white.machine.instrument.noise_mm / unit)
         step = found[: theta.size] - theta
         return float(np.max(np.abs(step) / np.sqrt(np.diag(self.covariance)[: theta.size])))
 
@@ -141,7 +142,7 @@ class Fitted(ReadOnly):
         stretched = noise * (found / self.sizes)[len(self.offsets) :]
         return float(self.residual @ self.residual + stretched @ stretched)
 
-    def budget(self, gauge: Gauge) -> Budget:
+    def budget(self, gauge: Instrument) -> Budget:
         """The uncertainty of its offsets by source; what its causes leave open comes last."""
         width = len(self.offsets)
         estimator = self.covariance[:width] @ self.columns.T / self.sigma**2

@@ -258,7 +258,7 @@ class Diagnosis(ReadOnly):
     @property
     def budget(self) -> Budget:
         """The uncertainty of the offsets by source; what the verdict leaves open comes last."""
-        known = self.left_open[0][1].budget(self.model.machine.gauge)
+        known = self.left_open[0][1].budget(self.model.machine.instrument)
         left = self.covariance_mm2 - known.covariance_mm2
         return known.extended([Contribution.beyond(Origin.EXPLANATIONS, left)])
 

@@ -21,13 +21,13 @@ from orthoglide_cal.model import (
     DataKind,
     Difference,
     Floats,
-    Machine,
     Model,
     Plan,
     Posture,
     ideal_plan,
     reduction,
 )
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 CONFIDENCE = 0.95
 # Singular values below this fraction of the sensitivity of a good plan count as zero.
@@ -158,7 +158,7 @@ def require_determined(problem: Problem) -> None:
         RankDeficientError: no; as of `require_rank`.
     """
     model, slope = problem.model, problem.at_zero[1]
-    std = model.machine.gauge.noise_mm * np.sqrt(np.diag(unit_covariance(problem, slope)))
+    std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, slope)))
     known = determined(model, half_width(math.inf) * std)
     if not all(known):
         pairs = zip(model.machine.parameter_names, known, strict=True)
@@ -178,7 +178,7 @@ def _undetermined(problem: Problem, names: Sequence[str]) -> RankDeficientError:
 def _mend(problem: Problem, matrix: Floats) -> str:
     """The fewest differences that complete the rank, in words."""
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    rows = dict(zip(DIFFERENCES[kind], _rows(kind, problem.model.machine), strict=True))
+    rows = dict(zip(DIFFERENCES[kind], _rows(kind, problem.model.orthoglide), strict=True))
     scale = max(float(np.abs(row).max()) for row in rows.values())
     chosen: list[Difference] = []
     while len(_free_directions(matrix, scale)):
@@ -198,7 +198,7 @@ def _gain(values: Floats, rank: int) -> float:
     return float(values[rank]) if rank < len(values) else 0.0
 
 
-def _rows(kind: DataKind, machine: Machine) -> Floats:
+def _rows(kind: DataKind, machine: Orthoglide) -> Floats:
     """Sensitivity of the differences of this kind to the offsets, shape (k, 3)."""
     plan = ideal_plan(kind, machine)
     matrix = reduction(kind, DIFFERENCES[kind], machine, plan)

@@ -16,8 +16,9 @@ import numpy as np
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.gaussian import root_of
-from orthoglide_cal.model import AXES, Floats, Gauge, ReadOnly
+from orthoglide_cal.model import AXES, Floats, ReadOnly
 from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.instrument import Instrument
 
 # What another session draws anew: its readings, and where the stands are put.
 
@@ -146,7 +147,7 @@ class Budgeted:
 
 
 def budget_of(
-    estimator: Floats, gauge: Gauge, scatter: Scatter | None, uncertain: Iterable[Influence]
+    estimator: Floats, gauge: Instrument, scatter: Scatter | None, uncertain: Iterable[Influence]
 ) -> Budget:
     """The budget of offsets that a linear estimator makes of readings.
 

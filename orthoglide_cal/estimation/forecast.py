@@ -24,11 +24,11 @@ from orthoglide_cal.model import (
     Floats,
     GaugePlan,
     Ints,
-    Machine,
     Model,
     simulate,
     simulate_with_jacobian,
 )
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 # Standard deviations of what nobody knows before the first reading [mm].
 OFFSET_MM = 3.0
@@ -150,11 +150,11 @@ class Outlook:
         self._offsets = OFFSET_MM**2 * slope @ slope.T
         self._series = _alike(plan.leg, plan.direction)
         self._cells = _same(plan.cells)
-        size = _plausible(machine)
+        size = _plausible(model.orthoglide)
         self._drift = math.hypot(size["thermal_drift"], size["gauge_drift"])
         self._settling = size["backlash"]
-        self._noise_mm = machine.gauge.noise_mm
-        self._misfits = _SIZES * misfit_mm(machine)
+        self._noise_mm = machine.instrument.noise_mm
+        self._misfits = _SIZES * misfit_mm(model.orthoglide)
         # Where time plays a part in a known effect, what is expected depends on when it is read.
         self._timeless = model.repeats
 
@@ -209,7 +209,7 @@ class Outlook:
         return first
 
 
-def misfit_mm(machine: Machine) -> float:
+def misfit_mm(machine: Orthoglide) -> float:
     """Plausible size of what the model leaves out of a posture's reading [mm].
 
     From the plausible sizes: axes that miss each other by g change a reading by about g/6 between
@@ -226,7 +226,7 @@ def misfit_mm(machine: Machine) -> float:
     )
 
 
-def _plausible(machine: Machine) -> dict[str, float]:
+def _plausible(machine: Orthoglide) -> dict[str, float]:
     """Cause id → plausible size in the contract's unit."""
     return {id: cause.size(machine) for id, cause in CAUSES.items()}
 

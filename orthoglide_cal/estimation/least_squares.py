@@ -133,7 +133,7 @@ class Problem(ReadOnly):
     def length(self, slope: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
         moved = sum(slope[..., i] * step[..., i, None] for i in range(step.shape[-1]))
-        noise = self.model.machine.gauge.noise_mm
+        noise = self.model.machine.instrument.noise_mm
         return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
 
 

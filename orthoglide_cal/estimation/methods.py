@@ -156,7 +156,7 @@ def pose_plan(
         contrasts = cell_contrasts if folded and model.repeats else zero_free
         return Problem(model, plan, contrasts(plan)), ()
     wanted = DIFFERENCES[kind]
-    matrix = reduction(kind, wanted, model.machine, plan)
+    matrix = reduction(kind, wanted, model.orthoglide, plan)
     present = np.abs(matrix).sum(axis=1) > 0.0
     kept = tuple(each for each, ok in zip(wanted, present, strict=True) if ok)
     return Problem(model, plan, matrix[present]), kept
@@ -179,8 +179,8 @@ def pose_differences(measured: Measured, model: Model, kind: DataKind) -> Posed:
     kept = tuple(each for each in wanted if each in values)
     # The readings behind the printed differences: one of each cell, so that a difference of
     # the twelve shares its isotropic reading with its partner (errata, eq. 30).
-    plan = ideal_plan(measured.kind, model.machine)
-    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan))
+    plan = ideal_plan(measured.kind, model.orthoglide)
+    problem = Problem(model, plan, reduction(kind, kept, model.orthoglide, plan))
     return Posed(problem, np.array([values[each] for each in kept]), kept)
 
 

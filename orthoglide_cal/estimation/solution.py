@@ -31,7 +31,6 @@ from orthoglide_cal.model import (
     DataKind,
     Differences,
     Floats,
-    Gauge,
     Measured,
     Model,
     Plan,
@@ -44,6 +43,7 @@ from orthoglide_cal.model import (
     without_zeros,
 )
 from orthoglide_cal.model.influence import Influence
+from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.plan import read_only
 
 # Below this chance the residuals are called larger than the gauge's noise.
@@ -116,12 +116,12 @@ class Solution(Budgeted, ReadOnly):
     @property
     def sigma_floor_mm(self) -> float:
         """q/√12 of the gauge's resolution q [mm]."""
-        return self.model.machine.gauge.rounding_mm
+        return self.model.machine.instrument.rounding_mm
 
     @property
     def sigma_stated_mm(self) -> float:
         """What the machine file states for the gauge (repeatability, rounding) [mm]."""
-        return self.model.machine.gauge.noise_mm
+        return self.model.machine.instrument.noise_mm
 
     @property
     def sigma_residuals_mm(self) -> float | None:
@@ -218,7 +218,7 @@ class Solution(Budgeted, ReadOnly):
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
         found, floor = self.sigma_residuals_mm, self.sigma_floor_mm
-        doubts = gauge_doubts(self.measured, self.model.machine.gauge)
+        doubts = gauge_doubts(self.measured, self.model.machine.instrument)
         said = (*(str(doubt) for doubt in doubts), *self.measured.remarks)
         if found is None or found >= floor:
             return said
@@ -336,7 +336,7 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
         found = _search(posed)
         offsets = found.offsets_mm
     _require_plausible(offsets, posed.problem)
-    plan, gauge = posed.problem.plan, model.machine.gauge
+    plan, gauge = posed.problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain beside their noise.
     here = _fitted_here(measured, model)
@@ -423,7 +423,7 @@ def _scatter(
 def budget_of_readings(
     estimator: Floats,
     plan: Plan,
-    gauge: Gauge,
+    gauge: Instrument,
     scatter: Scatter | None,
     uncertain: Sequence[Influence],
 ) -> Budget:
@@ -434,9 +434,9 @@ def budget_of_readings(
 
 def _require_plausible(offsets: Floats, problem: Problem) -> None:
     """No carriage stands half of its travel from where it seems to be: then it could not move."""
-    low, high = problem.model.machine.joint_limits_mm
+    travel = problem.model.machine.travel_mm
     largest = float(np.abs(offsets).max())
-    if largest > (high - low) / 2.0:
+    if largest > travel / 2.0:
         require_determined(problem)
         many = problem.model.machine.vocabulary.many
         raise UnusableResultError(

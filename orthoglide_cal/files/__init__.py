@@ -25,7 +25,6 @@ from orthoglide_cal.files.machine_file import (
     shipped_folder,
     shipped_machine,
 )
-from orthoglide_cal.files.orthoglide_machine import LARGEST_OFFSET_MM
 from orthoglide_cal.files.probe_readings import check_same_printer, places_csv, touches_csv
 from orthoglide_cal.files.readings import (
     Conditions,
@@ -45,7 +44,6 @@ from orthoglide_cal.files.session_file import (
 from orthoglide_cal.files.text import FileText, number_text, read_document, write_text
 
 __all__ = [
-    "LARGEST_OFFSET_MM",
     "Check",
     "Conditions",
     "FileText",

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import Any
 
 from orthoglide_cal.files.groups import Group, between, not_negative, positive
-from orthoglide_cal.model import Gauge
-from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
-
-# A calliper shows hundredths, but it is put to edges that were printed.
-CALLIPER_MM = 0.06
-TOWERS_TURN = "The towers a, b, c must follow each other counter-clockwise, seen from above."
+from orthoglide_cal.model.instrument import CALLIPER_MM, Probe
+from orthoglide_cal.model.linear_delta import TOWERS, TOWERS_TURN, Endstops, counter_clockwise
 
 _LENGTH = between(1.0, 1e5, positive)
 _HEIGHT = between(-1e4, 1e4)
@@ -50,28 +44,29 @@ def delta_values(file: Group) -> dict[str, Any]:
     if angles is None or not (file.sound and probe.sound and ends.sound):
         return {}
     return {
-        **LinearDelta.dimensions(arms, radius, angles, endstops, bed),
-        "gauge": Gauge(resolution, max(arms), None, repeatability),
-        "calliper_mm": calliper,
-        "texture_mm": texture,
+        "arm_length_mm": arms,
+        "delta_radius_mm": radius,
+        "tower_angles_deg": angles,
+        "endstops_mm": Endstops(*endstops),
+        "bed_radius_mm": bed,
+        "probe": Probe(
+            resolution_mm=resolution,
+            repeatability_mm=repeatability,
+            calliper_mm=calliper,
+            texture_mm=texture,
+        ),
     }
 
 
 def delta_keys(machine: Any) -> dict[str, Any]:
     """The same keys and values as the file has them."""
-    probe = {
-        "resolution_mm": machine.gauge.resolution_mm,
-        "repeatability_mm": machine.gauge.repeatability_mm,
-        "calliper_mm": machine.calliper_mm,
-    }
-    texture = {} if machine.texture_mm is None else {"texture_mm": machine.texture_mm}
     return {
-        "arm_length_mm": list(machine.arm_lengths_mm),
+        "arm_length_mm": list(machine.arm_length_mm),
         "delta_radius_mm": machine.delta_radius_mm,
         "tower_angles_deg": list(machine.tower_angles_deg),
-        "endstops_mm": dict(zip(TOWERS, machine.offsets_mm, strict=True)),
+        "endstops_mm": machine.endstops_mm._asdict(),
         "bed_radius_mm": machine.bed_radius_mm,
-        "probe": {**probe, **texture},
+        "probe": machine.probe.model_dump(exclude_none=True),
     }
 
 
@@ -85,9 +80,3 @@ def _arms(file: Group) -> tuple[Any, ...]:
             file.note("An arm is longer than a millimetre.", "Give it in mm.", "arm_length_mm")
         return (None,) * 3
     return (file.take("arm_length_mm", _LENGTH),) * 3
-
-
-def counter_clockwise(angles: Sequence[float]) -> bool:
-    """Whether three towers follow each other in this sense; angles in degrees, of any turn."""
-    turns = [(b - a) % 360.0 for a, b in zip(angles, (*angles[1:], angles[0]), strict=True)]
-    return all(turn > 1.0 for turn in turns) and math.isclose(sum(turns), 360.0)

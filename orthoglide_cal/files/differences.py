@@ -18,6 +18,7 @@ from orthoglide_cal.files.rows import (
 )
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import DIFFERENCES, DataKind, Differences, Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import shortened
 
 DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
@@ -37,7 +38,9 @@ def differences_from_table(table: Table, machine: Machine) -> Differences:
         faults.check()
     if not table.rows:
         faults.add("There is no difference.", "Give one row for each, under the header.")
-    longest = {"value_mm": (machine.leg_length_mm, "difference", "the leg is long")}
+    longest = {
+        "value_mm": (Orthoglide.require(machine).leg_length_mm, "difference", "the leg is long")
+    }
     checking = Rows(table.rows, DifferenceRow, Reading(table.number, longest), faults)
     kind = _kind(checking)
     rows = checking.checked()

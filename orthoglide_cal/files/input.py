@@ -262,7 +262,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     judge = model or otherwise()
     entered = judge.machine.entered_from(document.sha256)
     if entered:
-        judge = judge.holding(entered.before_mm)
+        judge = judge.holding(entered.before)
     table = read_table(document, _CODED)
     columns = set(table.columns)
     if columns & set(PLACE_COLUMNS) and not columns & {"leg", "difference"}:
@@ -279,7 +279,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
         return Input(
             differences_from_table(table, judge.machine), judge, Conditions(), is_session=False
         )
-    readings = readings_from_table(table, judge.machine)
+    readings = readings_from_table(table, judge.orthoglide)
     return Input(readings, judge, conditions_in(readings), is_session=False)
 
 
@@ -333,7 +333,7 @@ def _checked(
     source = measured.source
     kind = "session" if given.is_session else measured.kind
     machine = given.model.machine
-    doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.gauge))
+    doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
     remarks = (*doubts, *measured.remarks)
     return Check(path, source, kind, machine.name, len(measured), remarks=remarks, given=given)
 

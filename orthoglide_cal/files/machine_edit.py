@@ -21,6 +21,7 @@ from orthoglide_cal.files.machine_file import (
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.files.yaml_edit import edited
 from orthoglide_cal.model import Entered
+from orthoglide_cal.model.machine import JointOffsets
 
 _HEAD = (
     WRITTEN
@@ -32,7 +33,8 @@ _HEAD = (
 
 def with_history(file: StoredMachine, offsets_mm: tuple[float, ...], *history: Entered) -> str:
     """The file's text with other active offsets [mm] and another history."""
-    machine = replace(file.model.machine, offsets_mm=offsets_mm, history=history)
+    held = JointOffsets(*offsets_mm)
+    machine = file.model.machine.changed(offsets_mm=held, history=history)
     model = replace(file.model, machine=machine)
     values = machine_values(model)
     text = edited(file.document.text, {key: values[key] for key in ("offsets_mm", "history")})

@@ -8,13 +8,14 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from datetime import date, datetime
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
@@ -38,9 +39,8 @@ from orthoglide_cal.files.text import (
 )
 from orthoglide_cal.files.yaml_tree import Tree, load_tree, yaml_text
 from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Machine, Model
-from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
-from orthoglide_cal.model.machines import MACHINES
-from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.machine import JointOffsets
+from orthoglide_cal.model.machines import MACHINES, AnyMachine
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -61,6 +61,7 @@ _WIDTH = between(0.0, 1e6, not_negative)
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
 
+_MACHINE: TypeAdapter[Machine] = TypeAdapter(AnyMachine)
 _kind = one_of(MACHINES, "This kind of machine is not known.")
 
 
@@ -175,16 +176,17 @@ def machine_in(file: Group) -> Model | None:
     file.take("schema_version", version)
     likely = _likeliest(file)
     kind = file.take("kind", _kind, likely)
-    if kind != Orthoglide.kind and "kind" not in file.content:
+    if kind != "orthoglide" and "kind" not in file.content:
         remedy = f"Add a line `kind: {kind}`."
         file.tree.faults.add("The key is missing.", remedy, line=1, column="kind")
     shape = _SHAPES[kind or likely]
     values = {
+        "kind": kind,
         "name": file.take("name", word),
         **shape.read(file),
         "homing_mm": file.take("homing_mm", _TRAVEL, None),
         "tolerances": _tolerances(file.group("tolerances", required=False), kind),
-        "history": tuple(_entered(entry, shape.axes) for entry in file.groups("history")),
+        "history": tuple(_entered(entry) for entry in file.groups("history")),
         "report": _details(file.group("report", required=False)),
     }
     file.take("complete", one_of(("true",), "Only `true` can stand here."), None)
@@ -192,35 +194,29 @@ def machine_in(file: Group) -> Model | None:
     file.refuse_unknown()
     if not file.sound:
         return None
-    return Model(shape.made(**values), tuple(effect for effect in accepted if effect))
+    return Model(_MACHINE.validate_python(values), tuple(effect for effect in accepted if effect))
 
 
 class _Shape(NamedTuple):
     """What the machine file of a kind says that others do not."""
 
-    made: type[Machine]
     read: Callable[[Group], dict[str, Any]]
     keys: Callable[[Machine], dict[str, Any]]
-    axes: tuple[str, ...]
     # What makes two machines different for the readings; the rest only says what is plausible.
     geometry: tuple[str, ...]
     shipped: str
 
 
 _SHAPES = {
-    Orthoglide.kind: _Shape(
-        Orthoglide,
+    "orthoglide": _Shape(
         orthoglide_values,
         orthoglide_keys,
-        AXES,
         ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm"),
         DEFAULT_NAME,
     ),
-    LinearDelta.kind: _Shape(
-        LinearDelta,
+    "linear_delta": _Shape(
         delta_values,
         delta_keys,
-        TOWERS,
         ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm"),
         "linear_delta.yaml",
     ),
@@ -243,7 +239,7 @@ def machine_values(model: Model) -> dict[str, Any]:
     """Plain values of the machine file, in the file's order."""
     machine, shape = model.machine, _SHAPES[model.machine.kind]
     homing = {} if machine.homing_mm is None else {"homing_mm": machine.homing_mm}
-    details = {name: said for name, said in asdict(machine.report).items() if said is not None}
+    details = machine.report.model_dump(exclude_none=True)
     return {
         "schema_version": 1,
         "kind": machine.kind,
@@ -255,8 +251,8 @@ def machine_values(model: Model) -> dict[str, Any]:
         "history": [
             {
                 "date": each.date,
-                "before": dict(zip(shape.axes, each.before_mm, strict=True)),
-                "after": dict(zip(shape.axes, each.after_mm, strict=True)),
+                "before": each.before._asdict(),
+                "after": each.after._asdict(),
                 "data_sha256": each.data_sha256,
             }
             for each in machine.history
@@ -296,21 +292,24 @@ def _plain(estimate: Estimate) -> dict[str, Any]:
     return {"value": value, "std": std, "unit": estimate.unit}
 
 
-def _entered(entry: Group, axes: tuple[str, ...]) -> Entered | None:
+def _entered(entry: Group) -> Entered | None:
     """One entry of the history."""
     sides = []
     for key in ("before", "after"):
         side = entry.group(key)
-        sides.append(tuple(side.take(axis, OFFSET) for axis in axes))
+        sides.append(tuple(side.take(axis, OFFSET) for axis in AXES))
         side.refuse_unknown()
     date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
     entry.refuse_unknown()
-    return Entered(date, sides[0], sides[1], sha256) if entry.sound else None
+    if not entry.sound:
+        return None
+    before, after = (JointOffsets(*side) for side in sides)
+    return Entered(date=date, before=before, after=after, data_sha256=sha256)
 
 
 def _details(group: Group) -> Details:
     """Details for reports; none of them is required."""
-    names = [field.name for field in fields(Details)]
+    names = list(Details.model_fields)
     rules = {name: _day if name == "gauge_due" else word for name in names}
     details = Details(**{name: group.take(name, rule, None) for name, rule in rules.items()})
     group.refuse_unknown()
@@ -372,7 +371,7 @@ def _identified(entry: Group, kind: str | None) -> Effect | None:
     date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
     correlation = entry.rows("correlation")
     if entry.sound:
-        names = MACHINES[kind or Orthoglide.kind].named(CAUSES[id].names)
+        names = MACHINES[kind or "orthoglide"].named(CAUSES[id].names)
         if named.keys() != set(names.values()):
             what = f"{id} has the parameters {', '.join(names.values())}."
             entry.note(what, "Give each of them once.", "parameters")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from orthoglide_cal.files.groups import Group, between, not_negative, positive
-from orthoglide_cal.model import AXES, Gauge, Machine
+from orthoglide_cal.model import AXES, Gauge
+from orthoglide_cal.model.machine import LARGEST_OFFSET_MM, JointOffsets, Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 # Bounds [mm].
 _LENGTH = between(1.0, 1e5, positive)
@@ -15,7 +16,6 @@ _TRAVEL = between(1e-3, 1e3, positive)
 _FINE = between(1e-6, 100.0, positive)
 _PLACEMENT = between(0.0, 1e3, not_negative)
 _SHARE = between(0.0, 1.0, not_negative)
-LARGEST_OFFSET_MM = 1000.0
 OFFSET = between(-LARGEST_OFFSET_MM, LARGEST_OFFSET_MM)
 
 
@@ -34,8 +34,9 @@ def orthoglide_values(file: Group) -> dict[str, Any]:
     return values
 
 
-def orthoglide_keys(machine: Machine) -> dict[str, Any]:
+def orthoglide_keys(nominal: Machine) -> dict[str, Any]:
     """The same keys and values as the file has them."""
+    machine = Orthoglide.require(nominal)
     return {
         "leg_length_mm": machine.leg_length_mm,
         "parallelogram_width_mm": machine.parallelogram_width_mm,
@@ -82,13 +83,13 @@ def _gauge(group: Group) -> Gauge | None:
 
 def _stated(gauge: Gauge) -> dict[str, float | None]:
     """What is stated of a gauge; no revolution is a statement, too."""
-    values = asdict(gauge)
+    values = gauge.model_dump()
     return {
         key: value for key, value in values.items() if value is not None or key == "revolution_mm"
     }
 
 
-def _offsets(group: Group) -> tuple[float | None, ...]:
-    offsets = tuple(group.take(axis, OFFSET, 0.0) for axis in AXES)
+def _offsets(group: Group) -> JointOffsets:
+    offsets = JointOffsets(*(group.take(axis, OFFSET, 0.0) for axis in AXES))
     group.refuse_unknown()
     return offsets

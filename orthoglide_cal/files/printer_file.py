@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.delta_machine import TOWERS_TURN, counter_clockwise
 from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, within
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats, Source
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, counter_clockwise
 from orthoglide_cal.model.plan import Ints, ReadOnly
 
 Bools = NDArray[np.bool_]

@@ -11,15 +11,15 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files.delta_machine import CALLIPER_MM
 from orthoglide_cal.files.faults import unused
 from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
-from orthoglide_cal.model import Excerpt, Floats, Gauge, Ints, Machine, Readings
+from orthoglide_cal.model import Excerpt, Floats, Ints, Machine, Readings
+from orthoglide_cal.model.instrument import Probe
 from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.layouts import MINUTES_PER_TOUCH
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_readings
 
@@ -57,7 +57,7 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
             column="reading_mm",
         )
         faults.check()  # the empty cells are no faults of their own
-    wide, high, arm = 2.0 * machine.bed_radius_mm, max(machine.arm_lengths_mm), "an arm is long"
+    wide, high, arm = 2.0 * machine.bed_radius_mm, max(machine.arm_length_mm), "an arm is long"
     longest = {
         **dict.fromkeys(PLACE_COLUMNS, (wide, "coordinate", "the bed is wide")),
         **dict.fromkeys(("reading_mm", "z_mm"), (high, "height", arm)),
@@ -122,10 +122,9 @@ def touches_csv(readings: Readings) -> str:
 
 def machine_of_printer(file: PrinterFile) -> LinearDelta:
     """The machine with the parameters that a printer.cfg has in force, and what is usual else."""
-    return LinearDelta(
+    return LinearDelta.model_construct(
         name=PurePath(file.source.path).name,
-        gauge=Gauge(0.0, float(file.arms.max()), None, REPEATABILITY_MM),
-        calliper_mm=CALLIPER_MM,
+        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
         **_in_force(file),
     )
 
@@ -142,9 +141,9 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     Raises:
         UsageError: the two are not of one machine.
     """
-    machine = replace(known, **_in_force(file))
+    machine = known.changed(**_in_force(file))
     check_same_printer(known, machine)
-    arms = np.array((known.arm_lengths_mm, machine.arm_lengths_mm))
+    arms = np.array((known.arm_length_mm, machine.arm_length_mm))
     apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[_ARMS].size(known)
     if apart <= size:
         return machine, ()
@@ -155,20 +154,25 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
         " both (arm_length), calibrate and probe again."
     )
     sizes = {**known.tolerances, _ARMS: round(math.hypot(size, apart), 3)}
-    return replace(machine, tolerances=sizes), (remark,)
+    return machine.changed(tolerances=sizes), (remark,)
 
 
 def _in_force(file: PrinterFile) -> dict[str, Any]:
     """Fields of the machine that a printer.cfg states."""
-    arms, angles, endstops = (v.tolist() for v in (file.arms, file.angles, file.endstops))
-    return LinearDelta.dimensions(arms, file.radius, angles, endstops, file.print_radius)
+    return {
+        "arm_length_mm": tuple(file.arms.tolist()),
+        "delta_radius_mm": file.radius,
+        "tower_angles_deg": tuple(file.angles.tolist()),
+        "endstops_mm": Endstops(*file.endstops.tolist()),
+        "bed_radius_mm": file.print_radius,
+    }
 
 
 def check_same_printer(before: Machine, after: Machine) -> None:
     """Raises UsageError for two linear deltas that no calibration makes one of the other."""
     if not (isinstance(before, LinearDelta) and isinstance(after, LinearDelta)):
         return
-    sizes = np.array([(*each.arm_lengths_mm, each.delta_radius_mm) for each in (before, after)])
+    sizes = np.array([(*each.arm_length_mm, each.delta_radius_mm) for each in (before, after)])
     if np.abs(sizes[1] - sizes[0]).max() > LinearDelta.radius_mm:
         arms, radii = sizes[:, :-1].mean(axis=1), sizes[:, -1]
         raise UsageError(
@@ -324,5 +328,5 @@ def _plan(
         other=place if other is None else other,
         surface=np.concatenate((surface, np.zeros(n - touches))),
         distance=distance,
-        weight=np.where(distance, machine.gauge.noise_mm / machine.calliper_mm, 1.0),
+        weight=np.where(distance, machine.probe.noise_mm / machine.probe.calliper_mm, 1.0),
     )

@@ -30,13 +30,13 @@ from orthoglide_cal.model import (
     Contact,
     GaugePlan,
     Ints,
-    Machine,
     Posture,
     Readings,
     Source,
     number_setups,
     places_of,
 )
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Day, Positive, Schema, Word, parse_number
 from orthoglide_cal.words import listed
 
@@ -109,7 +109,7 @@ class Conditions:
             return None
 
 
-def readings_from_table(table: Table, machine: Machine) -> Readings:
+def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
     _check_header(table)
     table.check_split_numbers(VALUE_COLUMNS, CODED_COLUMNS)
@@ -128,7 +128,7 @@ def readings_from_table(table: Table, machine: Machine) -> Readings:
 
 def readings_from_records(
     records: Sequence[Record],
-    machine: Machine,
+    machine: Orthoglide,
     source: Source,
     faults: Faults,
     reading: Reading,
@@ -378,7 +378,7 @@ def _cycles(plan: GaugePlan) -> Ints:
 
 
 def _remarks(
-    readings: Readings, records: Sequence[Record], marks: set[str], machine: Machine
+    readings: Readings, records: Sequence[Record], marks: set[str], machine: Orthoglide
 ) -> list[str]:
     """What the user should know although nothing is wrong."""
     remarks, plan, travel = [], readings.plan, machine.gauge.range_mm

@@ -85,8 +85,8 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
     judge = model or recorded
     if judge is None:
         raise tree.faults.error()
-    if model and recorded and model.machine.offsets_mm != recorded.machine.offsets_mm:
-        judge = model.holding(recorded.machine.offsets_mm)
+    if model and recorded and model.orthoglide.offsets_mm != recorded.orthoglide.offsets_mm:
+        judge = model.holding(recorded.orthoglide.offsets_mm)
     keys = Session.model_fields
     columns = dict.fromkeys(name for each in records for name in each.lines if name not in _COLUMNS)
     remarks = [
@@ -97,7 +97,7 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
     readings = readings_from_records(
-        records, judge.machine, tree.file.source, tree.faults, Reading(),
+        records, judge.orthoglide, tree.file.source, tree.faults, Reading(),
         started=session.started if session else None, remarks=remarks,
     )  # fmt: skip
     if session is None:

@@ -9,7 +9,8 @@ from orthoglide_cal.model.gauge_doubts import (
     other_unit,
     too_steady,
 )
-from orthoglide_cal.model.machine import Details, Entered, Gauge, Machine
+from orthoglide_cal.model.instrument import Gauge
+from orthoglide_cal.model.machine import Details, Entered, Machine
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
     DataKind,

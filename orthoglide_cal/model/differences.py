@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind, Difference
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.protocols import double_posture, single_posture
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
@@ -35,7 +35,7 @@ class _Cell(NamedTuple):
         )
 
 
-def _cells(kind: DataKind, difference: Difference, machine: Machine) -> tuple[_Cell, _Cell]:
+def _cells(kind: DataKind, difference: Difference, machine: Orthoglide) -> tuple[_Cell, _Cell]:
     """The two cells whose readings a difference subtracts: (minuend, subtrahend).
 
     Max − min; that posture − iso (eq. 24); tool end − joint end at one posture (eq. 10).
@@ -52,7 +52,7 @@ def _cells(kind: DataKind, difference: Difference, machine: Machine) -> tuple[_C
 
 
 def reduction(
-    kind: DataKind, differences: Sequence[Difference], machine: Machine, plan: GaugePlan
+    kind: DataKind, differences: Sequence[Difference], machine: Orthoglide, plan: GaugePlan
 ) -> Floats:
     """R, shape (k, n), so that R·readings are these differences.
 
@@ -70,7 +70,7 @@ def reduction(
     return matrix
 
 
-def ideal_plan(kind: DataKind, machine: Machine) -> GaugePlan:
+def ideal_plan(kind: DataKind, machine: Orthoglide) -> GaugePlan:
     """One reading of each cell that the differences of this kind need."""
     if kind is DataKind.SINGLE:
         return single_posture(machine)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.machine import Gauge
+from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.words import MM, MM_PER_INCH
@@ -101,7 +101,7 @@ UNITS = (
 )
 
 
-def gauge_doubts(measured: Measured, gauge: Gauge) -> tuple[Implausible, ...]:
+def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[Implausible, ...]:
     """What this gauge can hardly have shown; empty for healthy data.
 
     Args:
@@ -128,7 +128,7 @@ def gauge_doubts(measured: Measured, gauge: Gauge) -> tuple[Implausible, ...]:
 # --- repeats ----------------------------------------------------------------------------------
 
 
-def too_steady(value: Floats, setup: Ints, cell: Ints, gauge: Gauge) -> Steady | None:
+def too_steady(value: Floats, setup: Ints, cell: Ints, gauge: Instrument) -> Steady | None:
     """Readings whose repeats differ less than this gauge does, if there are any.
 
     Args:
@@ -159,7 +159,7 @@ def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
     return value - (np.bincount(repeat, weights=value) / count)[repeat], repeat
 
 
-def chance_of_less_scatter(squares: float, sizes: Counter[int], gauge: Gauge) -> float:
+def chance_of_less_scatter(squares: float, sizes: Counter[int], gauge: Instrument) -> float:
     """Upper bound of the chance that repeats of this gauge scatter no more than these.
 
     P(S ≤ s) ≤ exp(t s) E exp(−t S) for every t > 0 (Chernoff), S the sum of squares about the
@@ -219,7 +219,7 @@ def _log_moments(size: int, noise: float) -> Floats:
     return moments
 
 
-def _steadier(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
+def _steadier(readings: Readings, gauge: Instrument) -> Iterator[Implausible]:
     plan, value = readings.plan, readings.value
     found = too_steady(value, plan.setup, plan.cells, gauge)
     if found is None:
@@ -258,7 +258,7 @@ def off_scale(value: Floats, step: float) -> np.ndarray:
     return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
 
 
-def _finer(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
+def _finer(readings: Readings, gauge: Instrument) -> Iterator[Implausible]:
     value, step = readings.value, gauge.resolution_mm
     between = np.flatnonzero(off_scale(value, step))
     # An inch gauge's divisions need not be those of the machine file.
@@ -275,7 +275,7 @@ def _finer(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
     )
 
 
-def _finer_differences(value: Floats, gauge: Gauge) -> Iterator[Implausible]:
+def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[Implausible]:
     """Decimals that no difference of readings has, nor one of means of up to ten."""
     step = gauge.resolution_mm
     if step <= 0.0:
@@ -294,18 +294,18 @@ def _finer_differences(value: Floats, gauge: Gauge) -> Iterator[Implausible]:
     )
 
 
-def _further(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
+def _further(readings: Readings, gauge: Instrument) -> Iterator[Implausible]:
     plan, value = readings.plan, readings.value
     for setup in range(plan.setups):
         own = np.flatnonzero(plan.setup == setup)
         span = float(np.ptp(value[own]))
-        if span > gauge.range_mm * (1.0 + 1e-9):
+        if span > gauge.travel_mm * (1.0 + 1e-9):
             far = own[np.argmax(np.abs(value[own] - np.median(value[own])))]
             yield Implausible(
                 GaugeDoubt.RANGE,
                 f"{_first_upper(plan.series[far].words)}: readings {span:.4g} mm apart (line"
                 f" {readings.line[far]}: {value[far]:g} mm) are beyond the gauge's range of"
-                f" {gauge.range_mm:g} mm.",
+                f" {gauge.travel_mm:g} mm.",
                 "Correct the reading or the unit, or range_mm in the machine file.",
             )
             return
@@ -314,7 +314,7 @@ def _further(readings: Readings, gauge: Gauge) -> Iterator[Implausible]:
 # --- units ------------------------------------------------------------------------------------
 
 
-def other_unit(measured: Measured, gauge: Gauge) -> MistakenUnit | None:
+def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
     """The unit in which readings that are none in mm are what this gauge shows.
 
     None if they are in mm, or in no unit; of differences nobody can say.
@@ -332,7 +332,7 @@ def other_unit(measured: Measured, gauge: Gauge) -> MistakenUnit | None:
     return None
 
 
-def _ordinary(readings: Readings, value: Floats, gauge: Gauge) -> bool:
+def _ordinary(readings: Readings, value: Floats, gauge: Instrument) -> bool:
     """Whether values [mm] in place of the readings repeat and range as this gauge does.
 
     Without repeats they do not: nothing says so.
@@ -347,6 +347,6 @@ def _ordinary(readings: Readings, value: Floats, gauge: Gauge) -> bool:
     travel = max(np.ptp(value[plan.setup == k]) for k in range(plan.setups))
     return bool(
         scatter <= _TOO_MUCH * gauge.noise_mm
-        and travel <= gauge.range_mm
+        and travel <= gauge.travel_mm
         and too_steady(value, plan.setup, plan.cells, gauge) is None
     )

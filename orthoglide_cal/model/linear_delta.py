@@ -14,14 +14,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from pydantic import (
+    AfterValidator,
+    Field,
+    TypeAdapter,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    field_validator,
+)
 
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.instrument import Probe
 from orthoglide_cal.model.kinematics import (
     Geometry,
     Points,
@@ -38,17 +48,19 @@ from orthoglide_cal.model.layouts import (
     compared,
     telling,
 )
-from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.machine import Length, Machine, Named
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import FIRMWARE
+from orthoglide_cal.schema import Number, told
 
 TOWERS = ("a", "b", "c")
 # To be touched once more: so many places, on blocks.
 FEW = 13
-# Where the machine file says nothing: foil, glue and magnets under a plate.
-TEXTURE_MM = 0.02
+TOWERS_TURN = "The towers a, b, c must follow each other counter-clockwise, seen from above."
+
+Height = Annotated[Number, Field(ge=-1e4, le=1e4)]
 
 
 def _shares(scales: tuple[float, ...], spread: float) -> Mapping[float, float]:
@@ -57,7 +69,39 @@ def _shares(scales: tuple[float, ...], spread: float) -> Mapping[float, float]:
     return MappingProxyType(dict(zip(scales, (weights / weights.sum()).tolist(), strict=True)))
 
 
-@dataclass(frozen=True, kw_only=True)
+def counter_clockwise(angles: Sequence[float]) -> bool:
+    """Whether three towers follow each other in this sense; angles in degrees, of any turn."""
+    turns = [(b - a) % 360.0 for a, b in zip(angles, (*angles[1:], angles[0]), strict=True)]
+    return all(turn > 1.0 for turn in turns) and math.isclose(sum(turns), 360.0)
+
+
+def _turning(angles: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not counter_clockwise(angles):
+        raise InputError(
+            TOWERS_TURN, "Give the angles as the firmware has them, such as [210, 330, 90]."
+        )
+    return angles
+
+
+def _of_each(given: object, check: ValidatorFunctionWrapHandler) -> object:
+    """One length for all arms, or one for each tower."""
+    if isinstance(given, list | tuple):
+        return check(given)
+    return (_ONE_ARM.validate_python(given),) * len(TOWERS)
+
+
+_ONE_ARM: TypeAdapter[float] = TypeAdapter(Length)
+
+
+class Endstops(NamedTuple):
+    """Height of the nozzle above the bed, in the middle, with all carriages where that endstop
+    triggers [mm]."""
+
+    a: Height
+    b: Height
+    c: Height
+
+
 class LinearDelta(Machine):
     """The machine of many printers: endstops, radius and two tower angles are calibrated.
 
@@ -66,18 +110,15 @@ class LinearDelta(Machine):
     them.
 
     Attributes:
-        arm_lengths_mm: of towers a, b, c.
+        arm_length_mm: of towers a, b, c.
         delta_radius_mm: from the middle to each arm's upper joint, seen from above, with the tool
             in the middle.
         tower_angles_deg: where the towers stand, counter-clockwise from x: a, b, c in this order.
+        endstops_mm: where the carriages trigger them.
         bed_radius_mm: within which the tool can touch.
-        calliper_mm: standard deviation of a measured distance.
-        texture_mm: standard deviation of the local shape of its bed; None if nobody stated it.
-        offsets_mm: the endstops a, b, c: height of the nozzle above the bed, in the middle, with
-            all carriages where that endstop triggers.
+        probe: what touches.
     """
 
-    kind: ClassVar[str] = "linear_delta"
     parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
     parameter_units = ("mm", "mm", "mm", "mm", "deg", "deg")
     # What is expected of readings hardly depends on how far such a machine is off.
@@ -114,39 +155,44 @@ class LinearDelta(Machine):
     controller_formats = ("klipper", "reprapfirmware", "marlin")
     vocabulary = FIRMWARE
 
-    arm_lengths_mm: tuple[float, ...]
-    delta_radius_mm: float
-    tower_angles_deg: tuple[float, ...]
-    bed_radius_mm: float
-    calliper_mm: float
-    texture_mm: float | None = None
+    kind: Literal["linear_delta"] = "linear_delta"
+    arm_length_mm: Annotated[
+        tuple[Length, Length, Length],
+        WrapValidator(_of_each),
+        told("Length of an arm", "centre to centre of its joints"),
+    ]
+    delta_radius_mm: Annotated[
+        Length, told("Delta radius", "from upper to lower joint of an arm, seen from above")
+    ]
+    tower_angles_deg: Annotated[tuple[Number, Number, Number], AfterValidator(_turning)]
+    endstops_mm: Annotated[
+        Named[Endstops],
+        told("Endstop", "height of the nozzle, in the middle, where it triggers"),
+    ]
+    bed_radius_mm: Annotated[Length, told("Radius of the bed", "as far as the probe may touch")]
+    probe: Probe
 
-    @staticmethod
-    def dimensions(
-        arms: Sequence[float],
-        radius: float,
-        angles: Sequence[float],
-        endstops: Sequence[float],
-        bed: float,
-    ) -> dict[str, Any]:
-        """Every field that follows from what a firmware states, in mm and degrees."""
-        return {
-            "leg_length_mm": sum(arms) / len(arms),
-            "parallelogram_width_mm": 0.0,
-            "tool_offset_mm": 0.0,
-            "joint_limits_mm": (-max(endstops), 0.0),
-            "workspace_mm": 2.0 * bed,
-            "offsets_mm": tuple(endstops),
-            "arm_lengths_mm": tuple(arms),
-            "delta_radius_mm": radius,
-            "tower_angles_deg": tuple(angles),
-            "bed_radius_mm": bed,
-        }
+    @field_validator("delta_radius_mm")
+    @classmethod
+    def _within_arms(cls, radius: float, given: ValidationInfo) -> float:
+        """Where the arms are known, too."""
+        if radius >= min(given.data.get("arm_length_mm", (math.inf,))):
+            raise InputError(
+                "The radius is as large as an arm is long.",
+                "Give the horizontal distance between the arm's joints with the tool in the"
+                " middle.",
+            )
+        return radius
+
+    @property
+    def instrument(self) -> Probe:
+        """Its probe."""
+        return self.probe
 
     @property
     def active(self) -> tuple[float, ...]:
         """Endstops, radius, angles of the towers a and b [mm, deg]."""
-        return (*self.offsets_mm, self.delta_radius_mm, *self.tower_angles_deg[:2])
+        return (*self.endstops_mm, self.delta_radius_mm, *self.tower_angles_deg[:2])
 
     @property
     def plausible(self) -> tuple[float, ...]:
@@ -160,18 +206,28 @@ class LinearDelta(Machine):
         return self.plausible
 
     @property
+    def travel_mm(self) -> float:
+        """From the highest endstop to the bed."""
+        return max(self.endstops_mm)
+
+    @property
+    def expanding_mm(self) -> float:
+        """An arm."""
+        return sum(self.arm_length_mm) / len(TOWERS)
+
+    @property
     def geometry_words(self) -> str:
         """Arms and bed."""
-        arms = ", ".join(f"{arm:g}" for arm in dict.fromkeys(self.arm_lengths_mm))
+        arms = ", ".join(f"{arm:g}" for arm in dict.fromkeys(self.arm_length_mm))
         return f"arms {arms} mm, bed of radius {self.bed_radius_mm:g} mm"
 
-    @cached_property
+    @property
     def nominal_rails(self) -> Geometry:
         """Upright rails on a circle; arms as long as the controller has them."""
         points = np.zeros((3, 3))
         points[:, :2] = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
         upright = np.tile([0.0, 0.0, 1.0], (3, 1))
-        return Geometry(points, upright, np.array(self.arm_lengths_mm))
+        return Geometry(points, upright, np.array(self.arm_length_mm))
 
     @property
     def home_mm(self) -> float:
@@ -219,7 +275,7 @@ class LinearDelta(Machine):
 
     def recalibrated(self, after: Machine) -> bool:
         """Whether any of these, or an arm, has another value."""
-        parameters = ("offsets_mm", "delta_radius_mm", "tower_angles_deg", "arm_lengths_mm")
+        parameters = ("endstops_mm", "delta_radius_mm", "tower_angles_deg", "arm_length_mm")
         return any(getattr(self, name) != getattr(after, name) for name in parameters)
 
     def sensed(
@@ -278,7 +334,7 @@ class LinearDelta(Machine):
 
     def layouts(self) -> tuple[Layout, ...]:
         """Ways to measure that are worth comparing."""
-        return compared(self.bed_radius_mm, self.gauge.noise_mm / self.calliper_mm)
+        return compared(self.bed_radius_mm, self.probe.noise_mm / self.probe.calliper_mm)
 
     def distinguishing_layouts(self) -> tuple[Layout, ...]:
         """Touches that tell a frame out of square from a bent bed more or less, quickest first."""
@@ -286,13 +342,12 @@ class LinearDelta(Machine):
 
     def local_shape(self, plan: ProbePlan) -> Influence:
         """What neighbours share, and what nobody calls an error: the local shape of the bed."""
-        assumed = self.texture_mm is None
-        size = TEXTURE_MM if self.texture_mm is None else self.texture_mm
+        assumed, size = self.probe.texture_mm is None, self.probe.texture_std_mm
         return Influence(Origin.BED_TEXTURE, size, "mm", assumed, size * plan.texture, local=True)
 
     def _above(self, radius: Numbers | float) -> Numbers:
         """Height of each carriage over the tool in the middle, (..., 3) [mm]."""
-        return np.sqrt(np.array(self.arm_lengths_mm) ** 2 - radius**2)
+        return np.sqrt(np.array(self.arm_length_mm) ** 2 - radius**2)
 
 
 def _spread(place: Floats, count: int) -> Ints:

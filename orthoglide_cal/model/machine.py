@@ -8,88 +8,72 @@ The rest of the program does not ask which kind it has.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
+
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.influence import Influence
+from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.model.plan import Floats, Numbers
-from orthoglide_cal.model.readings import AXES, Posture
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import Vocabulary
+from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
 
-# Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
-# millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
-# reads 0.06 % short.
-PLACEMENT_MM = 1.0
-SCALE_U = 0.001
+# Nobody enters more [mm].
+LARGEST_OFFSET_MM = 1000.0
 
-
-@dataclass(frozen=True)
-class Gauge:
-    """A dial indicator.
-
-    Attributes:
-        resolution_mm: smallest step that it shows.
-        range_mm: travel of the plunger.
-        revolution_mm: travel of one turn of the dial; None for a gauge without a dial.
-        repeatability_mm: standard deviation of one reading as the maker or the last check states.
-        placement_mm: how well its stand is put at its place along the leg, one standard deviation;
-            None if nobody stated it.
-        scale_u: standard uncertainty of its scale (1); None if nobody stated it.
-    """
-
-    resolution_mm: float
-    range_mm: float
-    revolution_mm: float | None
-    repeatability_mm: float
-    placement_mm: float | None = None
-    scale_u: float | None = None
-
-    @property
-    def placement_std_mm(self) -> float:
-        """`placement_mm`, or its default."""
-        return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
-
-    @property
-    def scale_std(self) -> float:
-        """`scale_u`, or its default."""
-        return SCALE_U if self.scale_u is None else self.scale_u
-
-    @cached_property
-    def rounding_mm(self) -> float:
-        """Standard deviation q/√12 that the resolution q alone gives to a reading [mm]."""
-        return self.resolution_mm / math.sqrt(12.0)
-
-    @cached_property
-    def noise_mm(self) -> float:
-        """Standard deviation to expect of one reading: repeatability and rounding [mm]."""
-        return math.hypot(self.repeatability_mm, self.rounding_mm)
+Length = Annotated[Number, Field(ge=1.0, le=1e5)]
+Offset = Annotated[Number, Field(ge=-LARGEST_OFFSET_MM, le=LARGEST_OFFSET_MM)]
+T = TypeVar("T")
 
 
-class Entered(NamedTuple):
+def _empty(value: object) -> object:
+    """Nothing after a key is an empty group."""
+    return {} if value is None else value
+
+
+class JointOffsets(NamedTuple):
+    """One number for each joint [mm]."""
+
+    x: Offset
+    y: Offset
+    z: Offset
+
+
+# A named tuple is a group of keys in the file.
+Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
+
+
+class Entered(Schema):
     """Offsets that were entered in the controller.
 
     Attributes:
         date: when, ISO 8601.
-        before_mm, after_mm: active before and from then on (x, y, z).
+        before, after: active before and from then on [mm].
         data_sha256: digest of the measurement that they came from.
     """
 
-    date: str
-    before_mm: tuple[float, ...]
-    after_mm: tuple[float, ...]
-    data_sha256: str
+    date: Day
+    before: Named[JointOffsets]
+    after: Named[JointOffsets]
+    data_sha256: Digest
 
 
-@dataclass(frozen=True)
-class Details:
+class OwnGauge(Schema):
+    """A gauge that belongs to the machine, for reports: its certificate, and when it is due."""
+
+    id: Word
+    certificate: Word | None = None
+    due: Day | None = None
+
+
+class Details(Schema):
     """What the people who read a report want to see on it; None where it is not given.
 
     Attributes:
@@ -97,38 +81,38 @@ class Details:
         serial_number: of the machine.
         customer: whose it is.
         method: procedure by which it is calibrated.
-        gauge_due: day on which the gauge is to be calibrated again, ISO 8601.
+        traceability: to what the gauges' values are traced.
+        authorised_by: who answers for the report.
+        gauge_due: day on which the gauge is to be calibrated again, of files without `gauges`.
     """
 
-    organisation: str | None = None
-    place: str | None = None
-    serial_number: str | None = None
-    customer: str | None = None
-    method: str | None = None
-    gauge_due: str | None = None
+    organisation: Word | None = None
+    place: Word | None = None
+    serial_number: Word | None = None
+    customer: Word | None = None
+    method: Word | None = None
+    traceability: Word | None = None
+    authorised_by: Word | None = None
+    gauge_due: Day | None = None
 
 
-@dataclass(frozen=True)
-class Machine:
+class Machine(Schema):
     """The nominal machine: three actuated rails, three legs, one tool centre point.
 
+    Attributes are the keys of the machine file. A kind of machine adds its geometry, the
+    instrument that reads it, and what its controller has.
+
     Attributes:
+        kind: what tells the classes apart in the file.
         name: for people.
-        leg_length_mm: L, parallelogram length.
-        parallelogram_width_mm: d.
-        tool_offset_mm: r, from the leg's end C to the tool centre point.
-        joint_limits_mm: (min, max) displacement from the isotropic posture (errata, eq. 2).
-        workspace_mm: edge of the cube-like workspace.
-        gauge: the indicator normally used on it.
-        offsets_mm: joint offsets already active in the controller (x, y, z).
+        homing_mm: how far a home switch can plausibly be off; None for what is usual of its kind.
         tolerances: cause id → plausible size (one standard deviation, contract's unit), 0 for a
             cause that is ruled out; `Cause.size` says what holds for the others.
-        homing_mm: how far a home switch can plausibly be off; None for what is usual of its kind.
-        history: what was entered in the controller, oldest first.
         report: what its reports say of it besides the numbers.
+        gauges: that are used on it.
+        history: what was entered in the controller, oldest first.
 
     Each kind of machine says:
-        kind: its id in the machine file.
         parameter_names, parameter_units: of what a calibration determines.
         linearization_points: offsets at which what is expected of readings is taken, (k, p).
         rivals: ids of two causes that hide behind each other in the usual measurement; or ().
@@ -152,7 +136,6 @@ class Machine:
         vocabulary: its words.
     """
 
-    kind: ClassVar[str]
     parameter_names: ClassVar[tuple[str, ...]]
     parameter_units: ClassVar[tuple[str, ...]]
     linearization_points: ClassVar[Floats]
@@ -172,21 +155,21 @@ class Machine:
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
 
-    name: str
-    leg_length_mm: float
-    parallelogram_width_mm: float
-    tool_offset_mm: float
-    joint_limits_mm: tuple[float, float]
-    workspace_mm: float
-    gauge: Gauge
-    offsets_mm: tuple[float, ...] = (0.0, 0.0, 0.0)
-    tolerances: Mapping[str, float] = field(default_factory=dict, hash=False)
-    homing_mm: float | None = None
-    history: tuple[Entered, ...] = ()
-    report: Details = Details()
+    kind: str
+    name: Annotated[Word, told("Name of the machine", "stands on every report", "")]
+    homing_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] | None = None
+    tolerances: Annotated[
+        Mapping[str, Annotated[Number, Field(ge=0.0, le=1e6)]],
+        BeforeValidator(_empty),
+        AfterValidator(MappingProxyType),
+        PlainSerializer(dict),
+    ] = Field(default_factory=lambda: MappingProxyType({}))
+    report: Annotated[Details, BeforeValidator(_empty)] = Details()
+    gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
+    history: Annotated[tuple[Entered, ...], BeforeValidator(lambda given: given or ())] = ()
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "tolerances", MappingProxyType(dict(self.tolerances)))
+    def __hash__(self) -> int:
+        return hash((self.kind, self.name, self.active))
 
     @classmethod
     def require(cls, machine: Machine) -> Self:
@@ -197,8 +180,8 @@ class Machine:
         """
         if not isinstance(machine, cls):
             raise UsageError(
-                f"{machine.name} is a machine of kind {machine.kind}, not {cls.kind}.",
-                f"Give the machine file of a machine of kind {cls.kind}.",
+                f"{machine.name} is of kind {machine.kind}, which cannot do this.",
+                f"Give the machine file of a machine of kind {cls.model_fields['kind'].default}.",
             )
         return machine
 
@@ -211,15 +194,6 @@ class Machine:
         rails = dict(zip(AXES, cls.parameter_names, strict=False))
         return {name: rails.get(name, name) for name in names}
 
-    def displacement_mm(self, posture: Posture) -> float:
-        """Displacement of the leg's own carriage at a posture [mm]."""
-        low, high = self.joint_limits_mm
-        return {Posture.ISO: 0.0, Posture.MAX: high, Posture.MIN: low}[posture]
-
-    def posture_at(self, displacement: float) -> Posture | None:
-        """The named posture at a displacement [mm]; None for any other."""
-        return next((p for p in Posture if self.displacement_mm(p) == displacement), None)
-
     def entered_from(self, sha256: str) -> Entered | None:
         """What was entered from the measurement with this digest; None if nothing was."""
         return next((each for each in self.history if each.data_sha256 == sha256), None)
@@ -228,6 +202,11 @@ class Machine:
     def homing_std_mm(self) -> float:
         """`homing_mm`, or what is usual of its kind."""
         return self.usual_homing_mm if self.homing_mm is None else self.homing_mm
+
+    @property
+    def instrument(self) -> Instrument:
+        """What reads it."""
+        raise NotImplementedError
 
     @property
     def active(self) -> tuple[float, ...]:
@@ -245,11 +224,21 @@ class Machine:
         raise NotImplementedError
 
     @property
+    def travel_mm(self) -> float:
+        """How far a carriage can move, about [mm]."""
+        raise NotImplementedError
+
+    @property
+    def expanding_mm(self) -> float:
+        """Length of what grows with the temperature between the carriages and the tool [mm]."""
+        raise NotImplementedError
+
+    @property
     def geometry_words(self) -> str:
         """Its nominal geometry in one line."""
         raise NotImplementedError
 
-    @cached_property
+    @property
     def nominal_rails(self) -> Geometry:
         """Rails and legs as the controller has them."""
         raise NotImplementedError

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
-from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.machine import JointOffsets, Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
 from orthoglide_cal.model.real import RealMachine
@@ -54,9 +54,10 @@ class Model:
         """The model with more causes, after those that it has."""
         return replace(self, accepted=(*self.accepted, *effects))
 
-    def holding(self, offsets_mm: tuple[float, ...]) -> Model:
+    def holding(self, offsets_mm: tuple[float, float, float]) -> Model:
         """The model of the machine with other offsets active in its controller (x, y, z) [mm]."""
-        return replace(self, machine=replace(self.machine, offsets_mm=offsets_mm))
+        machine = self.orthoglide.changed(offsets_mm=JointOffsets(*offsets_mm))
+        return replace(self, machine=machine)
 
     def called(self, effect: Effect) -> Mapping[str, Estimate]:
         """Parameters of an effect by the names that they have on this kind of machine."""

@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator
 
-from orthoglide_cal.errors import PostureError, UnreachableError
+from orthoglide_cal.errors import InputError, PostureError, UnreachableError
 from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.instrument import Gauge
 from orthoglide_cal.model.kinematics import (
     Geometry,
     Points,
@@ -27,14 +28,16 @@ from orthoglide_cal.model.kinematics import (
     rail_position,
     tool_derivative_components,
 )
-from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import OFFSETS
+from orthoglide_cal.schema import Number, told
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
 OFFSET_MM = 0.5
+NO_OFFSETS = JointOffsets(0.0, 0.0, 0.0)
 
 
 class Moments(NamedTuple):
@@ -61,11 +64,28 @@ class TouchedPoints(NamedTuple):
     fraction: Numbers
 
 
-@dataclass(frozen=True)
-class Orthoglide(Machine):
-    """The machine of the paper."""
+def _ordered(limits: tuple[float, float]) -> tuple[float, float]:
+    if not limits[0] < 0.0 < limits[1]:
+        raise InputError(
+            "The limits must be ordered, with the isotropic posture (0) between them.",
+            "Give displacements from the isotropic posture, such as [-100, 60].",
+        )
+    return limits
 
-    kind: ClassVar[str] = "orthoglide"
+
+class Orthoglide(Machine):
+    """The machine of the paper.
+
+    Attributes:
+        leg_length_mm: L, parallelogram length.
+        parallelogram_width_mm: d.
+        tool_offset_mm: r, from the leg's end C to the tool centre point.
+        joint_limits_mm: (min, max) displacement from the isotropic posture (errata, eq. 2).
+        workspace_mm: edge of the cube-like workspace.
+        gauge: the indicator normally used on it.
+        offsets_mm: joint offsets already active in the controller.
+    """
+
     parameter_names = AXES
     parameter_units = ("mm", "mm", "mm")
     # Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
@@ -86,6 +106,52 @@ class Orthoglide(Machine):
     # bar skewed by three of them would be taken for a smaller skew together with a second fault.
     tolerance_scales: ClassVar[Mapping[float, float]] = MappingProxyType({1.0: 0.8, 3.0: 0.2})
 
+    kind: Literal["orthoglide"] = "orthoglide"
+    leg_length_mm: Annotated[Length, told("L, length of a leg", "centre to centre of its joints")]
+    parallelogram_width_mm: Annotated[Length, told("d, width of a leg", "between its two bars")]
+    tool_offset_mm: Annotated[
+        Annotated[Number, Field(ge=0.0, le=1e5)],
+        told("r of the tool", "from the legs' ends to its centre point"),
+    ]
+    joint_limits_mm: Annotated[
+        tuple[Number, Number],
+        AfterValidator(_ordered),
+        told("Travel", "lowest and highest, from the isotropic posture"),
+    ]
+    workspace_mm: Annotated[Length, told("Workspace", "edge of the cube in which errors are shown")]
+    gauge: Gauge
+    offsets_mm: Annotated[
+        Named[JointOffsets],
+        BeforeValidator(
+            lambda given: (
+                NO_OFFSETS._asdict() | (given or {})
+                if given is None or isinstance(given, dict)
+                else given
+            )
+        ),
+    ] = NO_OFFSETS
+
+    @field_validator("joint_limits_mm")
+    @classmethod
+    def _within_legs(
+        cls, limits: tuple[float, float], given: ValidationInfo
+    ) -> tuple[float, float]:
+        """Where the legs' length is known, too."""
+        length = given.data.get("leg_length_mm", math.inf)
+        beyond = [k for k, limit in enumerate(limits) if abs(limit) >= length]
+        if beyond:
+            raise InputError(
+                f"The limit is beyond the leg's length of {length} mm.",
+                "Give the displacement from the isotropic posture, not the joint value.",
+                column=f"[{beyond[0]}]",
+            )
+        return limits
+
+    @property
+    def instrument(self) -> Gauge:
+        """Its gauge."""
+        return self.gauge
+
     @property
     def active(self) -> tuple[float, ...]:
         """The offsets [mm]."""
@@ -101,13 +167,33 @@ class Orthoglide(Machine):
         """An offset is told whatever its U, with its U."""
         return (math.inf,) * len(AXES)
 
+    def displacement_mm(self, posture: Posture) -> float:
+        """Displacement of the leg's own carriage at a posture [mm]."""
+        low, high = self.joint_limits_mm
+        return {Posture.ISO: 0.0, Posture.MAX: high, Posture.MIN: low}[posture]
+
+    def posture_at(self, displacement: float) -> Posture | None:
+        """The named posture at a displacement [mm]; None for any other."""
+        return next((p for p in Posture if self.displacement_mm(p) == displacement), None)
+
+    @property
+    def travel_mm(self) -> float:
+        """Between the limits."""
+        low, high = self.joint_limits_mm
+        return high - low
+
+    @property
+    def expanding_mm(self) -> float:
+        """A leg."""
+        return self.leg_length_mm
+
     @property
     def geometry_words(self) -> str:
         """Legs and travel."""
         low, high = self.joint_limits_mm
         return f"leg {self.leg_length_mm:g} mm, travel {low:g} to {high:+g} mm"
 
-    @cached_property
+    @property
     def nominal_rails(self) -> Geometry:
         """Orthogonal rails that meet in the origin, equal legs (modelling assumption iv)."""
         return Geometry(np.zeros((3, 3)), np.eye(3), np.full(3, self.leg_length_mm))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, other_axes, places_of
 
 # Pace assumed where nobody measured the time: readings, and moves of the stand [min].
@@ -56,7 +56,7 @@ def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:
 
 
 def double_posture(
-    machine: Machine,
+    machine: Orthoglide,
     cycles: int = 3,
     closing: bool = True,
     postures: Sequence[Posture] = POSTURES,
@@ -103,7 +103,7 @@ def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> GaugePlan
     return plan_of(readings)
 
 
-def single_posture(machine: Machine, cycles: int = 1) -> GaugePlan:
+def single_posture(machine: Orthoglide, cycles: int = 1) -> GaugePlan:
     """Iso, Max, Min of the x-leg, then of the y-leg; at each, joint end and tool end along z.
 
     The height of both leg ends above the base, at the same posture (sec. 3.2).

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from orthoglide_cal.model.machine import Gauge
+from orthoglide_cal.model.instrument import Gauge
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats
@@ -61,7 +61,7 @@ def synthetic_session(
     Raises:
         UnreachableError, SingularError: a posture that this machine cannot take.
     """
-    machine, n = model.machine, len(plan)
+    machine, n = model.orthoglide, len(plan)
     signal = simulate(model, offsets, plan)
     values = written_down(signal, plan, machine.gauge if gauge is None else gauge, rng)
     return Readings(

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from orthoglide_cal.model.instrument import Gauge
 from orthoglide_cal.model.layouts import REACH, layout_of, mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.machine import Gauge
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats, Ints

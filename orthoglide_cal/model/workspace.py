@@ -108,7 +108,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         after_max_mm=float(after.max()),
         after_mean_mm=float(after.mean()),
         left_max_mm=float(beside.max()),
-        nominal_edge_mm=model.machine.workspace_mm,
+        nominal_edge_mm=model.orthoglide.workspace_mm,
     )
 
 

@@ -88,8 +88,10 @@ def monte_carlo(
     cells = []
     done = 0
     for method in methods:
-        plan = ideal_plan(method, model.machine)
-        problem = Problem(model, plan, reduction(method, DIFFERENCES[method], model.machine, plan))
+        plan = ideal_plan(method, model.orthoglide)
+        problem = Problem(
+            model, plan, reduction(method, DIFFERENCES[method], model.orthoglide, plan)
+        )
         for offset in offsets_mm:
             signal = simulate(model, np.full(3, offset), plan)
             stds = np.empty(replications)

@@ -60,7 +60,7 @@ class Sensitivity:
 def sensitivities(model: Model) -> tuple[Sensitivity, ...]:
     """Table 1: exact derivatives, at zero offsets, of the height of a leg's tool end over its
     joint end, at the isotropic, Max and Min posture of each leg, in both directions."""
-    machine = model.machine
+    machine = model.orthoglide
     rows = [
         (posture, Series(leg, direction))
         for posture in Posture
@@ -98,7 +98,7 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
             same isotropic, Max and Min readings.
     """
     raw = kind is DataKind.READINGS
-    plan = ideal_plan(DataKind.TWELVE if raw else kind, model.machine)
-    matrix = zero_free(plan) if raw else reduction(kind, DIFFERENCES[kind], model.machine, plan)
+    plan = ideal_plan(DataKind.TWELVE if raw else kind, model.orthoglide)
+    matrix = zero_free(plan) if raw else reduction(kind, DIFFERENCES[kind], model.orthoglide, plan)
     problem = Problem(model, plan, matrix)
     return sigma_rho(unit_covariance(problem, problem.at_zero[1]))

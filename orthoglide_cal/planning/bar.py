@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.model import AXES, Contact, Floats, GaugePlan, Machine
+from orthoglide_cal.model import AXES, Contact, Floats, GaugePlan
+from orthoglide_cal.model.orthoglide import Orthoglide
 
 # The plunger keeps this share of the leg from both joints: forks, bolts and the stand's arm.
 MARGIN = 0.1
@@ -45,7 +46,7 @@ def keeps_off(touched: Floats) -> np.ndarray:
     return np.asarray((touched < MARGIN - ROUNDING) | (touched > 1.0 - MARGIN + ROUNDING))
 
 
-def worst_touch(plan: GaugePlan, machine: Machine) -> WorstTouch | None:
+def worst_touch(plan: GaugePlan, machine: Orthoglide) -> WorstTouch | None:
     """The touch nearest to a joint; None if no gauge stands fixed in space."""
     rows = np.flatnonzero(plan.contact == Contact.FIXED)
     if not rows.size:
@@ -56,7 +57,7 @@ def worst_touch(plan: GaugePlan, machine: Machine) -> WorstTouch | None:
     return WorstTouch(int(plan.leg[row]), float(plan.displacement[row]), float(at[worst]))
 
 
-def reach_mm(machine: Machine, gauge_at: float) -> tuple[float, float]:
+def reach_mm(machine: Orthoglide, gauge_at: float) -> tuple[float, float]:
     """Lowest and highest displacement within the limits at which the plunger keeps `MARGIN`.
 
     The isotropic posture is always among them: there the gauge was set up.
@@ -69,7 +70,7 @@ def reach_mm(machine: Machine, gauge_at: float) -> tuple[float, float]:
     )
 
 
-def places(machine: Machine) -> tuple[float, float] | None:
+def places(machine: Orthoglide) -> tuple[float, float] | None:
     """The places farthest along the leg where the plunger stays on the bar over the whole travel.
 
     None if the travel is too long for any.
@@ -99,7 +100,7 @@ class BarWarning(NamedTuple):
         return self.what, self.remedy
 
 
-def bar_warning(plan: GaugePlan, machine: Machine) -> BarWarning | None:
+def bar_warning(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
     """What is wrong with the touches of a plan; None if nothing is."""
     worst = worst_touch(plan, machine)
     if worst is None or worst.keeps >= MARGIN - ROUNDING:
@@ -121,7 +122,7 @@ def bar_warning(plan: GaugePlan, machine: Machine) -> BarWarning | None:
     return BarWarning(what, remedy, worst.keeps < 0.0)
 
 
-def require_on_bar(plan: GaugePlan, machine: Machine) -> BarWarning | None:
+def require_on_bar(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
     """The warning of a plan whose plungers stay on the bars, but barely; None without one.
 
     Raises:

@@ -27,11 +27,11 @@ from orthoglide_cal.model import (
     Floats,
     GaugePlan,
     Ints,
-    Machine,
     Model,
     simulate_with_jacobian,
     visiting,
 )
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.bar import keeps_off
 
 # Postures that are tried, as shares of the lower and of the upper joint limit.
@@ -70,7 +70,7 @@ class Design:
 
 # A plan asks for it once for each number of cycles.
 @functools.lru_cache(maxsize=8)
-def design_of(machine: Machine) -> Design:
+def design_of(machine: Orthoglide) -> Design:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
 
     Subject to: postures within the joint limits; each plunger on the bar at all of them,

@@ -145,7 +145,7 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     plan = measured.plan if isinstance(measured, Readings) else None
     choice = further(plan, model)
     first = plan if choice or (plan is not None and plan.fixed) else None
-    choice = choice or options(first, model.machine)
+    choice = choice or options(first, model.orthoglide)
     likeliest = sorted(diagnosis.by_place, key=lambda each: -each[0])[:MOST]
     shares = np.array([share for share, _ in likeliest])
     fits = [fit for _, fit in likeliest]

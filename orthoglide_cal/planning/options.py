@@ -18,7 +18,6 @@ from orthoglide_cal.model import (
     AXES,
     Contact,
     GaugePlan,
-    Machine,
     Model,
     double_posture,
     other_axes,
@@ -86,7 +85,7 @@ def joined(*plans: AnyPlan) -> AnyPlan:
     )
 
 
-def options(first: GaugePlan | None, machine: Machine) -> tuple[Option, ...]:
+def options(first: GaugePlan | None, machine: Orthoglide) -> tuple[Option, ...]:
     """All that can be done next.
 
     Args:
@@ -133,7 +132,7 @@ class _Walk(NamedTuple):
         return (*(self.stops * times), self.stops[0])
 
 
-def _walks(machine: Machine, gauge_at: float) -> tuple[_Walk, ...]:
+def _walks(machine: Orthoglide, gauge_at: float) -> tuple[_Walk, ...]:
     """Ways through the postures: to the joint limits, or as far as the plunger stays on the bar."""
     low, high = reach_mm(machine, gauge_at)
     least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
@@ -148,7 +147,7 @@ def _walks(machine: Machine, gauge_at: float) -> tuple[_Walk, ...]:
     )
 
 
-def _going_on(here: _Stands, machine: Machine) -> Iterator[Option]:
+def _going_on(here: _Stands, machine: Orthoglide) -> Iterator[Option]:
     """With the stands where they are: on the leg that was read last."""
     walks = _walks(machine, here.gauge_at)
     still = f"Without touching the stands at leg {AXES[here.leg]}"
@@ -176,7 +175,7 @@ def _going_on(here: _Stands, machine: Machine) -> Iterator[Option]:
             )
 
 
-def _step(machine: Machine, leg: int, axis: int, stops: Sequence[float]) -> float | None:
+def _step(machine: Orthoglide, leg: int, axis: int, stops: Sequence[float]) -> float | None:
     """How much short a carriage can be commanded at all stops of a leg [mm]; None if it cannot."""
     low, high = machine.joint_limits_mm
     moved = Orthoglide.require(machine).joints_at(leg, np.array(stops))[:, axis] - machine.home_mm
@@ -186,7 +185,7 @@ def _step(machine: Machine, leg: int, axis: int, stops: Sequence[float]) -> floa
     return None
 
 
-def _alone(machine: Machine) -> Iterator[Option]:
+def _alone(machine: Orthoglide) -> Iterator[Option]:
     """Sessions as `measure` guides them, of the best design where plungers would leave the bar."""
     usual = double_posture(machine)
     protocol = MeasuringProtocol.BEST if bar_warning(usual, machine) else MeasuringProtocol.DOUBLE
@@ -205,7 +204,7 @@ def _alone(machine: Machine) -> Iterator[Option]:
         yield Option(what, plan, minutes, continues=False, session=told)
 
 
-def _afresh(first: GaugePlan, machine: Machine) -> Iterator[Option]:
+def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     """With the stands set up afresh, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
     usual = walks[0]
@@ -237,7 +236,7 @@ def _afresh(first: GaugePlan, machine: Machine) -> Iterator[Option]:
 
 def _sitting(
     first: GaugePlan,
-    machine: Machine,
+    machine: Orthoglide,
     legs: Sequence[int],
     what: str,
     stops: Sequence[float],
@@ -269,7 +268,7 @@ def _sitting(
     return Option(what, plan, minutes, continues=False)
 
 
-def _clock(plan: GaugePlan, machine: Machine, start: float) -> list[float]:
+def _clock(plan: GaugePlan, machine: Orthoglide, start: float) -> list[float]:
     """When each reading of a plan in time order is taken, and when all are, shape (n + 1,) [min].
 
     Args:
@@ -294,7 +293,7 @@ class _Stands:
     """
 
     first: GaugePlan
-    machine: Machine
+    machine: Orthoglide
     leg: int
     last: dict[int, int] = field(default_factory=dict)
     wait: float = 0.0
@@ -307,7 +306,7 @@ class _Stands:
         return float(max(stood, key=lambda at: abs(at - 0.5)))
 
     @classmethod
-    def after(cls, first: GaugePlan, machine: Machine) -> _Stands | None:
+    def after(cls, first: GaugePlan, machine: Orthoglide) -> _Stands | None:
         """The stands of the last reading; None where no stand is fixed in space."""
         here = first.in_time[first.standing[first.in_time]]
         last = dict(zip(first.direction[here].tolist(), here.tolist(), strict=True))
@@ -333,7 +332,7 @@ class _Stands:
         return Option(what, plan, minutes, continues=True)
 
 
-def _places(first: GaugePlan, machine: Machine) -> list[float]:
+def _places(first: GaugePlan, machine: Orthoglide) -> list[float]:
     """The places farthest along the leg at which the plunger stays on the bar, if they are new."""
     found = sorted(set(places(machine) or ()))
     stood = first.gauge_at[first.contact == Contact.FIXED]

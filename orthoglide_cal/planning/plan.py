@@ -254,7 +254,7 @@ def measurement_plan(
         chosen,
         forecast(model, protocol, MOST_CYCLES, stands=stands).floor,
         _apart(model, protocol, cycles, stands),
-        bar_warning=bar_warning(chosen.plan, model.machine),
+        bar_warning=bar_warning(chosen.plan, model.orthoglide),
         gauges=stands,
         target=None if target is None else Target(target, reached, cycles if reached else None),
         by_cycles=tuple(forecast(model, protocol, n, stands=stands) for n in numbers),

@@ -19,8 +19,9 @@ from itertools import groupby
 import numpy as np
 
 from orthoglide_cal.errors import PostureError, UsageError
-from orthoglide_cal.model import AXES, Floats, Machine, Model, ReadOnly
+from orthoglide_cal.model import AXES, Floats, Model, ReadOnly
 from orthoglide_cal.model.kinematics import trilaterate
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.steps import SessionStep
 
 APPROACH_MM = 1.0  # far more than any lost motion, little enough for every plunger
@@ -85,7 +86,7 @@ class PostureProgram:
         blocks: one for each visit.
     """
 
-    machine: Machine
+    machine: Orthoglide
     home_mm: float
     approach_mm: float
     session: str
@@ -117,7 +118,7 @@ def posture_program(
         raise UsageError(
             f"The approach cannot be {approach_mm:g} mm long.", "Give a length such as 1."
         )
-    low, high = model.machine.joint_limits_mm if travel_mm is None else travel_mm
+    low, high = model.orthoglide.joint_limits_mm if travel_mm is None else travel_mm
     if not low <= 0.0 <= high or low == high:
         raise UsageError(
             f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
@@ -141,7 +142,7 @@ def posture_program(
         start, above = limits.approach(number, posture.joints, approach_mm)
         blocks.append(Block(number, visit, way, Point.of(model, start), posture, above, set_up))
         here = there
-    return PostureProgram(model.machine, home, approach_mm, session, tuple(blocks))
+    return PostureProgram(model.orthoglide, home, approach_mm, session, tuple(blocks))
 
 
 @dataclass(frozen=True)

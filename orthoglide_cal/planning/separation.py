@@ -23,7 +23,6 @@ from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Cause,
     Floats,
-    Machine,
     Model,
     Place,
     ReadOnly,
@@ -31,6 +30,7 @@ from orthoglide_cal.model import (
     differentiate,
     zero_free,
 )
+from orthoglide_cal.model.machine import Machine
 
 # Of any kind of machine: each cause and estimator reads what its own has.
 AnyPlan = Any
@@ -153,7 +153,7 @@ class _Near:
     ) -> None:
         self._machine, self._plan = model.machine, plan
         self._offsets, self._causes = offsets, causes
-        sigma = model.machine.gauge.noise_mm
+        sigma = model.machine.instrument.noise_mm
         broad = [c for c in causes if not isinstance(c, PatternCause | RelabelCause)]
         absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
         self._readings, columns = differentiate(model, offsets, plan, absent)

@@ -16,12 +16,12 @@ from orthoglide_cal.model import (
     Contact,
     GaugePlan,
     Ints,
-    Machine,
     Posture,
     Series,
     double_posture,
     single_posture,
 )
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
 from orthoglide_cal.planning.design import design_of
 
@@ -114,7 +114,7 @@ class SessionStep:
 
 
 def sequence(
-    machine: Machine, protocol: MeasuringProtocol, cycles: int, order: Order, stands: int
+    machine: Orthoglide, protocol: MeasuringProtocol, cycles: int, order: Order, stands: int
 ) -> tuple[SessionStep, ...]:
     """All steps of a session.
 
@@ -155,7 +155,7 @@ def _closed(plan: GaugePlan) -> GaugePlan:
 
 
 def steps_of(
-    plan: GaugePlan, machine: Machine, order: Order, stands: int
+    plan: GaugePlan, machine: Orthoglide, order: Order, stands: int
 ) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 

@@ -91,7 +91,7 @@ class Case:
         """
         unknown = self.machine.recorded and recording(self.given) is Recording.NOWHERE
         digits = self.answer.decimals
-        changes = " ".join(plain(each.changed(digits), digits) for each in self.answer.parameters)
+        changes = " ".join(plain(each.change(digits), digits) for each in self.answer.parameters)
         options = f"--applied {changes}" if unknown else ""
         return about("verify", self.source, "AFTER", machine=self.machine_file, options=options)
 

@@ -71,7 +71,7 @@ def as_text(export: Export) -> str:
         (
             each.name if case.unit else f"{each.name}, {each.unit}",
             plain(each.active, digits),
-            signed(each.changed(digits), digits) if each.determined else "unknown",
+            signed(each.change(digits), digits) if each.determined else "unknown",
             two_figures(each.expanded),
             plain(each.new(digits), digits),
         )
@@ -88,12 +88,12 @@ def as_text(export: Export) -> str:
         "",
     ]
     if case.machine.recorded:
-        says = case.machine.leg_length_mm
+        says = case.machine.home_mm
         lines += [
             "At the isotropic posture, as the controller is set now:",
             *(
                 f"{each.name}: the controller says {plain(says, digits)} mm,"
-                f" truly {plain(says + each.changed(digits), digits)} mm"
+                f" truly {plain(says + each.change(digits), digits)} mm"
                 for each in answer.parameters
             ),
             "",
@@ -121,7 +121,7 @@ def as_linuxcnc(export: Export) -> str:
             "",
             f"[JOINT_{number}]",
             f"# axis {each.name}: previous {signed(each.active, digits)},"
-            f" change {signed(each.changed(digits), digits)} (U = {two_figures(each.expanded)})",
+            f" change {signed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
             f"HOME_OFFSET = {plain(each.new(digits), digits)}",
         ]
     lines.append("")

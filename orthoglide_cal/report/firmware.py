@@ -67,7 +67,7 @@ def values_of(export: Export) -> Values:
     model, answer = export.case.given.model, export.case.answer
     machine = LinearDelta.require(model.machine)
     *endstops, radius, angle_a, angle_b = (each.new(answer.decimals) for each in answer.parameters)
-    nominal = np.array(machine.arm_lengths_mm)
+    nominal = np.array(machine.arm_length_mm)
     arms = nominal.copy()
     for effect in model.accepted:
         if effect.cause.id in _ENTERED:

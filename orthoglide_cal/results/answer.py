@@ -81,7 +81,7 @@ class Parameter(Schema):
     enter: float | None = Field(default=None, description="what to type in; null unless released")
     determined: bool
 
-    def changed(self, decimals: int) -> float:
+    def change(self, decimals: int) -> float:
         """The change as it is entered; nothing of what the readings do not determine."""
         return 0.0 if self.found is None else round(self.found, decimals) + 0.0
 
@@ -89,7 +89,7 @@ class Parameter(Schema):
         """What is active once it is entered, free of the errors of binary addition."""
         if self.found is None:
             return self.active
-        return round(self.active + self.changed(decimals), 9) + 0.0
+        return round(self.active + self.change(decimals), 9) + 0.0
 
 
 class Estimated(Schema):

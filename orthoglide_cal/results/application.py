@@ -42,12 +42,12 @@ class Application:
     @property
     def before_mm(self) -> tuple[float, ...]:
         """Offsets in the controller until then (x, y, z) [mm]."""
-        return self.entry.after_mm if self.undone else self.entry.before_mm
+        return self.entry.after if self.undone else self.entry.before
 
     @property
     def after_mm(self) -> tuple[float, ...]:
         """Offsets in the controller from then on (x, y, z) [mm]."""
-        return self.entry.before_mm if self.undone else self.entry.after_mm
+        return self.entry.before if self.undone else self.entry.after
 
 
 def apply(
@@ -79,10 +79,11 @@ def apply(
         obstacle = _other_machine(measured_on, file, but=("identified",)) or obstacle
     if obstacle is not None:
         raise obstacle
-    before = given.model.machine.offsets_mm
+    before = given.model.orthoglide.offsets_mm
     after = tuple(each.new(answer.decimals) for each in answer.parameters)
     sha256 = given.measured.source.sha256
-    entry = Entered(at.isoformat(timespec="milliseconds"), before, after, sha256)
+    date = at.isoformat(timespec="milliseconds")
+    entry = Entered(date=date, before=before, after=after, data_sha256=sha256)
     text = with_history(file, after, *machine.history, entry)
     return Application(file, entry, False, text, given.conditions)
 
@@ -115,7 +116,7 @@ def _other_machine(
 
 def _obstacle(given: Input, file: StoredMachine) -> UsageError | None:
     """Why what was entered from this measurement cannot be recorded there."""
-    machine, path = file.model.machine, file.document.path
+    machine, path = file.model.orthoglide, file.document.path
     source, measured = given.measured.source, given.model.machine
     other = _other_machine(given.model, file)
     if other is not None:
@@ -127,7 +128,7 @@ def _obstacle(given: Input, file: StoredMachine) -> UsageError | None:
             "Measure again; or take it back, if it was not entered: "
             + command("apply", source.path, options="--undo"),
         )
-    before = measured.offsets_mm
+    before = measured.active
     if before != machine.offsets_mm and not _newer(given.conditions.started, machine.history):
         return UsageError(
             f"This was measured with {_triple(before)} mm in the controller (x, y, z);"
@@ -147,7 +148,7 @@ def take_back(file: StoredMachine, sha256: str | None = None) -> Application:
     Raises:
         UsageError: there is no such entry, or the offsets were changed since.
     """
-    machine, path = file.model.machine, file.document.path
+    machine, path = file.model.orthoglide, file.document.path
     if not machine.history:
         raise UsageError(f"{path} records nothing that could be taken back.", "Check the file.")
     *history, last = machine.history
@@ -156,12 +157,12 @@ def take_back(file: StoredMachine, sha256: str | None = None) -> Application:
             f"The last entry of {path}, of {last.date}, comes from another measurement.",
             "Only the last one can be taken back: leave the measurement out, or name its own.",
         )
-    if machine.offsets_mm != last.after_mm:
+    if machine.offsets_mm != last.after:
         raise UsageError(
             f"{path} holds {_triple(machine.offsets_mm)} mm, not what was entered on {last.date}.",
             "It was changed by hand: change it back by hand, too.",
         )
-    return Application(file, last, True, with_history(file, last.before_mm, *history))
+    return Application(file, last, True, with_history(file, last.before, *history))
 
 
 def _newer(started: str | None, history: tuple[Entered, ...]) -> bool:

@@ -138,7 +138,7 @@ def answer_to(
         chosen.budget.expanded_mm.tolist(), active
     )
     parameters = tuple(_parameters(model, chosen, decimals, enter=decision.usable))
-    entered = np.array([each.changed(decimals) for each in parameters])
+    entered = np.array([each.change(decimals) for each in parameters])
     promised = promise(
         measured, chosen.real, entered, chosen.noise, diagnosis.put_right if diagnosis else None
     )
@@ -205,7 +205,7 @@ def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Fo
     model = given.model
     budget = solution.budget.extended(diagnosis.adds_to(solution) if diagnosis else ())
     budget = budget.extended(
-        warmth(given.conditions.mean_temperature_c, model.machine.leg_length_mm)
+        warmth(given.conditions.mean_temperature_c, model.machine.expanding_mm)
     )
     if diagnosis is not None and diagnosis.verdict is Verdict.NAMED:
         real = Known(with_causes(model, diagnosis), diagnosis.offsets_mm, diagnosis.covariance_mm2)
@@ -220,7 +220,7 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Fo
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [each for each in solution.budget.contributions if each.source in held]
     budget = diagnosis.budget.extended(taken).extended(
-        warmth(given.conditions.mean_temperature_c, model.machine.leg_length_mm)
+        warmth(given.conditions.mean_temperature_c, model.machine.expanding_mm)
     )
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
     real = Known(model, diagnosis.offsets_mm, diagnosis.covariance_mm2)

@@ -90,7 +90,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
             " without them.",
             Remedy(sentence=vocabulary.more),
         )
-    for doubt in gauge_doubts(solution.measured, solution.model.machine.gauge):
+    for doubt in gauge_doubts(solution.measured, solution.model.machine.instrument):
         yield doubt.what, Remedy(sentence=doubt.remedy)
     if diagnosis is None and solution.suspicious:
         yield solution.judgement, Remedy(sentence=vocabulary.more)

@@ -97,7 +97,9 @@ class Following(Recorded):
 
     def held(self, model: Model) -> Model:
         """The machine of the first reading, with what its controller holds now."""
-        now = (round(a + b, 9) for a, b in zip(model.machine.offsets_mm, self.entered, strict=True))
+        now = (
+            round(a + b, 9) for a, b in zip(model.orthoglide.offsets_mm, self.entered, strict=True)
+        )
         x, y, z = now
         return model.holding((x, y, z))
 

@@ -163,7 +163,7 @@ class Recommendation:
         Raises:
             UsageError: the measurement that was chosen cannot.
         """
-        x, y, z = np.subtract(offsets_mm, self.model.machine.offsets_mm).round(9).tolist()
+        x, y, z = np.subtract(offsets_mm, self.model.orthoglide.offsets_mm).round(9).tolist()
         change = np.subtract((x, y, z), _left_entered(self.first.readings))
         # To act they were homed for, and that has pushed stands that were still there.
         moved = bool(change.round(6).any())
@@ -240,9 +240,9 @@ def recommended(
             f"There is no recommendation {choice} for {path}: there are {len(options)}.",
             "Leave out --choice for the best one.",
         )
-    offsets = model.machine.offsets_mm + _left_entered(first.readings)
+    offsets = model.orthoglide.offsets_mm + _left_entered(first.readings)
     if keeper is not None and not differing(keeper, model):
-        offsets = np.array(keeper.machine.offsets_mm)
+        offsets = np.array(keeper.orthoglide.offsets_mm)
     found = Recommendation(first, model, options, choice, options[0]).holding(offsets.tolist())
     if found.option.continues and stands == 1 and len(set(found.option.plan.series)) > 1:
         raise UsageError(

@@ -11,13 +11,13 @@ from typing import Any
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.files import (
-    LARGEST_OFFSET_MM,
     default_machine,
     machine_from_text,
     machine_text,
     machine_values,
 )
 from orthoglide_cal.model import Model
+from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (
@@ -189,14 +189,14 @@ def _confirmed(
         protocol = request.protocol or MeasuringProtocol.DOUBLE
         steps = sequence(given.orthoglide, protocol, 1, Order.PAPER, 1)
         plan = plan_of([step.planned for step in steps])
-    careful = require_on_bar(plan, given.machine)
+    careful = require_on_bar(plan, given.orthoglide)
     model = _holding(given, request.offsets_mm)
     while True:
         asker.say(wording.machine(model))
         if careful:
             asker.say(" ".join(careful.lines), Style.BAD)
         if found:
-            found = found.holding(model.machine.offsets_mm)
+            found = found.holding(model.orthoglide.offsets_mm)
             if found.change:
                 asker.say(found.change, Style.BAD)
             asker.say(found.first.following.words, Style.TITLE)
@@ -225,7 +225,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     """The machine with other offsets in its controller. Raises UsageError."""
     if offsets_mm is None:
         return model
-    most = min(model.machine.leg_length_mm, LARGEST_OFFSET_MM)
+    most = min(model.orthoglide.leg_length_mm, LARGEST_OFFSET_MM)
     if len(offsets_mm) != 3 or not all(abs(value) < most for value in offsets_mm):
         raise UsageError(
             "These are not three joint offsets.",
@@ -254,10 +254,10 @@ def _first_records(
     order, following = request.order or Order.PAPER, found.first.following if found else None
     steps: tuple[SessionStep, ...] = ()
     if found:
-        steps = steps_of(found.option.plan, model.machine, order, stands)
+        steps = steps_of(found.option.plan, model.orthoglide, order, stands)
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:
-        steps = sequence(model.machine, protocol, cycles, order, stands)
+        steps = sequence(model.orthoglide, protocol, cycles, order, stands)
     seed = secrets.randbelow(1_000_000) if request.seed is None else request.seed
     seed = seed if hidden is None else hidden
     opened = Opened(
@@ -278,7 +278,9 @@ def _setting(request: Request, journal: Journal, state: State) -> Setting:
     path, opened, planned = str(journal.path), state.opened, state.planned
     model, first = machine_from_text(opened.machine, path), None
     if opened.version == VERSION:
-        steps = sequence(model.machine, opened.protocol, opened.cycles, opened.order, opened.stands)
+        steps = sequence(
+            model.orthoglide, opened.protocol, opened.cycles, opened.order, opened.stands
+        )
     elif planned is None:
         raise InputError(
             "The journal does not say what is to be read.",
@@ -286,7 +288,7 @@ def _setting(request: Request, journal: Journal, state: State) -> Setting:
             file=path,
         )
     else:
-        steps = steps_of(plan_of(planned.readings), model.machine, opened.order, opened.stands)
+        steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
         first = first_of(planned.following, model) if planned.following else None
     if any(not 1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events):
         raise InputError(
@@ -324,7 +326,7 @@ def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
         before, now = ", ".join(opened.source), ", ".join(request.source)
         differences.append(f"gauge: {before} in the session, {now} asked for")
     # What the controller held was asked when the session began; the file may say otherwise.
-    asked = _holding(request.model or model, request.offsets_mm or model.machine.offsets_mm)
+    asked = _holding(request.model or model, request.offsets_mm or model.orthoglide.offsets_mm)
     one, other = (_flat(machine_values(m)) for m in (model, asked))
     differences += [
         f"machine, {name}: {one.get(name, 'none')} in the session,"

@@ -20,7 +20,6 @@ from orthoglide_cal.model import (
     Floats,
     GaugePlan,
     Ints,
-    Machine,
     Model,
     Posture,
     Readings,
@@ -28,6 +27,7 @@ from orthoglide_cal.model import (
     number_setups,
     places_of,
 )
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned
@@ -48,9 +48,9 @@ class Setting:
     first: First | None = None  # the readings that it goes on from
 
     @property
-    def machine(self) -> Machine:
+    def machine(self) -> Orthoglide:
         """The nominal machine."""
-        return self.model.machine
+        return self.model.orthoglide
 
     @property
     def held(self) -> Model:
@@ -210,7 +210,7 @@ class ReadingsSoFar:
         if (
             self.setting.first
             or not self.steps
-            or np.abs(self.value).max() > model.machine.leg_length_mm
+            or np.abs(self.value).max() > model.orthoglide.leg_length_mm
         ):
             return None
         try:

@@ -68,7 +68,7 @@ button is pressed; then press once."""
 
 def machine(model: Model) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""
-    machine, gauge = model.machine, model.machine.gauge
+    machine, gauge = model.orthoglide, model.orthoglide.gauge
     low, high = machine.joint_limits_mm
     known = ", ".join(effect.cause.id for effect in model.accepted)
     return "\n".join([

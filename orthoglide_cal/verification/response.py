@@ -130,7 +130,7 @@ def respond(comparison: Comparison, offsets: Floats, applied: Floats) -> Respons
         applied: δ, shape (3,) [mm], not all zero.
     """
     problem = comparison.problem
-    gauge = problem.model.machine.gauge
+    gauge = problem.model.machine.instrument
     whiten = np.linalg.inv(np.linalg.cholesky(comparison.covariance))
     change = whiten @ comparison.change
     predicted = whiten @ problem.change(offsets, applied)

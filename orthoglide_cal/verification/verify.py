@@ -243,7 +243,9 @@ def _deviations(
     """The differences of Table 4 before, promised and after, where both sessions hold them."""
     model = before.model
     later = pose_differences(after.measured, model, table_kind(before.measured))
-    reach = factor * model.machine.gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    reach = (
+        factor * model.machine.instrument.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    )
     measured = zip(later.data.tolist(), reach.tolist(), strict=True)
     came_true = dict(zip(later.which, measured, strict=True))
     deviations = tuple(
@@ -272,7 +274,7 @@ def _require_same_machine(before: Model, after: Model) -> None:
 
 def _recorded(before: Input, after: Input, history: Callable[[], Sequence[Entered]]) -> Floats:
     """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
-    first, second = (each.model.machine.offsets_mm for each in (before, after))
+    first, second = (each.model.machine.active for each in (before, after))
     if first == second or not (before.is_session and after.is_session):
         sha256 = before.measured.source.sha256
         known = next((each for each in history() if each.data_sha256 == sha256), None)
@@ -283,5 +285,5 @@ def _recorded(before: Input, after: Input, history: Callable[[], Sequence[Entere
             )
         if first == second:
             # The later one was measured without knowing what had been entered.
-            first, second = known.before_mm, known.after_mm
+            first, second = known.before, known.after
     return np.asarray((np.array(second) - np.array(first)).round(9))

@@ -119,7 +119,7 @@ def test_each_pattern_is_what_the_cause_says() -> None:
 
 
 def test_a_turn_is_as_long_as_the_dial_says() -> None:
-    inch = replace(PROTOTYPE, gauge=replace(PROTOTYPE.gauge, revolution_mm=2.54))
+    inch = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(revolution_mm=2.54))
     slip = CAUSES["gauge_slip"].at(np.array([-1.0]), Place((3, 0)))
     change = simulate(Model(inch, (slip,)), np.zeros(3), PLAN)
     assert change[3] == pytest.approx(-2.54)
@@ -128,10 +128,10 @@ def test_a_turn_is_as_long_as_the_dial_says() -> None:
 
 def test_only_a_gauge_with_a_dial_has_turns_to_miscount() -> None:
     slip = CAUSES["gauge_slip"]
-    plain = replace(PROTOTYPE, gauge=replace(PROTOTYPE.gauge, revolution_mm=None))
+    plain = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(revolution_mm=None))
     assert slip.possible(PROTOTYPE)
     assert not slip.possible(plain)
-    assert not slip.possible(replace(PROTOTYPE, tolerances={"gauge_slip": 0.0}))
+    assert not slip.possible(PROTOTYPE.changed(tolerances={"gauge_slip": 0.0}))
     assert CAUSES["misread"].possible(plain)
 
 

@@ -185,13 +185,13 @@ class TestCandidates:
         timed = {id for id, cause in CAUSES.items() if cause.timed}
         assert timed >= {"backlash", "thermal_drift", "gauge_drift", "stand_shift"}
         assert not any(timed & set(ids) for ids in tried(NOMINAL, ordered=False))
-        gauge = replace(PROTOTYPE.gauge, revolution_mm=None)
-        assert ("gauge_slip",) not in tried(Model(replace(PROTOTYPE, gauge=gauge)))
+        gauge = PROTOTYPE.gauge.changed(revolution_mm=None)
+        assert ("gauge_slip",) not in tried(Model(PROTOTYPE.changed(gauge=gauge)))
         none = dict.fromkeys(OWN, 0.0)
-        few = Model(replace(PROTOTYPE, tolerances={**none, "axis_gap": 0.3, "misread": 0.1}))
+        few = Model(PROTOTYPE.changed(tolerances={**none, "axis_gap": 0.3, "misread": 0.1}))
         assert tried(few) == {(), ("axis_gap",), ("misread",), ("axis_gap", "misread")}
-        assert tried(Model(replace(PROTOTYPE, tolerances=none))) == {()}
-        assert tried(Model(replace(PROTOTYPE, tolerances={}))) == tried(NOMINAL)
+        assert tried(Model(PROTOTYPE.changed(tolerances=none))) == {()}
+        assert tried(Model(PROTOTYPE.changed(tolerances={}))) == tried(NOMINAL)
 
     def test_what_is_known_of_the_machine_is_not_tried_again(self) -> None:
         known_gap = extended(axis_gap=(0.1, 0.2, -0.1))

@@ -59,7 +59,7 @@ def test_a_miscounted_turn_is_named_although_the_reading_may_just_be_wrong() -> 
         session = measured(Effect("gauge_slip", "", (1.0,), row=row), seed=row, gauge=truth.DIAL)
         readings, model = known(session)
         tolerances = {**model.machine.tolerances, "misread": 0.3}
-        wide = replace(model, machine=replace(model.machine, tolerances=tolerances))
+        wide = replace(model, machine=model.machine.changed(tolerances=tolerances))
         found = diagnose(readings, wide)
         assert (found.verdict, ids(found)) == ("named", {"gauge_slip"})
         assert found.causes[0].aliases in ((), ("misread",))

@@ -170,12 +170,13 @@ def test_any_other_parameter_in_the_controller_leaves_them_free(
 def test_the_verdict_does_not_hang_on_sizes(leaning: tuple[Input, Input]) -> None:
     before, _ = leaning
     machine = before.model.machine
-    gauge, causes = machine.gauge, {"tower_lean", "bed_shape", "backlash"}
+    probe, causes = machine.probe, {"tower_lean", "bed_shape", "backlash"}
     for noise, local, size in ((1.5, 1.0, 1.0), (1 / 1.5, 1.5, 2.0), (1.0, 1 / 1.5, 0.5)):
-        other = replace(
-            machine,
-            gauge=replace(gauge, repeatability_mm=noise * gauge.repeatability_mm),
-            texture_mm=local * V400.texture,
+        other = machine.changed(
+            probe=probe.changed(
+                repeatability_mm=noise * probe.repeatability_mm,
+                texture_mm=local * V400.texture,
+            ),
             tolerances={id: size * value for id, value in machine.tolerances.items()},
         )
         found = diagnose(before.measured, replace(before.model, machine=other))
@@ -294,7 +295,7 @@ def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
     left = found.diagnosis.measured_mm - found.diagnosis.nominal_mm
     calliper = found.input.model.machine
     assert isinstance(calliper, LinearDelta)
-    weight = np.array([1.0] * 7 + [calliper.gauge.noise_mm / calliper.calliper_mm] * 3)
+    weight = np.array([1.0] * 7 + [calliper.probe.noise_mm / calliper.probe.calliper_mm] * 3)
     expected = float(np.sqrt(np.mean((weight * left) ** 2)))
     assert found.solution.rms_after_mm == pytest.approx(expected, rel=1e-6)
     assert found.explained.rms_before_mm == pytest.approx(expected, rel=1e-6)

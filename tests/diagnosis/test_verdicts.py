@@ -188,7 +188,7 @@ def test_the_interval_carries_the_legs_in_proportion_to_their_tolerance() -> Non
     stds = []
     for tolerance in (0.001, 0.01, 0.05):
         tolerances = {**model.machine.tolerances, "leg_length": tolerance}
-        machine = replace(model.machine, tolerances=tolerances)
+        machine = model.machine.changed(tolerances=tolerances)
         found = diagnose(readings, replace(model, machine=machine))
         assert found.verdict == "consistent"
         assert "leg_length" in found.ambiguous_with

@@ -80,7 +80,7 @@ def test_a_clock_that_was_only_assumed_leaves_rates_three_times_as_open() -> Non
 
 
 def test_defaults_are_scaled_like_what_is_given() -> None:
-    silent = Model(replace(PROTOTYPE, tolerances={"misread": 0.2}))
+    silent = Model(PROTOTYPE.changed(tolerances={"misread": 0.2}))
     plan = double_posture(PROTOTYPE)
     readings = replace(readings_of(PROTOTYPE, plan, np.linspace(0.0, 1.0, 60)), timed=False)
     white = Whitened.of(readings, silent)
@@ -96,6 +96,6 @@ def test_scaling_changes_the_tolerances_and_nothing_else() -> None:
     white = sample("double_posture_session.csv")
     half = white.scaled(0.5)
     assert half.machine.tolerances == {id: 0.5 * t for id, t in PROTOTYPE.tolerances.items()}
-    assert replace(half.machine, tolerances=PROTOTYPE.tolerances) == PROTOTYPE
+    assert half.machine.changed(tolerances=PROTOTYPE.tolerances) == PROTOTYPE
     assert np.array_equal(half.data, white.data)
     assert half.plan is white.plan

@@ -30,7 +30,9 @@ from tests.machines import extended
 NOWHERE = Source("test", "")
 OFFSETS = np.array([0.83, -1.46, 0.57])
 SMALL = 1e-3 * OFFSETS
-PERFECT = Gauge(resolution_mm=0.0, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.0)
+PERFECT = Gauge.model_construct(
+    resolution_mm=0.0, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.0
+)
 READINGS, SIX, TWELVE, SINGLE = (
     DataKind.READINGS, DataKind.SIX, DataKind.TWELVE, DataKind.SINGLE,
 )  # fmt: skip

@@ -44,7 +44,7 @@ def by_source(model: Model, offsets: Floats = OFFSETS) -> dict[str, Influence]:
 
 
 def with_gauge(model: Model, gauge: Gauge) -> Model:
-    return replace(model, machine=replace(model.machine, gauge=gauge))
+    return replace(model, machine=model.machine.changed(gauge=gauge))
 
 
 def test_a_stand_beside_its_place_is_the_finite_difference_of_the_truth() -> None:
@@ -62,7 +62,7 @@ def test_a_stand_beside_its_place_is_the_finite_difference_of_the_truth() -> Non
         expected = (up - down) / 2e-3 * truth.machines.PLACEMENT
         assert found.columns[:, column] == pytest.approx(expected, abs=1e-7)
         assert np.ptp(expected[PLAN.setup == setup]) > 1e-3
-    twice = with_gauge(MODEL, replace(MODEL.machine.gauge, placement_mm=2.0))
+    twice = with_gauge(MODEL, MODEL.machine.gauge.changed(placement_mm=2.0))
     assert by_source(twice)[Origin.GAUGE_PLACEMENT].columns == pytest.approx(2.0 * found.columns)
 
 
@@ -110,12 +110,12 @@ def test_an_accepted_cause_brings_its_own_uncertainty() -> None:
 
 
 def test_sizes_that_nobody_stated_are_marked() -> None:
-    stated = replace(MODEL.machine.gauge, placement_mm=0.4, scale_u=0.0003)
+    stated = MODEL.machine.gauge.changed(placement_mm=0.4, scale_u=0.0003)
     found = by_source(with_gauge(MODEL, stated))
     assert [(each.size, each.unit, each.assumed) for each in found.values()] == [
         (0.0003, "", False), (0.4, "mm", False), (0.01, "mm", False),
     ]  # fmt: skip
-    bare = replace(MODEL.machine, tolerances={})
+    bare = MODEL.machine.changed(tolerances={})
     assumed = by_source(replace(MODEL, machine=bare))
     assert [each.assumed for each in assumed.values()] == [True, True, True]
     assert all(not each.columns.any() for each in by_source(sure(MODEL)).values())
@@ -193,7 +193,7 @@ def test_misplaced_stands_make_no_healthy_session_suspicious() -> None:
             truth.PROTOTYPE, truth.MICRON, plan, offsets, (), rng, setting=setting
         )
         readings, model = known(session)
-        stated = replace(model.machine.gauge, placement_mm=spread * truth.machines.PLACEMENT)
+        stated = model.machine.gauge.changed(placement_mm=spread * truth.machines.PLACEMENT)
         solutions.append(solve(readings, with_gauge(model, stated)))
         alarms += solve(readings, sure(model)).suspicious
     assert sum(solution.suspicious for solution in solutions) <= 1

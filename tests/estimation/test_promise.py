@@ -1,6 +1,5 @@
 """What the gauges are promised to read once offsets are entered, against the independent truth."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -171,7 +170,7 @@ def test_a_solution_promises_what_comes_true(form: str) -> None:
 def test_stands_put_up_anew_are_misplaced_anew() -> None:
     """Where they stood before and where they stand then are two independent errors."""
     stated = sure(NOMINAL).machine
-    model = Model(replace(stated, gauge=replace(stated.gauge, placement_mm=2.0)))
+    model = Model(stated.changed(gauge=stated.gauge.changed(placement_mm=2.0)))
     plan = truth.standard_plan(truth.PROTOTYPE, np.random.default_rng(1), cycles=1)
     column, posture = {}, np.array(plan.posture)
     for when, offsets in (("before", OFFSETS), ("after", OFFSETS - ENTERED)):

@@ -1,15 +1,13 @@
 """The machine file of a linear delta: what is accepted, every fault, round trips."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import machine_from_text, machine_text, machine_values
-from orthoglide_cal.files.probe_readings import CALLIPER_MM
-from orthoglide_cal.model import Gauge, Model
+from orthoglide_cal.model import Model
+from orthoglide_cal.model.instrument import CALLIPER_MM
 from orthoglide_cal.model.linear_delta import LinearDelta
 from tests.printers import CONFIG, UNEVEN
 from tests.truth.delta import TOLERANCES, delta_yaml
@@ -33,13 +31,13 @@ def test_the_file_that_ships() -> None:
     machine = model.machine
     assert isinstance(machine, LinearDelta)
     assert machine.kind == model.machine.kind == "linear_delta"
-    assert machine.arm_lengths_mm == (344.1,) * 3
+    assert machine.arm_length_mm == (344.1,) * 3
     assert machine.delta_radius_mm == 161.8
     assert machine.tower_angles_deg == (210.0, 330.0, 90.0)
-    assert machine.offsets_mm == (420.0,) * 3
+    assert machine.endstops_mm == (420.0,) * 3
     assert machine.bed_radius_mm == 150.0
-    assert machine.gauge == Gauge(0.0, 344.1, None, 0.012)
-    assert (machine.calliper_mm, machine.texture_mm) == (float(CALLIPER), 0.02)
+    assert (machine.probe.resolution_mm, machine.probe.repeatability_mm) == (0.0, 0.012)
+    assert (machine.probe.calliper_mm, machine.probe.texture_mm) == (float(CALLIPER), 0.02)
     assert model.accepted == ()
 
 
@@ -47,13 +45,16 @@ def test_the_file_of_an_independent_program_with_three_arms() -> None:
     text = delta_yaml(UNEVEN)
     machine = read(text).machine
     assert isinstance(machine, LinearDelta)
-    assert machine.arm_lengths_mm == UNEVEN.arms
-    assert machine.leg_length_mm == pytest.approx(np.mean(UNEVEN.arms))
+    assert machine.arm_length_mm == UNEVEN.arms
+    assert machine.expanding_mm == pytest.approx(np.mean(UNEVEN.arms))
     assert machine.tower_angles_deg == UNEVEN.angles
-    assert machine.offsets_mm == UNEVEN.endstops
+    assert machine.endstops_mm == UNEVEN.endstops
     assert (machine.delta_radius_mm, machine.bed_radius_mm) == (UNEVEN.radius, UNEVEN.bed)
-    assert (machine.gauge.repeatability_mm, machine.calliper_mm) == (UNEVEN.noise, UNEVEN.calliper)
-    assert machine.texture_mm == yaml.safe_load(text)["probe"]["texture_mm"]
+    assert (machine.probe.repeatability_mm, machine.probe.calliper_mm) == (
+        UNEVEN.noise,
+        UNEVEN.calliper,
+    )
+    assert machine.probe.texture_mm == yaml.safe_load(text)["probe"]["texture_mm"]
     assert dict(machine.tolerances) == TOLERANCES
 
 
@@ -69,9 +70,9 @@ def test_it_is_read_as_it_was_written() -> None:
         ]
         model = read(text).extended(found)
         again = read(machine_text(model))
-        for field in fields(LinearDelta):
-            mine, theirs = (getattr(each.machine, field.name) for each in (again, model))
-            assert mine == theirs, field.name
+        for name in LinearDelta.model_fields:
+            mine, theirs = (getattr(each.machine, name) for each in (again, model))
+            assert mine == theirs, name
         assert machine_values(again) == machine_values(model)
         for mine, theirs in zip(again.accepted, model.accepted, strict=True):
             assert mine.cause is theirs.cause
@@ -85,7 +86,7 @@ def test_what_is_optional() -> None:
     del content["probe"]["texture_mm"], content["probe"]["calliper_mm"]
     machine = read(yaml.safe_dump(content)).machine
     assert isinstance(machine, LinearDelta)
-    assert (machine.calliper_mm, machine.texture_mm) == (CALLIPER_MM, None)
+    assert (machine.probe.calliper_mm, machine.probe.texture_mm) == (CALLIPER_MM, None)
     assert dict(machine.tolerances) == {}
     # Towers may be counted from any angle on.
     content["tower_angles_deg"] = [330.0, 90.0, 210.0]

@@ -1,6 +1,5 @@
 """The machine file: what is accepted, what is refused and how, round trips."""
 
-import dataclasses
 import time
 import zipfile
 from pathlib import Path
@@ -20,6 +19,7 @@ from orthoglide_cal.files import (
     write_text,
 )
 from orthoglide_cal.model import Effect, Estimate, Gauge, Model
+from orthoglide_cal.model.machine import JointOffsets
 from orthoglide_cal.model.orthoglide import Orthoglide
 
 from .helpers import MACHINE, MODEL, PROTOTYPE, places, problems
@@ -34,7 +34,9 @@ def test_the_prototype_is_the_default():
     assert machine.parallelogram_width_mm == 80.0
     assert machine.tool_offset_mm == 31.0
     assert machine.joint_limits_mm == (-100.0, 60.0)
-    assert machine.gauge == Gauge(0.01, 10.0, 1.0, 0.006)
+    assert machine.gauge == Gauge(
+        resolution_mm=0.01, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.006
+    )
     own = {id for id, cause in CAUSES.items() if type(machine) in cause.sizes}
     assert set(machine.tolerances) == own
     for model in (read_machine(PROTOTYPE), read_machine(None)):
@@ -206,12 +208,11 @@ def assert_same(one: Effect, other: Effect) -> None:
 
 
 def test_round_trip_is_exact(tmp_path):
-    machine = dataclasses.replace(
-        MACHINE,
+    machine = MACHINE.changed(
         name="no: 7 # \u00e9 'x'",
         leg_length_mm=1000 / 3,
-        offsets_mm=(0.1, -1e-7, 123.456),
-        gauge=Gauge(0.001, 12.0, None, 0.002),
+        offsets_mm=JointOffsets(0.1, -1e-7, 123.456),
+        gauge=Gauge(resolution_mm=0.001, range_mm=12.0, revolution_mm=None, repeatability_mm=0.002),
         homing_mm=1.75,
     )
     model, path = Model(machine, (accepted(),)), tmp_path / "new.yaml"
@@ -224,7 +225,7 @@ def test_round_trip_is_exact(tmp_path):
 
 def test_a_written_file_keeps_the_tolerances_that_were_given_and_no_more():
     given = {"backlash": 0.0, "misread": 0.25}
-    model = Model(dataclasses.replace(MACHINE, tolerances=given))
+    model = Model(MACHINE.changed(tolerances=given))
     assert yaml.safe_load(machine_text(model))["tolerances"] == given
     assert machine_from_text(machine_text(model), "m.yaml").machine == model.machine
 

@@ -35,7 +35,12 @@ def test_history_and_details_are_kept_when_the_file_is_written_again(tmp_path):
     path.write_text(PROTOTYPE.read_text() + HISTORY)
     model = read_machine(path)
     (entry,) = model.machine.history
-    assert entry == ("2025-01-31", (0.0, 0.0, 0.0), (0.4, -0.1, 0.0), DIGEST)
+    assert entry.model_dump(exclude={"before"}) == {
+        "date": "2025-01-31",
+        "after": {"x": 0.4, "y": -0.1, "z": 0.0},
+        "data_sha256": DIGEST,
+    }
+    assert entry.before == (0.0, 0.0, 0.0)
     assert model.machine.entered_from(DIGEST) == entry
     assert model.machine.entered_from("0" * 64) is None
     report = model.machine.report

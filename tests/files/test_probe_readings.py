@@ -1,6 +1,5 @@
 """Touches and distances: from a CSV, and from a printer.cfg through the door of every command."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,10 @@ from orthoglide_cal.files import (
     read_input,
     read_machine_file,
 )
-from orthoglide_cal.files.probe_readings import CALLIPER_MM, MINUTES_PER_TOUCH, REPEATABILITY_MM
+from orthoglide_cal.files.probe_readings import MINUTES_PER_TOUCH, REPEATABILITY_MM
 from orthoglide_cal.model import Floats, Model, Readings
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.instrument import CALLIPER_MM
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta
 from tests.printers import CONFIG, UNEVEN, printer, true_values
 from tests.truth.delta import (
     Delta,
@@ -228,12 +228,12 @@ def test_the_machine_is_the_one_that_the_file_describes(tmp_path: Path) -> None:
     given = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg"))
     machine = given.model.machine
     assert isinstance(machine, LinearDelta)
-    assert machine.arm_lengths_mm == UNEVEN.arms
-    assert machine.offsets_mm == UNEVEN.endstops
+    assert machine.arm_length_mm == UNEVEN.arms
+    assert machine.endstops_mm == UNEVEN.endstops
     assert machine.tower_angles_deg == UNEVEN.angles
     assert (machine.delta_radius_mm, machine.bed_radius_mm) == (UNEVEN.radius, UNEVEN.bed)
-    assert machine.gauge.repeatability_mm == REPEATABILITY_MM
-    assert machine.calliper_mm == CALLIPER_MM
+    assert machine.probe.repeatability_mm == REPEATABILITY_MM
+    assert machine.probe.calliper_mm == CALLIPER_MM
     assert machine.name == "printer.cfg"
 
 
@@ -262,13 +262,19 @@ def test_padded_points_of_a_mesh_are_left_out_and_it_is_said(tmp_path: Path) -> 
 def test_what_else_is_known_comes_from_the_machine_file(tmp_path: Path) -> None:
     """Its probe, tolerances and causes; the numbers in force are those of the printer.cfg."""
     path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
-    own = replace(printer(UNEVEN, {"leg_length": 0.1}), name="mine", calliper_mm=0.02)
-    known = Model(replace(own, offsets_mm=(1.0, 2.0, 3.0), texture_mm=0.02))
+    own = printer(UNEVEN, {"leg_length": 0.1})
+    probe = own.probe.changed(calliper_mm=0.02, texture_mm=0.02)
+    endstops = Endstops(1.0, 2.0, 3.0)
+    known = Model(own.changed(name="mine", probe=probe, endstops_mm=endstops))
     machine = read_input(path, known).model.machine
     assert isinstance(machine, LinearDelta)
-    assert (machine.name, machine.calliper_mm, machine.texture_mm) == ("mine", 0.02, 0.02)
+    assert (machine.name, machine.probe.calliper_mm, machine.probe.texture_mm) == (
+        "mine",
+        0.02,
+        0.02,
+    )
     assert machine.tolerances == {"leg_length": 0.1}
-    assert machine.offsets_mm == UNEVEN.endstops
+    assert machine.endstops_mm == UNEVEN.endstops
 
 
 def test_a_machine_of_another_kind_is_refused(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def test_nor_are_causes_of_the_machine_and_the_stands(gauge: truth.Gauge) -> Non
 def test_nor_are_the_samples() -> None:
     for path in sorted(SAMPLES.glob("*.csv")):
         given = read_input(str(path))
-        assert gauge_doubts(given.measured, given.model.machine.gauge) == (), path.name
+        assert gauge_doubts(given.measured, given.model.machine.instrument) == (), path.name
 
 
 # --- repeats ----------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ def test_nor_are_the_samples() -> None:
 @pytest.mark.parametrize("size", [2, 3, 4])
 def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: int) -> None:
     """Against 400,000 draws of six cells at the worst and at any place between two divisions."""
-    stated = Gauge(gauge.resolution, 10.0, None, gauge.noise)
+    stated = Gauge(resolution_mm=gauge.resolution, range_mm=10.0, repeatability_mm=gauge.noise)
     rng = np.random.default_rng(size)
     for place in (0.0, None):
         where = rng.uniform(-0.5, 0.5, (400_000, 6, 1)) if place is None else place
@@ -112,7 +112,7 @@ def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: 
 @both_gauges
 def test_many_repeats_are_weighed_in_parts(gauge: truth.Gauge) -> None:
     """A thousand of each posture; and gauges that nobody has."""
-    stated = Gauge(gauge.resolution, 10.0, None, gauge.noise)
+    stated = Gauge(resolution_mm=gauge.resolution, range_mm=10.0, repeatability_mm=gauge.noise)
     rng, sizes = np.random.default_rng(8), Counter({1003: 6})
     shown = np.rint(rng.normal(0.0, gauge.noise, (6, 1003)) / gauge.resolution) * gauge.resolution
     squares = float(((shown - shown.mean(axis=1, keepdims=True)) ** 2).sum())
@@ -120,8 +120,8 @@ def test_many_repeats_are_weighed_in_parts(gauge: truth.Gauge) -> None:
     assert chance_of_less_scatter(0.5 * squares, sizes, stated) < 1e-6
     for absurd in (1e300, 1e-300):
         for other in (
-            replace(stated, repeatability_mm=absurd),
-            replace(stated, resolution_mm=absurd),
+            stated.changed(repeatability_mm=absurd),
+            stated.changed(resolution_mm=absurd),
         ):
             assert 0.0 <= chance_of_less_scatter(squares, sizes, other) <= 1.0
 
@@ -130,8 +130,8 @@ def test_equal_readings_are_normal_behind_a_coarse_dial() -> None:
     readings, gauge = drawn(truth.DIAL)
     equal = replace(readings, value=np.full(len(readings), 0.12))
     assert kinds(equal, gauge) == {DEAD}
-    assert kinds(equal, replace(gauge, repeatability_mm=0.001)) == set()
-    assert kinds(equal, replace(gauge, repeatability_mm=0.0)) == set()
+    assert kinds(equal, gauge.changed(repeatability_mm=0.001)) == set()
+    assert kinds(equal, gauge.changed(repeatability_mm=0.0)) == set()
 
 
 @both_gauges
@@ -142,7 +142,7 @@ def test_a_dead_display(gauge: truth.Gauge) -> None:
     repeated = readings.value[[first[cell] for cell in readings.plan.cells.tolist()]]
     assert kinds(replace(readings, value=repeated), stated) == {DEAD}
     nearly = np.round(repeated + 0.15 * (readings.value - repeated), 3)
-    fine = replace(stated, resolution_mm=0.001)
+    fine = stated.changed(resolution_mm=0.001)
     assert kinds(replace(readings, value=nearly), fine) == {SCATTER}
 
 
@@ -221,7 +221,10 @@ def test_readings_in_inches_are_judged_in_inches() -> None:
 
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
 def test_differences_of_means_are_allowed_their_decimals(kind: DataKind) -> None:
-    rng, gauge = np.random.default_rng(4), Gauge(0.01, 10.0, 1.0, 0.006)
+    rng, gauge = (
+        np.random.default_rng(4),
+        Gauge(resolution_mm=0.01, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.006),
+    )
     which = DIFFERENCES[kind]
     shown = np.round(rng.normal(0.0, 0.8, (200, len(which), 7)), 2)
     for readings in shown:
@@ -235,7 +238,10 @@ def test_differences_of_means_are_allowed_their_decimals(kind: DataKind) -> None
 
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
 def test_differences_in_inches_have_too_many(kind: DataKind) -> None:
-    rng, gauge = np.random.default_rng(4), Gauge(0.01, 10.0, 1.0, 0.006)
+    rng, gauge = (
+        np.random.default_rng(4),
+        Gauge(resolution_mm=0.01, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.006),
+    )
     which, found = DIFFERENCES[kind], 0
     for _ in range(100):
         value = np.round(np.round(rng.normal(0.0, 0.8, len(which)), 2) / 25.4, 4)

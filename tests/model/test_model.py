@@ -120,8 +120,8 @@ def test_what_a_cause_takes_from_the_model(cause: Cause, subject: Subject) -> No
 
 
 def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
-    gap, silent = CAUSES["axis_gap"], replace(PROTOTYPE, tolerances={"misread": 0.2})
-    stated = replace(PROTOTYPE, tolerances={"axis_gap": 0.07})
+    gap, silent = CAUSES["axis_gap"], PROTOTYPE.changed(tolerances={"misread": 0.2})
+    stated = PROTOTYPE.changed(tolerances={"axis_gap": 0.07})
     assert (gap.size(stated), gap.assumed(stated)) == (0.07, False)
     assert (gap.size(silent), gap.assumed(silent)) == (gap.sizes[type(PROTOTYPE)], True)
     assert gap.possible(stated)
@@ -132,8 +132,8 @@ def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
 
 def test_what_is_ruled_out_or_has_no_size_is_not_possible() -> None:
     gap = CAUSES["axis_gap"]
-    assert not gap.possible(replace(PROTOTYPE, tolerances={"axis_gap": 0.0}))
-    assert not gap.possible(replace(PRINTER, tolerances={}))
+    assert not gap.possible(PROTOTYPE.changed(tolerances={"axis_gap": 0.0}))
+    assert not gap.possible(PRINTER.changed(tolerances={}))
 
 
 # --- effects ----------------------------------------------------------------------------------
@@ -276,7 +276,7 @@ def test_values_hold_copies_of_what_they_are_given() -> None:
 
 def test_tolerances_of_a_machine_cannot_be_changed() -> None:
     given = {"axis_gap": 0.5}
-    machine = replace(PROTOTYPE, tolerances=given)
+    machine = type(PROTOTYPE)(**{**dict(PROTOTYPE), "tolerances": given})
     given["axis_gap"] = 9.0
     assert machine.tolerances["axis_gap"] == 0.5
     with pytest.raises(TypeError):

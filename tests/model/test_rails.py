@@ -178,7 +178,7 @@ def test_a_leg_too_short_is_named(point: tuple[float, float, float], leg: str) -
     with pytest.raises(UnreachableError, match=f"Leg {leg} is too short .* {at}") as caught:
         NOMINAL.machine.joints_for(np.array([POINT, point]))
     assert "workspace" in caught.value.remedy
-    longer = replace(PROTOTYPE, leg_length_mm=400.0)
+    longer = PROTOTYPE.changed(leg_length_mm=400.0)
     assert np.isfinite(longer.joints_for(np.array([POINT, point]))).all()
 
 

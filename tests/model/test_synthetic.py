@@ -42,7 +42,9 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
 
 def test_a_gauge_without_steps_or_noise_shows_what_there_is() -> None:
     plan = double_posture(PROTOTYPE)
-    perfect = Gauge(0.0, 10.0, None, 0.0)
+    perfect = Gauge.model_construct(
+        resolution_mm=0.0, range_mm=10.0, revolution_mm=None, repeatability_mm=0.0
+    )
     signal = simulate(NOMINAL, OFFSETS, plan)
     values = written_down(signal, plan, perfect, np.random.default_rng(3))
     rest = values - signal
@@ -51,7 +53,12 @@ def test_a_gauge_without_steps_or_noise_shows_what_there_is() -> None:
 
 
 def test_a_session_with_another_gauge() -> None:
-    plan, fine = double_posture(PROTOTYPE), Gauge(0.0, 10.0, None, 0.0)
+    plan, fine = (
+        double_posture(PROTOTYPE),
+        Gauge.model_construct(
+            resolution_mm=0.0, range_mm=10.0, revolution_mm=None, repeatability_mm=0.0
+        ),
+    )
     made = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4), fine)
     rest = zero_free(plan) @ (made.value - simulate(NOMINAL, OFFSETS, plan))
     assert rest == pytest.approx(0.0, abs=1e-8)
@@ -62,7 +69,9 @@ def test_a_session_with_another_gauge() -> None:
 
 def test_the_noise_of_a_gauge_is_its_repeatability_and_its_rounding() -> None:
     """q/√12 by hand: 0.012/3.4641 = 0.003464; √(0.003464² + 0.0035²) = 0.004925."""
-    gauge = Gauge(resolution_mm=0.012, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.0035)
+    gauge = Gauge.model_construct(
+        resolution_mm=0.012, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.0035
+    )
     assert gauge.rounding_mm == pytest.approx(0.0034641, abs=1e-7)
     assert gauge.noise_mm == pytest.approx(0.0049244, abs=1e-7)
 

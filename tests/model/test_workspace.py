@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -111,8 +109,8 @@ def test_the_cube_stays_within_the_joint_limits(
     machine: Machine, limits: tuple[float, float] | None
 ) -> None:
     """And reaches them: each limit is met somewhere in it."""
-    machine = replace(
-        machine, joint_limits_mm=limits or machine.joint_limits_mm, workspace_mm=1000.0
+    machine = machine.changed(
+        joint_limits_mm=limits or machine.joint_limits_mm, workspace_mm=1000.0
     )
     moved = displacements(machine, *machine.reachable_cube)
     assert moved.min() == pytest.approx(machine.joint_limits_mm[0], abs=1e-6)
@@ -120,11 +118,11 @@ def test_the_cube_stays_within_the_joint_limits(
 
 
 def test_the_cube_is_no_larger_than_the_workspace_and_stays_where_it_was() -> None:
-    whole = replace(PROTOTYPE, workspace_mm=1000.0).reachable_cube
-    small = replace(PROTOTYPE, workspace_mm=50.0).reachable_cube
+    whole = PROTOTYPE.changed(workspace_mm=1000.0).reachable_cube
+    small = PROTOTYPE.changed(workspace_mm=50.0).reachable_cube
     assert small[1] - small[0] == pytest.approx(50.0)
     assert sum(small) == pytest.approx(sum(whole))
-    wide = replace(PROTOTYPE, joint_limits_mm=(-300.0, 300.0), workspace_mm=1000.0)
+    wide = PROTOTYPE.changed(joint_limits_mm=(-300.0, 300.0), workspace_mm=1000.0)
     low, high = wide.reachable_cube
     assert (low, high) == (-LENGTH / 2.0, LENGTH / 2.0)
     assert np.isfinite(displacements(wide, low, high)).all()

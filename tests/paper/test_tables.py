@@ -291,7 +291,7 @@ def test_twelve_equation_rows_are_not_made_up() -> None:
 
 def test_a_wrong_machine_does_not_reproduce_the_tables() -> None:
     assert not table_4(NOMINAL_LARGE).reproduced
-    short = replace(NOMINAL, machine=replace(PROTOTYPE, joint_limits_mm=(-90.0, 60.0)))
+    short = replace(NOMINAL, machine=PROTOTYPE.changed(joint_limits_mm=(-90.0, 60.0)))
     assert not accuracy(short).reproduced
 
 

@@ -1,7 +1,6 @@
 """The plunger stays on the bar: what is planned says so, and what cannot be is not measured."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +23,9 @@ from orthoglide_cal.planning.options import joined, options
 from tests.cli.program import run
 from tests.machines import LARGE, PROTOTYPE, ROOT, both_machines
 
-SHORT = replace(PROTOTYPE, leg_length_mm=100.0, joint_limits_mm=(-90.0, 60.0))
-NEAR = replace(PROTOTYPE, joint_limits_mm=(-130.0, 60.0))
-LONG_WAY = replace(PROTOTYPE, joint_limits_mm=(-200.0, 0.0))
+SHORT = PROTOTYPE.changed(leg_length_mm=100.0, joint_limits_mm=(-90.0, 60.0))
+NEAR = PROTOTYPE.changed(joint_limits_mm=(-130.0, 60.0))
+LONG_WAY = PROTOTYPE.changed(joint_limits_mm=(-200.0, 0.0))
 
 
 @both_machines
@@ -55,13 +54,13 @@ def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
 @given(length=st.floats(150.0, 900.0), low=st.floats(0.42, 0.8), high=st.floats(0.0, 0.8))
 def test_advised_limits_are_safe(length: float, low: float, high: float) -> None:
     """Whole millimetres towards the isotropic posture, never farther out."""
-    machine = replace(
-        PROTOTYPE, leg_length_mm=length, joint_limits_mm=(-low * length, high * length)
+    machine = PROTOTYPE.changed(
+        leg_length_mm=length, joint_limits_mm=(-low * length, high * length)
     )
     warning = bar_warning(double_posture(machine), machine)
     assert warning is not None
     limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning[1])[0]))
-    safe = replace(machine, joint_limits_mm=limits)
+    safe = machine.changed(joint_limits_mm=limits)
     assert bar_warning(double_posture(safe), safe) is None
 
 

@@ -5,7 +5,7 @@ that whose sensitivity fᵀ M⁻¹ L M⁻¹ f exceeds tr(L M⁻¹) nowhere (Kief
 Here f are the derivatives of a reading by the three offsets and six zeros, from the truth.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -159,7 +159,7 @@ def _variance(model: Model, plan: GaugePlan) -> float:
 @pytest.mark.parametrize("limits", [(-100.0, 60.0), (-60.0, 100.0), (-150.0, 130.0), (-20.0, 20.0)])
 def test_every_plunger_stays_on_its_bar(limits: tuple[float, float]) -> None:
     """(-150, 130): the whole travel leaves no place for a gauge, so the design uses less of it."""
-    machine = replace(PROTOTYPE, joint_limits_mm=limits)
+    machine = PROTOTYPE.changed(joint_limits_mm=limits)
     design = design_of(machine)
     moved = np.array(design.displacements_mm)
     assert np.all((moved >= limits[0]) & (moved <= limits[1]))
@@ -173,7 +173,7 @@ def test_every_plunger_stays_on_its_bar(limits: tuple[float, float]) -> None:
 
 def test_limits_of_nothing_let_nothing_be_seen() -> None:
     with pytest.raises(RankDeficientError, match="joint limits"):
-        design_of(replace(PROTOTYPE, joint_limits_mm=(0.0, 0.0)))
+        design_of(PROTOTYPE.changed(joint_limits_mm=(0.0, 0.0)))
 
 
 def trace(found: Separations, id: str) -> float:

@@ -60,7 +60,7 @@ def solved(model: Model, session: Readings, values: Floats, method: Method) -> F
         return (data - problem.at_zero[0]) @ method.estimator(posed).T
     if method is Method.READINGS:
         columns = np.hstack([each.columns for each in influences(model, OFFSETS, plan)])
-        ratio = problem.matrix @ columns / model.machine.gauge.noise_mm
+        ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
         problem = Posed(problem, data[0], ()).weighted(ratio).problem
     fit = fit_offsets(problem, values @ problem.matrix.T)
     assert np.all(fit.converged)

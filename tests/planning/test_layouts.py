@@ -46,7 +46,8 @@ MANY = 21
 
 
 def model_of(machine: Delta) -> Model:
-    return Model(replace(printer(machine, TOLERANCES), texture_mm=machine.texture))
+    made = printer(machine, TOLERANCES)
+    return Model(made.changed(probe=made.probe.changed(texture_mm=machine.texture)))
 
 
 V400_MODEL = model_of(V400)
@@ -92,7 +93,7 @@ def test_predicted_standard_deviations_are_what_monte_carlo_finds(name: str) -> 
     expected = true_values(V400, TRUTH)
     problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
     columns = np.hstack([each.columns for each in influences(V400_MODEL, expected, plan)])
-    ratio = problem.matrix @ columns / V400_MODEL.machine.gauge.noise_mm
+    ratio = problem.matrix @ columns / V400_MODEL.machine.probe.noise_mm
     problem = Posed(problem, problem.matrix @ value, ()).weighted(ratio).problem
     found = []
     for _ in range(DRAWS // CHUNK):
@@ -113,7 +114,7 @@ def test_what_the_arms_add_is_what_wrong_arms_do(name: str) -> None:
     plan = laid.plan
     problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
     columns = np.hstack([each.columns for each in influences(V400_MODEL, np.zeros(6), plan)])
-    ratio = problem.matrix @ columns / V400_MODEL.machine.gauge.noise_mm
+    ratio = problem.matrix @ columns / V400_MODEL.machine.probe.noise_mm
     problem = Posed(problem, np.zeros(len(plan)), ()).weighted(ratio).problem
     size = TOLERANCES["leg_length"]
     shifted = []
@@ -205,7 +206,7 @@ def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
 
 
 def test_where_nothing_tells_the_best_is_named() -> None:
-    rough = replace(V400_MODEL.machine, texture_mm=0.2)
+    rough = V400_MODEL.machine.changed(texture_mm=0.2)
     design = measurement_plan(Model(rough), Wanted()).design
     assert design is not None
     assert not design.reached
@@ -217,7 +218,7 @@ def test_where_nothing_tells_the_best_is_named() -> None:
 
 
 def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
-    upright = replace(V400_MODEL.machine, tolerances={**TOLERANCES, "tower_lean": 0.0})
+    upright = V400_MODEL.machine.changed(tolerances={**TOLERANCES, "tower_lean": 0.0})
     plan = measurement_plan(Model(upright), Wanted())
     assert plan.design is None
     assert plan.chosen.name == "bed-7"
@@ -225,8 +226,8 @@ def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
 
 
 def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
-    gauge = replace(V400_MODEL.machine.gauge, repeatability_mm=2.0)
-    coarse = measurement_plan(Model(replace(V400_MODEL.machine, gauge=gauge)), Wanted())
+    gauge = V400_MODEL.machine.gauge.changed(repeatability_mm=2.0)
+    coarse = measurement_plan(Model(V400_MODEL.machine.changed(gauge=gauge)), Wanted())
 
     def undetermined(plan: MeasurementPlan) -> set[str]:
         return {

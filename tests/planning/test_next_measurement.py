@@ -275,7 +275,8 @@ def test_what_u_will_be_is_what_solve_prints(
 def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
     """Arms of a printer: most of U of its endstops and radius, whatever is touched next."""
     session = make_delta_session(5, layout=Layout(81))
-    model = Model(replace(printer(V400, TOLERANCES), texture_mm=V400.texture))
+    nominal = printer(V400, TOLERANCES)
+    model = Model(nominal.changed(probe=nominal.probe.changed(texture_mm=V400.texture)))
     measured = readings_of_touches(
         plan_of_session(session, session.readings), session.readings - session.block
     )

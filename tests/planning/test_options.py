@@ -101,7 +101,7 @@ def test_a_step_that_was_read_has_been_taken_back() -> None:
 @pytest.mark.parametrize(("low", "way"), [(-100.0, "short"), (-13.2, "too far"), (-12.8, None)])
 def test_a_step_stays_inside_the_limits(low: float, way: str | None) -> None:
     """Displaced by 100 mm, leg z takes carriages x and y down by √(L² − 100²) − L = −13.16 mm."""
-    machine = replace(PROTOTYPE, leg_length_mm=386.5, joint_limits_mm=(low, 100.0))
+    machine = PROTOTYPE.changed(leg_length_mm=386.5, joint_limits_mm=(low, 100.0))
     steps = [o for o in options(double_posture(machine), machine) if "drive as before" in o.what]
     assert len(steps) == (0 if way is None else 2)
     for k, option in enumerate(steps):

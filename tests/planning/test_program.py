@@ -111,8 +111,8 @@ def test_lost_motion_leaves_no_trace_but_half_of_it_in_the_offsets(
     """With room behind every posture. The machine is the independent one of the bench."""
     machine = MACHINES[name]
     nominal = {"prototype": PROTOTYPE, "large": LARGE}[name]
-    nominal = replace(
-        nominal, leg_length_mm=machine.leg, joint_limits_mm=(machine.lower, machine.upper)
+    nominal = nominal.changed(
+        leg_length_mm=machine.leg, joint_limits_mm=(machine.lower, machine.upper)
     )
     model = Model(nominal)
     plan = standard_plan(machine, np.random.default_rng(5))

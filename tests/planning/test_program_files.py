@@ -95,7 +95,7 @@ def test_no_name_breaks_the_program(name: str, marker: str, tmp_path: Path) -> N
     template = default_template().replace("(orthocal blocks)", marker)
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    foreign = replace(NOMINAL, machine=replace(PROTOTYPE, name=name))
+    foreign = replace(NOMINAL, machine=PROTOTYPE.changed(name=name))
     text = gcode(tmp_path / "a", foreign, template=template)
     assert text.isascii()
     assert "%" not in text
@@ -109,7 +109,7 @@ def test_no_name_breaks_the_program(name: str, marker: str, tmp_path: Path) -> N
 
 def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
     steps, target = steps_of(NOMINAL), tmp_path / "program.csv"
-    foreign = replace(NOMINAL, machine=replace(PROTOTYPE, name='=1+1,"x"'))
+    foreign = replace(NOMINAL, machine=PROTOTYPE.changed(name='=1+1,"x"'))
     write_program(posture_program(foreign, steps, SESSION), target)
     with target.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -133,7 +133,7 @@ def test_turning_the_bar_tells_its_skew_from_rails_that_do_not_meet() -> None:
 
 def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
     machine = NOMINAL.machine
-    without = replace(machine, tolerances={**machine.tolerances, "backlash": 0.0})
+    without = machine.changed(tolerances={**machine.tolerances, "backlash": 0.0})
     plan = session_of(NOMINAL, DOUBLE, 3).plan
     ids = [cause.id for cause in separations(Model(without), plan).causes]
     assert "backlash" not in ids
@@ -149,7 +149,7 @@ def test_the_whole_table_takes_less_than_half_a_second() -> None:
 
 
 def test_a_machine_on_which_nothing_can_be_wrong_has_no_pairs() -> None:
-    sound = replace(NOMINAL.machine, tolerances=dict.fromkeys(OWN, 0.0))
+    sound = NOMINAL.machine.changed(tolerances=dict.fromkeys(OWN, 0.0))
     found = separations(Model(sound), session_of(NOMINAL, DOUBLE, 3).plan)
     assert found.causes == found.invisible == found.pairs == ()
 

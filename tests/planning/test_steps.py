@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -23,7 +22,7 @@ from orthoglide_cal.planning.steps import (
 from tests.machines import PROTOTYPE
 from tests.session.virtual import DOUBLE, SINGLE, both_protocols
 
-SMALL: Machine = replace(PROTOTYPE, leg_length_mm=200.0, joint_limits_mm=(-70.0, 45.0))
+SMALL: Machine = PROTOTYPE.changed(leg_length_mm=200.0, joint_limits_mm=(-70.0, 45.0))
 
 
 def usual(

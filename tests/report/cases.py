@@ -37,7 +37,7 @@ def changed(
     """The model of a machine with another name, gauge or active offsets."""
     new = {"name": name, "gauge": gauge, "offsets_mm": offsets_mm}
     new = {key: value for key, value in new.items() if value is not None}
-    return replace(model, machine=replace(model.machine, **new))
+    return replace(model, machine=model.machine.changed(**new))
 
 
 def _experiment() -> Input:

@@ -204,7 +204,7 @@ def _owned(model: Model, name: str = "Machine") -> Model:
         method="double posture, work instruction 12",
         gauge_due="2027-01-31",
     )
-    return replace(model, machine=replace(model.machine, name=name, report=report))
+    return replace(model, machine=model.machine.changed(name=name, report=report))
 
 
 @pytest.mark.parametrize(("width", "media"), [(360, ""), (800, ""), (A4_CONTENT, "print")])

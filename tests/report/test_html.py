@@ -142,7 +142,7 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
     names = ("Organisation", "Place", "Serial number", "Customer", "Method", "Gauge due")
     assert not [name for name in names if f"<dt>{name}</dt>" in html(bare)]
     given = make().input
-    machine = replace(given.model.machine, report=Details(**written))
+    machine = given.model.machine.changed(report=Details(**written))
     model = replace(given.model, machine=machine)
     whole = html(calibration_document(replace(make(), input=replace(given, model=model))).page())
     for name, text in zip(names, written.values(), strict=True):

@@ -114,7 +114,7 @@ def few() -> Calibration:
 @cache
 def hostile() -> Calibration:
     """Names and notes from somebody who wants to do harm."""
-    model = replace(NOMINAL, machine=replace(PROTOTYPE, name=HOSTILE[0] + HOSTILE[1]))
+    model = replace(NOMINAL, machine=PROTOTYPE.changed(name=HOSTILE[0] + HOSTILE[1]))
     good = session(TRUE, 10, model)
     note = tuple(HOSTILE[k % len(HOSTILE)] if k < 12 else "" for k in range(len(good)))
     measured = replace(good, note=note, source=replace(good.source, path=HOSTILE[2] + ".csv"))

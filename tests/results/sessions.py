@@ -18,8 +18,8 @@ TRUE = np.array([-0.53, 0.59, -1.76])
 
 def with_fine_gauge(model: Model) -> Model:
     """The same with a digital gauge of 1 µm."""
-    gauge = replace(model.machine.gauge, resolution_mm=0.001, repeatability_mm=0.003)
-    return replace(model, machine=replace(model.machine, gauge=gauge))
+    gauge = model.machine.gauge.changed(resolution_mm=0.001, repeatability_mm=0.003)
+    return replace(model, machine=model.machine.changed(gauge=gauge))
 
 
 FINE = with_fine_gauge(NOMINAL)

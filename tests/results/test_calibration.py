@@ -11,6 +11,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from orthoglide_cal.results.adjustment import as_found
+from orthoglide_cal.results.residuals import residuals
 from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
@@ -18,10 +20,9 @@ from orthoglide_cal.diagnosis import DOUBTFUL, Verdict
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Known, promise, solve, stays
 from orthoglide_cal.model import Entered, Model, Series, Source, Stage, simulate, single_posture
+from orthoglide_cal.model.machine import JointOffsets
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import calibrate, calibration, export, identify, release
-from orthoglide_cal.results.adjustment import as_found
-from orthoglide_cal.results.residuals import residuals
 from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.printers import plan_of_session, printer, readings_of_touches
 from tests.results import cases
@@ -40,7 +41,7 @@ NOT_USABLE = (
 
 def with_active(found, *active):
     """The calibration on a machine whose controller holds these offsets already."""
-    machine = replace(found.input.model.machine, offsets_mm=active)
+    machine = found.input.model.machine.changed(offsets_mm=active)
     return replace(
         found, input=replace(found.input, model=replace(found.input.model, machine=machine))
     )
@@ -112,7 +113,7 @@ def test_adjustment_adds_to_what_is_active():
 
 def test_new_values_are_free_of_binary_rounding():
     wanted = replace(cases.healthy().solution, offsets_mm=np.array([0.2, 0.0, 0.0]))
-    machine = replace(PROTOTYPE, offsets_mm=(0.1, 0.0, 0.0))
+    machine = PROTOTYPE.changed(offsets_mm=(0.1, 0.0, 0.0))
     made = alone(wanted, replace(NOMINAL, machine=machine))
     assert [joint.new_mm for joint in made.joints] == [0.3, 0.0, 0.0]
 
@@ -201,7 +202,7 @@ def test_a_solution_that_did_not_converge_is_not_released():
 ])  # fmt: skip
 def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
     """Whatever the diagnosis says: a wrong unit is as consistent as millimetres."""
-    machine = replace(PROTOTYPE, homing_mm=stated)
+    machine = PROTOTYPE.changed(homing_mm=stated)
     model = replace(NOMINAL, machine=machine)
     found = calibrate(given(session((0.1, offset, -0.2), 21, model), model))
     assert found.diagnosis.verdict is Verdict.CONSISTENT
@@ -371,7 +372,7 @@ def test_a_result_is_frozen_to_the_last_array(make):
 
 def test_a_number_says_what_went_in_and_not_when():
     moment = datetime(2026, 3, 4, 5, 6, 7, 123, UTC)
-    renamed = Model(replace(NOMINAL.machine, name="Other"))
+    renamed = Model(NOMINAL.machine.changed(name="Other"))
     given = [
         ([(Source("a.csv", "a"), NOMINAL)], ()),
         ([(Source("a.csv", "b"), NOMINAL)], ()),
@@ -387,8 +388,13 @@ def test_a_number_says_what_went_in_and_not_when():
     # Where the file lies does not matter.
     assert identify([(Source("moved/a.csv", "a"), NOMINAL)]).number == numbers[0]
     # What is entered later in the controller is no part of it.
-    entry = Entered("2026-03-03", (0.0, 0.0, 0.0), (0.1, 0.2, 0.3), "a" * 64)
-    entered = replace(NOMINAL, machine=replace(NOMINAL.machine, history=(entry,)))
+    entry = Entered(
+        date="2026-03-03",
+        before=JointOffsets(0.0, 0.0, 0.0),
+        after=JointOffsets(0.1, 0.2, 0.3),
+        data_sha256="a" * 64,
+    )
+    entered = replace(NOMINAL, machine=NOMINAL.machine.changed(history=(entry,)))
     assert identify([(Source("a.csv", "a"), entered)]).number == numbers[0]
 
 
@@ -480,7 +486,7 @@ def test_a_printer_is_told_what_printers_can_be_off_by(off: Truth, usable: bool)
     """A radius by 5 mm, an angle by 2 degrees, an endstop by 5 mm: beyond, it is another one."""
     session = probe_bed(V400, off, (), Layout(41), np.random.default_rng(1))
     plan = plan_of_session(session, session.readings)
-    model = Model(replace(printer(V400), tolerances={"leg_length": 0.0}))
+    model = Model(printer(V400).changed(tolerances={"leg_length": 0.0}))
     release = calibrate(given(readings_of_touches(plan, session.readings), model)).release
     assert release.usable is usable
     assert any("no printer is that far off" in reason for reason in release.reasons) is not usable

@@ -241,7 +241,7 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
     asked = [
         check_number(coming([], 0), 12.7, gauge),
         check_number(coming(read[:2], 2), 12.7, gauge),
-        check_number(coming([], 0), 0.0137, replace(gauge, resolution_mm=0.0254)),
+        check_number(coming([], 0), 0.0137, gauge.changed(resolution_mm=0.0254)),
         check_reading(coming(read[:9], 9), values[9] + 0.3, gauge),
         check_reading(coming(read[:50], 50), values[50] + 1.0, gauge),
         check_repeats(coming(steady, 39), 0.001, gauge),

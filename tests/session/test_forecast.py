@@ -205,14 +205,14 @@ def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
     moved = [step for step in steps if step.posture != "iso"]
     change = np.stack([heights[:, s.number - 1] - heights[:, iso[s.series]] for s in moved], axis=1)
     none = dict.fromkeys(("axis_gap", "axis_squareness", "bar_skew", "encoder_scale"), 1e-09)
-    only = replace(PROTOTYPE, tolerances={**none, part: tolerance})
+    only = PROTOTYPE.changed(tolerances={**none, part: tolerance})
     assert 0.5 < float(np.sqrt(np.mean(change**2))) / misfit_mm(only) < 1.5
 
 
 def test_sizes_that_the_machine_file_does_not_give_are_those_of_its_kind() -> None:
     """What the prototype's file states is what is assumed for its kind."""
     plan = timed_plan()
-    silent = replace(PROTOTYPE, tolerances={})
+    silent = PROTOTYPE.changed(tolerances={})
     stated, assumed = (
         in_full(plan),
         Outlook(Model(silent), plan).forecast(np.arange(60), plan.setup, plan.order, plan.hours),
@@ -222,7 +222,7 @@ def test_sizes_that_the_machine_file_does_not_give_are_those_of_its_kind() -> No
 
 
 def test_a_machine_that_can_have_nothing_leaves_offsets_zeros_and_noise() -> None:
-    sound = Model(replace(PROTOTYPE, tolerances=dict.fromkeys(CAUSES, 0.0)))
+    sound = Model(PROTOTYPE.changed(tolerances=dict.fromkeys(CAUSES, 0.0)))
     plan, values = timed_plan(30), np.array(readings_of(steps_of()[:30], 4))
     found = Outlook(sound, plan).forecast(np.arange(30), plan.setup, plan.order, plan.hours)
     assert not found.misfits.any()

@@ -1,7 +1,6 @@
 """Healthy sessions are left alone: less than one in a hundred has any false question."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,11 +31,15 @@ from .virtual import (
 
 def truth_machine(machine: TrueMachine, gauge: TrueGauge) -> Machine:
     """The machine file that the independent truth stands for."""
-    return replace(
-        machines.PROTOTYPE,
+    return machines.PROTOTYPE.changed(
         leg_length_mm=machine.leg,
         joint_limits_mm=(machine.lower, machine.upper),
-        gauge=Gauge(gauge.resolution, gauge.range, gauge.revolution, gauge.noise),
+        gauge=Gauge(
+            resolution_mm=gauge.resolution,
+            range_mm=gauge.range,
+            revolution_mm=gauge.revolution,
+            repeatability_mm=gauge.noise,
+        ),
     )
 
 
@@ -120,8 +123,8 @@ def test_a_thousand_sessions_of_an_independent_truth() -> None:
 
 def test_a_noisier_gauge_than_stated_is_not_questioned_all_the_time() -> None:
     """Twice the stated noise: after a few repeats their own scatter is the measure."""
-    noisy = replace(
-        machines.PROTOTYPE, gauge=replace(machines.PROTOTYPE.gauge, repeatability_mm=0.014)
+    noisy = machines.PROTOTYPE.changed(
+        gauge=machines.PROTOTYPE.gauge.changed(repeatability_mm=0.014)
     )
     steps = steps_of()
     counts = [len(play(readings_of(steps, seed, noisy), steps)) for seed in range(5)]

@@ -1,6 +1,5 @@
 """What `measure` refuses, and that it names the reason: files, other sessions, full disks."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -343,7 +342,7 @@ def test_impossible_offsets(tmp_path: Path, value: str, why: str) -> None:
 def test_what_the_controller_holds_is_gone_from_a_simulated_machine() -> None:
     steps = steps_of()
     bare = SimulatedGauge(setting_of(steps), 3).offsets_mm
-    machine = replace(PROTOTYPE, offsets_mm=(0.4, -0.3, 0.9))
+    machine = PROTOTYPE.changed(offsets_mm=(0.4, -0.3, 0.9))
     corrected = SimulatedGauge(setting_of(steps, machine), 3).offsets_mm
     assert corrected == pytest.approx(bare - [0.4, -0.3, 0.9])
 

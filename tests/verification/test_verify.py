@@ -240,7 +240,7 @@ def test_decision_rule_with_guard_band(limit, outcome):
 
 def test_what_was_entered_is_what_two_sessions_record():
     entered = (-0.527, 0.595, -1.748)
-    adjusted = replace(NOMINAL, machine=replace(PROTOTYPE, offsets_mm=entered))
+    adjusted = replace(NOMINAL, machine=PROTOTYPE.changed(offsets_mm=entered))
     first = before(19)
     second = given(session(TRUE - np.array(entered), 20), adjusted)
     assert verify(first, second).applied_mm.tolist() == list(entered)
@@ -252,9 +252,9 @@ def test_what_was_entered_is_what_two_sessions_record():
 @pytest.mark.parametrize(
     ("other", "name"),
     [
-        (replace(NOMINAL, machine=replace(PROTOTYPE, leg_length_mm=300.0)), "leg_length_mm"),
+        (replace(NOMINAL, machine=PROTOTYPE.changed(leg_length_mm=300.0)), "leg_length_mm"),
         (
-            replace(NOMINAL, machine=replace(PROTOTYPE, joint_limits_mm=(-90.0, 60.0))),
+            replace(NOMINAL, machine=PROTOTYPE.changed(joint_limits_mm=(-90.0, 60.0))),
             "joint_limits_mm",
         ),
         (extended(axis_gap=(0.3, -0.2, 0.25)), "identified"),

@@ -154,7 +154,7 @@ def _parameters(case: Case, left: Verification | None) -> list[doc.Section]:
     if answer.as_found is None:
         return sections
     raw = answer.input.kind == DataKind.READINGS
-    digits = difference_decimals(raw, machine.gauge.resolution_mm)
+    digits = difference_decimals(raw, machine.instrument.resolution_mm)
     columns: list[tuple[doc.Blank, ...]] = [
         (plain(size.rms_mm, digits), signed(size.largest_mm, digits), str(size.largest))
         for size in (answer.as_found, answer.expected)
@@ -261,7 +261,7 @@ def _workspace(case: Case, found: Workspace) -> doc.Section:
 def _conditions(case: Case) -> doc.Section:
     """Under which conditions, with which gauges: blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
-    stated, noise = machine.gauge, machine.vocabulary.noise
+    stated, noise = machine.instrument, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [
         *method_facts(machine, given.finished or given.started),
         ("Protocol", _given(given.protocol)),

@@ -29,8 +29,8 @@ def _page(model: Model) -> doc.Page:
         entered = tuple(
             (
                 each.date[:10],
-                _written(each.before_mm),
-                _written(each.after_mm),
+                _written(each.before),
+                _written(each.after),
                 each.data_sha256[:12],
             )
             for each in machine.history

@@ -76,7 +76,7 @@ def _page(
     plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
 ) -> doc.Page:
     model, vocabulary = plan.model, plan.model.machine.vocabulary
-    noise = two_figures(model.machine.gauge.noise_mm)
+    noise = two_figures(model.machine.instrument.noise_mm)
     scatter = (vocabulary.noise.capitalize(), f"one reading scatters by {noise} mm")
     session = [("Session", plan.chosen.what)]
     size = float(np.sqrt(np.mean(model.machine.linearization_points**2)))

@@ -95,7 +95,7 @@ def left_after(case: Case, in_full: bool = False) -> doc.Section:
     table = answer.deviations
     if not table or answer.as_found is None or answer.expected is None:
         return doc.Section(None, quality)
-    digits = difference_decimals(raw, case.machine.gauge.resolution_mm)
+    digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
     usable = answer.release.usable
 
     def row(title: str, name: str, size: float | None) -> tuple[str, ...]:
