@@ -113,39 +113,6 @@ class Budget:
         return max(self.contributions, key=lambda each: float(np.trace(each.covariance_mm2)))
 
 
-class Budgeted:
-    """Joint offsets (3,) [mm] with the budget of their uncertainty: what follows from both."""
-
-    offsets_mm: Floats
-    budget: Budget
-
-    @property
-    def covariance_mm2(self) -> Floats:
-        """Of the offsets, from all sources, shape (3, 3) (eqs. 26–32 for the noise)."""
-        return self.budget.covariance_mm2
-
-    @property
-    def std_mm(self) -> Floats:
-        """Standard uncertainties u of the offsets, shape (3,) [mm]."""
-        return self.budget.std_mm
-
-    @property
-    def expanded_mm(self) -> Floats:
-        """Expanded uncertainties U, shape (3,) [mm]."""
-        return self.budget.expanded_mm
-
-    @property
-    def interval_mm(self) -> Floats:
-        """Offsets ± U, shape (3, 2) [mm]."""
-        reach = self.expanded_mm
-        return np.stack((self.offsets_mm - reach, self.offsets_mm + reach), axis=1)
-
-    @property
-    def k(self) -> float:
-        """Coverage factor, U/u."""
-        return self.budget.k
-
-
 def budget_of(
     estimator: Floats, gauge: Instrument, scatter: Scatter | None, uncertain: Iterable[Influence]
 ) -> Budget:

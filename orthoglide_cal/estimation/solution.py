@@ -21,14 +21,12 @@ from orthoglide_cal.estimation.accuracy import (
     sigma_rho,
     sum_of_squares,
 )
-from orthoglide_cal.estimation.budget import Budget, Budgeted, budget_of
-from orthoglide_cal.estimation.gaussian import unexplained
+from orthoglide_cal.estimation.budget import Budget, budget_of
 from orthoglide_cal.estimation.influences import held, influences
 from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, Problem, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose, pose_differences
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise
 from orthoglide_cal.model import (
-    DataKind,
     Differences,
     Floats,
     Measured,
@@ -53,7 +51,7 @@ UNUSUAL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Budgeted, ReadOnly):
+class Solution(ReadOnly):
     """Joint offsets identified from one file.
 
     Attributes:
@@ -77,34 +75,39 @@ class Solution(Budgeted, ReadOnly):
     iterations: int
 
     @property
-    def source(self) -> Source:
-        """The data's path and digest."""
-        return self.measured.source
-
-    @property
-    def kind(self) -> DataKind:
-        """Of the data."""
-        return self.measured.kind
-
-    @property
-    def count(self) -> int:
-        """Number of readings or differences."""
-        return len(self.measured)
-
-    @property
-    def method_is_default(self) -> bool:
-        """Whether it is the estimator that nobody needs to name."""
-        return self.method is choose_method(self.measured, None)
-
-    @property
     def model(self) -> Model:
         """The machine and its accepted causes."""
         return self.posed.problem.model
 
     @property
+    def source(self) -> Source:
+        """The data's path and digest."""
+        return self.measured.source
+
+    @property
     def machine(self) -> str:
         """Name of the machine."""
         return self.model.machine.name
+
+    @property
+    def covariance_mm2(self) -> Floats:
+        """Of the offsets, from all sources, shape (3, 3) (eqs. 26–32 for the noise)."""
+        return self.budget.covariance_mm2
+
+    @property
+    def std_mm(self) -> Floats:
+        """Standard uncertainties u of the offsets, shape (3,) [mm]."""
+        return self.budget.std_mm
+
+    @property
+    def expanded_mm(self) -> Floats:
+        """Expanded uncertainties U, shape (3,) [mm]."""
+        return self.budget.expanded_mm
+
+    @property
+    def k(self) -> float:
+        """Coverage factor, U/u."""
+        return self.budget.k
 
     @property
     def sigma_mm(self) -> float:
@@ -202,19 +205,6 @@ class Solution(Budgeted, ReadOnly):
         return self._fit[1]
 
     @property
-    def rms_of_noise_mm(self) -> float | None:
-        """Root mean square that noise as stated leaves on average; None without spare readings."""
-        if self.scatter is None:
-            return None
-        share = self.scatter.dof / self.count
-        if isinstance(self.measured, Differences):
-            # tr(P G Pᵀ)/k: what the offsets cannot explain of the differences' covariance σ² G.
-            slope = self.posed.problem.at_zero[1]
-            left = unexplained(slope, np.eye(len(slope)))
-            share = np.trace(left @ self.posed.problem.covariance() @ left.T) / len(slope)
-        return self.sigma_stated_mm * math.sqrt(share)
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
         found, floor = self.sigma_residuals_mm, self.sigma_floor_mm
@@ -252,14 +242,6 @@ class Solution(Budgeted, ReadOnly):
     def determined(self) -> tuple[bool, ...]:
         """Of which parameters the data tell more than what any such machine can have."""
         return determined(self.model, self.expanded_mm)
-
-    @property
-    def correlation(self) -> Floats:
-        """Correlation matrix of the offsets, shape (3, 3)."""
-        std = self.std_mm
-        matrix = self.covariance_mm2 / (std[:, None] * std)
-        np.fill_diagonal(matrix, 1.0)
-        return matrix
 
     @property
     def sigma_rho_mm(self) -> float:

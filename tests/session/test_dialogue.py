@@ -88,8 +88,7 @@ def test_intervals_are_shown_once_determined_and_shrink(tmp_path: Path) -> None:
     assert widths.shape == (28, 3)  # after every posture but the first two
     solution = dialogue.so_far.solution
     assert solution is not None
-    low, high = solution.interval_mm.T
-    assert widths[-1] == pytest.approx((high - low) / 2.0, abs=5.1e-4)
+    assert widths[-1] == pytest.approx(solution.expanded_mm, abs=5.1e-4)
     assert [float(part.split()[-1]) for part in lines[-1].split(" +/-")[:3]] == pytest.approx(
         solution.offsets_mm, abs=5.1e-4
     )

@@ -107,7 +107,7 @@ def test_live_readings_are_those_of_the_file(
     shown, solved = so_far.solution, solve(filed, read.model)
     assert shown is not None
     assert shown.offsets_mm.tolist() == solved.offsets_mm.tolist()
-    assert shown.interval_mm.tolist() == solved.interval_mm.tolist()
+    assert shown.expanded_mm.tolist() == solved.expanded_mm.tolist()
 
 
 @pytest.mark.parametrize("order", list(Order))

@@ -24,7 +24,8 @@ def remeasured_document(found: Remeasured, identity: Identity) -> doc.Document:
 def _data(found: Remeasured, identity: Identity) -> dict[str, Any]:
     """Everything as plain values; lengths in mm, each parameter in its unit."""
     before, after = (
-        input_data(each.source, each.kind, each.count) for each in (found.before, found.after)
+        input_data(each.source, each.measured.kind, len(each.measured))
+        for each in (found.before, found.after)
     )
     names = ("unit", "found", "expanded", "entered", "left", "left_expanded", "as_found")
     return {
@@ -71,7 +72,8 @@ def _page(found: Remeasured, identity: Identity) -> doc.Page:
     title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
     files = [file_words(each.source.path) for each in (found.before, found.after)]
     counts = [
-        data_words(each.source, each.kind, each.count) for each in (found.before, found.after)
+        data_words(each.source, each.measured.kind, len(each.measured))
+        for each in (found.before, found.after)
     ]
     return doc.Page(
         kind="Verification",
