@@ -15,6 +15,9 @@ ROOT = Path(__file__).parents[1]
 # Whatever else is installed in this environment, and wherever a test runs the program.
 os.environ["PYTHONPATH"] = str(ROOT)
 
+# Programs that tests start find the package compiled.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # One thread for each worker: the tests share two processors.
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
