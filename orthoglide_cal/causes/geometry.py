@@ -98,6 +98,17 @@ class LegLength(Cause):
     compensable = True
     instrument = "a calliper on each leg, from joint centre to joint centre"
     advice = "Measure the legs between their joint centres and enter the mean in the machine file."
+    elsewhere = MappingProxyType(
+        {
+            LinearDelta: {
+                "title": "the arms differ from the nominal length",
+                "instrument": "a calliper on each arm, from joint centre to joint centre",
+                "advice": "Measure the arms between their joint centres and enter each in"
+                " printer.cfg (arm_length), or in your firmware and the machine file; then"
+                " calibrate and probe again.",
+            }
+        }
+    )
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lengthen the legs; theta (..., 3) [mm]."""

@@ -28,6 +28,15 @@ class EncoderScale(Cause):
     compensable = True
     instrument = "gauge blocks against the carriage over its whole travel"
     advice = "Check the travel of the carriage against gauge blocks and correct the axis scale."
+    elsewhere = MappingProxyType(
+        {
+            LinearDelta: {
+                "instrument": "a calliper against the carriage over its whole travel",
+                "advice": "Check the travel of the carriage against a calliper and correct the"
+                " steps per millimetre.",
+            }
+        }
+    )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q = L + (1 + k)(ρ − L) + Δρ; theta (..., 3)."""
@@ -55,6 +64,14 @@ class Backlash(Cause):
     timed = True
     instrument = "a dial indicator on the carriage, approached from both sides"
     advice = "Adjust the nut or belt of the carriage, or approach every posture from the same side."
+    elsewhere = MappingProxyType(
+        {
+            LinearDelta: {
+                "advice": "Adjust the belt of the carriage, or approach every place from the same"
+                " side."
+            }
+        }
+    )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q −= w/2 · sign of the last motion; theta (..., 6) [mm]: widths, first positions."""
@@ -78,6 +95,14 @@ class ThermalDrift(Cause):
     timed = True
     instrument = "the same reading again after an hour"
     advice = "Let the machine warm up before measuring, and repeat the session."
+    elsewhere = MappingProxyType(
+        {
+            LinearDelta: {
+                "title": "the endstops drift with time",
+                "advice": "Let the machine warm up before measuring, and probe again.",
+            }
+        }
+    )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q += r·t; theta (..., 3) [mm/h]."""

@@ -195,7 +195,8 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
         NamedCause(
             effect=effect,
             parameters=white.problem.model.called(effect),
-            where=effect.cause.label(effect.place, white.plan, white.machine),
+            where=where,
+            advice=effect.cause.words(machine).advice.format(where=where),
             probability=found.posterior.listed[found.judgement.accepted],
             rms_before_mm=white.rms(found.at.residuals[0]) * unit_of(accepted.effects),
             rms_after_mm=white.rms(accepted.left),
@@ -208,6 +209,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCau
             and _sure(found, effect),
         )
         for effect in accepted.effects
+        for where in (effect.cause.label(effect.place, white.plan, machine),)
     ]
     return tuple(
         sorted(
@@ -323,17 +325,13 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         )
     if judgement.verdict is Verdict.UNEXPLAINED:
         pattern = max(unlisted, key=unlisted.__getitem__)
-        said = vocabulary.said(pattern)
-        notes.append(f"No listed cause explains the residuals. Their pattern: {said}.")
+        notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
         notes.append(f"Its size is part of the uncertainty of the {vocabulary.many}.")
         best = found.posterior.best
         if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
             notes.append(
-                vocabulary.said(
-                    f"{' with '.join(best)} would follow it, too, but two causes follow nearly any"
-                    " pattern. To check them, repeat with two more postures of each leg between"
-                    " the isotropic one and its limits."
-                )
+                f"{' with '.join(best)} would follow it, too, but two causes follow nearly any"
+                f" pattern. To check them, repeat with {vocabulary.further}."
             )
     for more in (ids for ids in found.posterior.rivals() if set(judgement.accepted) < set(ids)):
         if judgement.accepted:

@@ -92,6 +92,7 @@ class NamedCause:
         parameters: name on this kind of machine → value with standard deviation, in the
             contract's unit.
         where: its place in words ("" for the whole machine), e.g. "leg x, direction y".
+        advice: what a technician can do about it, and where.
         probability: posterior probability among all explanations tried.
         rms_before_mm, rms_after_mm: residuals of the fit without and with the cause.
         heldout_before_mm, heldout_after_mm: prediction errors on readings not fitted.
@@ -103,6 +104,7 @@ class NamedCause:
     effect: Effect
     parameters: Mapping[str, Estimate]
     where: str
+    advice: str
     probability: float
     rms_before_mm: float
     rms_after_mm: float
@@ -116,11 +118,6 @@ class NamedCause:
     def id(self) -> str:
         """Cause id of the contract."""
         return self.effect.cause.id
-
-    @property
-    def advice(self) -> str:
-        """What a technician can do about it, and where."""
-        return self.effect.cause.advice.format(where=self.where)
 
     @property
     def in_machine(self) -> bool:
@@ -228,7 +225,7 @@ class Diagnosis(ReadOnly):
                     f"Making {id} part of the machine's model is not recommended: it does not"
                     f" last as it is, does not predict better than {many} only, or something else"
                     " explains these data as well.",
-                    self.model.machine.vocabulary.said(cause.advice),
+                    cause.advice,
                 )
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:

@@ -31,6 +31,14 @@ class Stage(StrEnum):
     RECORD = "record"
 
 
+class CauseWords(NamedTuple):
+    """A cause in words: what is wrong, what else would show it, and what to do about it."""
+
+    title: str
+    instrument: str
+    advice: str
+
+
 @dataclass(frozen=True)
 class Place:
     """Where a cause acts, as indices that the cause understands; () is the whole machine."""
@@ -73,6 +81,7 @@ class Cause:
             for its own.
         instrument: what shows it where these readings leave no trace of it.
         advice: what a technician can do about it; "{where}" stands for its place in words.
+        elsewhere: kind of machine → those of the three words that are others there.
     """
 
     id: str
@@ -92,6 +101,12 @@ class Cause:
     mended_as: str | None = None
     instrument: str
     advice: str
+    elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
+
+    def words(self, machine: Machine) -> CauseWords:
+        """Title, instrument and advice for this kind of machine."""
+        usual = CauseWords(self.title, self.instrument, self.advice)
+        return usual._replace(**self.elsewhere.get(type(machine), {}))
 
     def size(self, machine: Machine) -> float:
         """Plausible size of a parameter (one standard deviation), in `unit`; 0 rules it out."""

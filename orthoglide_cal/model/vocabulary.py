@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -28,8 +27,11 @@ class Vocabulary:
         also: what belongs to that noise, too.
         repeats: what the scatter of repeated readings does not hold.
         again: what to do where nothing explains the readings.
-        words: what this kind has other words for: those of several kinds → its own; where one is
-            part of another, the longer one first.
+        positions: at what readings are taken: "postures".
+        instruments: what reads, as a page names it: "gauges".
+        repeat: how to lessen noise.
+        finer: what shows smaller steps.
+        further: what besides the usual readings would distinguish causes.
         axes: names of parameters of its rails → in words.
     """
 
@@ -47,17 +49,14 @@ class Vocabulary:
     noise: str
     repeats: str
     again: str
+    positions: str
+    instruments: str
+    repeat: str
+    finer: str
+    further: str
     probing: str = ""
     also: str = ""
-    words: Mapping[str, str] = field(default_factory=dict)
     axes: Mapping[str, str] = field(default_factory=dict)
-
-    def said(self, text: str) -> str:
-        """What is said of several kinds of machine, in the words of this one."""
-        if not self.words:
-            return text
-        others = "|".join(map(re.escape, self.words))
-        return re.sub(rf"\b(?:{others})\b", lambda found: self.words[found[0]], text)
 
 
 # Joint offsets that somebody measures with gauges and types in.
@@ -78,6 +77,11 @@ OFFSETS = Vocabulary(
     noise="gauge",
     repeats="They share one gauge set-up, so they understate the real scatter.",
     again="Check the set-up, measure again, and compare the two sessions.",
+    positions="postures",
+    instruments="gauges",
+    repeat="Take more cycles",
+    finer="a gauge with finer divisions",
+    further="two more postures of each leg between the isotropic one and its limits",
 )
 
 # Parameters of a firmware, which probes the bed by itself.
@@ -106,25 +110,10 @@ FIRMWARE = Vocabulary(
     " x, y and the height at which it triggers in a CSV: orthocal template touches. Then:"
     " orthocal diagnose FILE",
     also=" and the bed's local shape",
-    words={
-        "enter the mean in the machine file": "enter each in printer.cfg (arm_length), or in your"
-        " firmware and the machine file; then calibrate and probe again",
-        "two more postures of each leg between the isotropic one and its limits": "more places, and"
-        " on blocks of two known heights",
-        "a gauge with finer divisions": "a probe with finer steps",
-        "the gauges that it names": "the probe that it names",
-        "resolution of the gauge": "resolution of the probe",
-        "the gauge's stated noise": "the probe's stated noise",
-        "repeat the session": "probe again",
-        "Take more cycles": "Probe more places",
-        "gauge blocks": "a calliper",
-        "nut or belt": "belt",
-        "axis scale": "steps per millimetre",
-        "actuator zeros": "endstops",
-        "postures": "places",
-        "posture": "place",
-        "legs": "arms",
-        "leg": "arm",
-    },
+    positions="places",
+    instruments="probe",
+    repeat="Probe more places",
+    finer="a probe with finer steps",
+    further="more places, and on blocks of two known heights",
     axes={"a": "tower a", "b": "tower b", "c": "tower c"},
 )

@@ -210,7 +210,7 @@ def expected_budget(model: Model, plan: AnyPlan, method: Method = Method.READING
     Raises:
         RankDeficientError: they will not determine the parameters; says what to add.
     """
-    gauge, uncertain = model.orthoglide.gauge, _plausible_influences(model, plan)
+    gauge, uncertain = model.machine.instrument, _plausible_influences(model, plan)
     estimator = estimator_for(model, plan, uncertain, method)
     dof = len(plan) - plan.setups - len(model.machine.parameter_names)
     scatter = Scatter(gauge.noise_mm, float(dof)) if dof > 0 else None
@@ -235,7 +235,7 @@ def estimator_for(
     posed = Posed(problem, problem.at_zero[0], which)
     if method is Method.READINGS:
         columns = np.hstack([each.columns for each in uncertain])
-        posed = posed.weighted(problem.matrix @ columns / model.orthoglide.gauge.noise_mm)
+        posed = posed.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
     # The slope hardly depends on the offsets: near zero every method is a linear one.
     return np.asarray(method.estimator(posed) @ posed.problem.matrix)
 

@@ -27,11 +27,6 @@ METHOD_WORDS: Mapping[Method, str] = {
     Method.SINGLE: "eq. 10",
     Method.SINGLE_SEQUENTIAL: "eq. 11",
 }
-SCOPE = (
-    "This report holds for the machine and the gauges that it names, as they were when they were"
-    " measured, and for the postures and conditions stated in it; for nothing else. It is complete"
-    " only up to its last line."
-)
 # What the owner of a machine wrote for its reports: who and which; how and with what.
 _OWNED = {
     "organisation": "Organisation",
@@ -40,6 +35,16 @@ _OWNED = {
     "serial_number": "Serial number",
 }
 _MEASURED = {"method": "Method", "gauge_due": "Gauge due"}
+
+
+def scope(machine: Machine) -> str:
+    """What a report holds for, and what not."""
+    words = machine.vocabulary
+    return (
+        f"This report holds for the machine and the {words.instruments} that it names, as they were"
+        f" when they were measured, and for the {words.positions} and conditions stated in it; for"
+        " nothing else. It is complete only up to its last line."
+    )
 
 
 def data_words(source: Source | None, kind: str, count: int) -> str:

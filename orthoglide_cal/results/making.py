@@ -527,7 +527,7 @@ def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:
         heldout_ratio=cause.heldout_ratio,
         aliases=cause.aliases,
         times_stated=largest / size if size > 0.0 and cause.parameters else None,
-        remedy=machine.vocabulary.said(cause.advice),
+        remedy=cause.advice,
         recommended=cause.recommended,
         in_machine=cause.in_machine,
     )

@@ -128,7 +128,7 @@ def _ambiguous(
         reasons = [f"Something is wrong {beside}, and {apart}."]
     else:
         reasons = [f"Something may be wrong {beside}: {apart}, nor from a sound machine."]
-    advice = [vocabulary.said(cause.advice) for cause in diagnosis.causes] or [vocabulary.more]
+    advice = [cause.advice for cause in diagnosis.causes] or [vocabulary.more]
     if following is not None:
         advice = [following.option.what]
     if diagnosis.kind is DataKind.READINGS and diagnosis.spare <= 0:
@@ -159,7 +159,7 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
             options=f"--accept {cause.id}",
         )
         if cause.recommended
-        else Remedy(sentence=machine.vocabulary.said(cause.advice))
+        else Remedy(sentence=cause.advice)
         for cause in diagnosis.causes
     ]
     return Release(

@@ -42,11 +42,11 @@ from orthoglide_cal.report.documents.verification import (
     verification_to_do,
 )
 from orthoglide_cal.report.facts import (
-    SCOPE,
     data_words,
     method_facts,
     moment,
     owner_facts,
+    scope,
 )
 from orthoglide_cal.report.json import fields_of
 from orthoglide_cal.results import Answer, FoundCause, Identity, Workspace
@@ -135,7 +135,7 @@ def _page(case: Case, identity: Identity, left: Verification | None) -> doc.Page
         sheet=tuple(sheet),
         sections=tuple(pages),
         signatures=("Measured by", "Adjusted by", "Checked by"),
-        scope=machine.vocabulary.said(SCOPE),
+        scope=scope(machine),
     )
 
 

@@ -134,7 +134,7 @@ def _verdict(case: Case) -> tuple[doc.Tone, str]:
 def headline(case: Case) -> str:
     """The verdict in one sentence."""
     answer, words = case.answer, case.words
-    titles = " and ".join(words.said(CAUSES[cause.id].title) for cause in answer.causes)
+    titles = " and ".join(CAUSES[cause.id].words(case.machine).title for cause in answer.causes)
     sentence = _verdict(case)[1]
     best, nothing = answer.causes[:1], answer.nothing_wrong or 0.0
     if answer.verdict is Verdict.AMBIGUOUS and any(nothing > each.probability for each in best):
@@ -144,13 +144,13 @@ def headline(case: Case) -> str:
 
 def cause_blocks(case: Case) -> Iterator[doc.Block]:
     """Each cause with place, size and remedy, and what all of them together are worth."""
-    answer, said = case.answer, case.words.said
+    answer, machine = case.answer, case.machine
     if not answer.causes:
         return
     gain = tuple(_gain(case))
     for cause in answer.causes:
         own = tuple(_cause(case, cause))
-        yield doc.Paragraph((doc.Strong(cause.id), f": {said(CAUSES[cause.id].title)}"))
+        yield doc.Paragraph((doc.Strong(cause.id), f": {CAUSES[cause.id].words(machine).title}"))
         yield doc.Facts((*own, *gain) if len(answer.causes) == 1 else own)
     if len(answer.causes) > 1:
         yield from (doc.Paragraph(doc.Strong("Both together")), doc.Facts(gain))
@@ -158,7 +158,7 @@ def cause_blocks(case: Case) -> Iterator[doc.Block]:
         yield doc.Paragraph("These data are explained as well by")
         yield doc.Facts(
             tuple(
-                (" with ".join(ids), said(" and ".join(CAUSES[id].title for id in ids)))
+                (" with ".join(ids), " and ".join(CAUSES[id].words(machine).title for id in ids))
                 for ids in answer.rivals
             )
         )
@@ -223,11 +223,10 @@ def _gain(case: Case) -> Iterator[tuple[str, doc.Blank]]:
 
 def ranking_grid(case: Case) -> doc.Grid:
     """The best of all explanations that were tried."""
-    said = case.words.said
     rows = []
     for each in case.answer.explanations[:_BEST]:
-        titles = said(" and ".join(CAUSES[id].title for id in each.ids))
-        words = said(each.pattern) if each.pattern is not None else titles or "no cause"
+        titles = " and ".join(CAUSES[id].words(case.machine).title for id in each.ids)
+        words = each.pattern if each.pattern is not None else titles or "no cause"
         rows.append((words if len(each.ids) < 2 else " and ".join(each.ids), each.probability))
     return doc.Grid(
         ("explanation", "probability"),

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import Machine
 from orthoglide_cal.model.influence import Origin
-from orthoglide_cal.model.vocabulary import Vocabulary
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import BudgetLine, BudgetTotal
@@ -28,11 +27,11 @@ UNKNOWN = "not determined"
 _SOURCES: Mapping[str, tuple[str, str]] = {
     Origin.NOISE: (
         "scatter of the readings",
-        "Take more cycles; if the residuals are larger than noise, first see what diagnose says.",
+        "{words.repeat}; if the residuals are larger than noise, first see what diagnose says.",
     ),
     Origin.RESOLUTION: (
-        "resolution of the gauge",
-        "Take more cycles, or a gauge with finer divisions.",
+        "resolution of the {words.noise}",
+        "{words.repeat}, or {words.finer}.",
     ),
     Origin.GAUGE_SCALE: (
         "scale of the gauge",
@@ -54,8 +53,8 @@ _SOURCES: Mapping[str, tuple[str, str]] = {
 }
 # What lessens a cause that may be there, and one of a size that no reading shows.
 _OPEN = (
-    "These readings hardly show it: measure with other postures, or state under tolerances in the"
-    " machine file how large it can be."
+    "These readings hardly show it: measure with other {words.positions}, or state under"
+    " tolerances in the machine file how large it can be."
 )
 _STATE = "State how well that is known under tolerances in the machine file."
 
@@ -146,7 +145,7 @@ def budget_section(
     words, unit = machine.vocabulary, common_unit(machine)
     rows = [
         (
-            source_words(each.source, words, each.possible)[0],
+            source_words(each.source, machine, each.possible)[0],
             each.type,
             _size(each),
             *map(two_figures, each.std),
@@ -161,7 +160,7 @@ def budget_section(
     reach = map(two_figures, total.expanded)
     rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *reach))
     largest = max(lines, key=lambda each: sum(std**2 for std in each.std))
-    what, remedy = source_words(largest.source, words, largest.possible)
+    what, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name}, {own}" for name, own in named]
     return doc.Section(
@@ -173,16 +172,17 @@ def budget_section(
     )
 
 
-def source_words(source: str, words: Vocabulary, possible: bool = False) -> tuple[str, str]:
+def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
     """A source in words, and what would lessen it; `possible` if it may be there or not."""
+    words = machine.vocabulary
     if source in _SOURCES:
         what, remedy = _SOURCES[source]
-        return words.said(what), words.said(remedy)
-    causes = [CAUSES[id] for id in source.split(" and ")]
-    what = words.said(" and ".join(cause.title for cause in causes))
+        return what.format(words=words), remedy.format(words=words)
+    causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
+    what = " and ".join(cause.title for cause in causes)
     if possible:
-        return f"possible: {what}", words.said(_OPEN)
-    return what, words.said(f"{causes[0].advice} {_STATE}")
+        return f"possible: {what}", _OPEN.format(words=words)
+    return what, f"{causes[0].advice} {_STATE}"
 
 
 def _size(each: BudgetLine) -> str:

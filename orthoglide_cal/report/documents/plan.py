@@ -207,7 +207,7 @@ def _unreached(plan: MeasurementPlan, target_mm: float) -> str:
 
 
 def _floor_words(plan: MeasurementPlan, floor: Budget) -> str:
-    what, remedy = source_words(floor.largest.source, plan.model.machine.vocabulary)
+    what, remedy = source_words(floor.largest.source, plan.model.machine)
     if plan.gauges is None:
         return f"What stays of it is mostly this: {what}. {remedy}"
     left = two_figures(float(floor.expanded_mm.max()))
@@ -367,7 +367,6 @@ def _design(
 def _separation(plan: MeasurementPlan) -> doc.Section:
     """Which causes the readings can distinguish."""
     seen, hidden = plan.apart.visible, plan.apart.invisible
-    said = plan.model.machine.vocabulary.said
     by = counted(min(plan.cycles, MOST_COMPARED), "cycle")
     if plan.gauges is None:
         by = f"these {plan.chosen.readings} readings"
@@ -382,7 +381,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     figure = doc.Figure(None, finding, (), sketch=sketch)
     blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
     if hidden:
-        rows = tuple((cause.id, said(cause.instrument)) for cause in hidden)
+        rows = tuple((cause.id, cause.words(plan.model.machine).instrument) for cause in hidden)
         caption = "At their usual size they leave hardly a trace in such readings."
         head = ("not seen", "what would show it")
         blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))

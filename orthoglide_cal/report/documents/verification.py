@@ -17,7 +17,7 @@ from orthoglide_cal.model import AXES, DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.facts import SCOPE, moment, owner_facts
+from orthoglide_cal.report.facts import moment, owner_facts, scope
 from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
 from orthoglide_cal.results import Identity, remainder
 from orthoglide_cal.verification import (
@@ -70,7 +70,7 @@ def _page(verification: Verification, identity: Identity) -> doc.Page:
             _origin(verification, identity),
         ),
         signatures=("Measured by", "Checked by"),
-        scope=SCOPE,
+        scope=scope(verification.before.model.machine),
     )
 
 
