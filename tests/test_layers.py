@@ -77,6 +77,16 @@ def test_imports_run_downwards() -> None:
     assert not faults, listed(faults)
 
 
+def test_no_imports_run_in_a_circle() -> None:
+    """Inside a room neither, nor where only types are imported."""
+    knows = {name: {m for _, m in imported(name) if m in FILES} - {name} for name in FILES}
+    # What knows nobody, or is known by nobody, is in none.
+    while free := {n for n in knows if not knows[n] or n not in set().union(*knows.values())}:
+        knows = {name: others - free for name, others in knows.items() if name not in free}
+    faults = [f"{name} knows {', '.join(sorted(others))}" for name, others in knows.items()]
+    assert not faults, listed(faults)
+
+
 def test_imports_are_absolute() -> None:
     faults = [place for name in FILES for place, m in imported(name) if m.endswith("(relative)")]
     assert not faults, listed(faults)
