@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = "orthoglide_cal"
 # From the top down: a room may import those below it.
 ROOMS = (
-    "__main__", "cli", "report", "session", "results", "verification", "planning", "diagnosis",
+    "__main__", "cli", "report", "session", "results", "planning", "diagnosis",
     "paper", "estimation", "files", "causes", "model", "schema", "errors", "words", "system",
 )  # fmt: skip
 # What is imported by these rooms only, whatever its place in the order.

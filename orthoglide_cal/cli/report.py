@@ -61,7 +61,7 @@ def report(
     from orthoglide_cal.report.case import Case, about
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
-    from orthoglide_cal.verification import verify
+    from orthoglide_cal.results.verification import verify
 
     def judge(path: str) -> int:
         given, verification = common.read_input(path, machine, data), None

@@ -22,7 +22,7 @@ from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import Identity, calibrate
-from orthoglide_cal.verification import verify
+from orthoglide_cal.results.verification import verify
 from tests.machines import NOMINAL, SAMPLES
 from tests.results.cases import CALIBRATIONS, GAP, HOSTILE, ISSUED, hostile
 from tests.results.sessions import FINE, TRUE, given, session

@@ -23,7 +23,7 @@ from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.report.json import json_line
 from orthoglide_cal.results import Calibration, calibrate, export, identify
-from orthoglide_cal.verification import verify
+from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import difference_decimals, entered_decimals, signed, two_figures
 from tests.machines import ROOT, SAMPLES
 from tests.report.cases import documents

@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import Conditions, GaugeIdentity, read_input
 from orthoglide_cal.model import Model, Posture, Readings, double_posture, single_posture
 from orthoglide_cal.results import Calibration, calibrate
-from orthoglide_cal.verification import verify
+from orthoglide_cal.results.verification import verify
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import readings_of, some
 from tests.results.sessions import FINE, TRUE, given, session

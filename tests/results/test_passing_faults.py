@@ -6,7 +6,7 @@ import pytest
 from orthoglide_cal.files.input import input_from_document
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.results import Calibration, calibrate
-from orthoglide_cal.verification import verify
+from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.diagnosis.sessions import model_of
 

@@ -35,8 +35,8 @@ from orthoglide_cal.report.documents.pictures import residual_blocks
 from orthoglide_cal.report.documents.plan import next_blocks
 from orthoglide_cal.report.documents.solution import left_after, method_words, noise_grid
 from orthoglide_cal.report.documents.verification import (
-    entered_and_left,
-    verification_data,
+    compared_inputs,
+    parameters_left,
     verification_notice,
     verification_outcome,
     verification_to_do,
@@ -50,7 +50,7 @@ from orthoglide_cal.report.facts import (
 )
 from orthoglide_cal.report.json import fields_of
 from orthoglide_cal.results import Answer, FoundCause, Identity, Workspace
-from orthoglide_cal.verification import Verification
+from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import (
     coverage_words,
     difference_decimals,
@@ -98,7 +98,7 @@ def report_data(case: Case, identity: Identity, left: Verification | None) -> di
             "notes": [{"line": line, "note": note} for line, note in given.notes],
         },
         "answer": answer.model_dump(mode="json"),
-        "after": verification_data(left) if left else None,
+        "after": left.model_dump(mode="json") if left else None,
     }
 
 
@@ -147,7 +147,8 @@ def _parameters(case: Case, left: Verification | None) -> list[doc.Section]:
     answer, machine = case.answer, case.machine
     coverage = doc.Paragraph(_coverage(answer, case.words.many), small=True)
     if left is not None:
-        sections = [entered_and_left(case, left)]
+        measured = doc.Section("Measurements", (doc.Facts(compared_inputs(left)),))
+        sections = [parameters_left(left), measured]
     else:
         blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case), coverage)
         sections = [doc.Section(parameters_title(case), blocks)]
@@ -162,7 +163,7 @@ def _parameters(case: Case, left: Verification | None) -> list[doc.Section]:
     ]
     after = left.as_left if left else None
     columns.append(
-        (plain(after.rms_mm, digits), signed(after.largest_mm, digits), after.largest.name)
+        (plain(after.rms_mm, digits), signed(after.largest_mm, digits), after.largest)
         if after
         else (None, None, None)
     )

@@ -1,33 +1,22 @@
 """The verification report: promised against measured, and how the machine responded.
 
-The calibration report shows the same notice, advice and table once the adjustment was measured.
+The calibration report shows the same notice, advice and tables once the adjustment was measured.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from orthoglide_cal.errors import command, file_words
-from orthoglide_cal.estimation import Solution
-from orthoglide_cal.files import Conditions
-from orthoglide_cal.model import AXES, DataKind
+from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.facts import moment, owner_facts, scope
-from orthoglide_cal.report.json import SCHEMA_VERSION, axes_of, by_axis, fields_of
-from orthoglide_cal.results import Identity, remainder
-from orthoglide_cal.verification import (
-    RULE,
-    AxisResponse,
-    Behaviour,
-    Coefficient,
-    Outcome,
-    Verification,
-)
+from orthoglide_cal.report.facts import SCOPE, moment, owner_facts
+from orthoglide_cal.results import Identity
+from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
 from orthoglide_cal.words import (
     MM_PER_INCH,
     chance,
@@ -41,145 +30,105 @@ from orthoglide_cal.words import (
 )
 
 
-def verification_document(verification: Verification, identity: Identity) -> doc.Document:
+def verification_document(found: Verification, identity: Identity) -> doc.Document:
     """The document, for any of the renderers."""
-    return doc.Document(
-        partial(verification_data, verification), partial(_page, verification, identity)
-    )
+    return doc.Document(partial(_data, found, identity), partial(_page, found, identity))
 
 
-def _page(verification: Verification, identity: Identity) -> doc.Page:
-    applied = _triple(verification.applied_mm.tolist(), verification)
+def _data(found: Verification, identity: Identity) -> dict[str, Any]:
+    issued = identity.issued.isoformat(timespec="seconds")
+    return {**found.model_dump(mode="json"), "number": identity.number, "issued": issued}
+
+
+def _page(found: Verification, identity: Identity) -> doc.Page:
+    machine = found.inputs[1][1].machine
+    applied = [("Applied", f"{_triple(found.applied_mm, found)} mm (x, y, z)")]
     return doc.Page(
         kind="Verification report",
-        title=verification.before.machine,
+        title=found.machine,
         number=identity.number,
         facts=doc.Facts(
             (
-                *owner_facts(verification.after.model.machine),
+                *owner_facts(machine),
                 ("Number", doc.Code(identity.number)),
-                ("Applied", f"{applied} mm (x, y, z)"),
+                *(applied if found.applied_mm else []),
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
             )
         ),
-        notice=verification_notice(verification),
-        sheet=(verification_outcome(verification),),
+        notice=verification_notice(found),
+        sheet=(verification_outcome(found), parameters_left(found)),
         sections=(
-            _response(verification),
-            _remaining(verification),
-            _origin(verification, identity),
+            *([_response(found, found.response)] if found.response else []),
+            doc.Section(
+                "Traceability",
+                (
+                    doc.Facts(
+                        (
+                            *compared_inputs(found),
+                            ("Machine", doc.Given(found.machine)),
+                            ("Compared", f"{found.compared} {_compared_words(found)}"),
+                            ("Software", identity.software),
+                        )
+                    ),
+                ),
+            ),
         ),
         signatures=("Measured by", "Checked by"),
-        scope=scope(verification.before.model.machine),
+        scope=machine.vocabulary.said(SCOPE),
     )
 
 
-def verification_data(verification: Verification) -> dict[str, Any]:
-    """Everything that `verify` shows; lengths in mm."""
-    decision, response = verification.decision, verification.response
-    before, after, acted = verification.before, verification.after, response.acted_as_mm
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "before": _source_data(before, verification.conditions[0]),
-        "after": _source_data(after, verification.conditions[1]),
-        "machine": before.machine,
-        "kind": verification.comparison.kind,
-        "compared": len(verification.comparison),
-        **axes_of(verification, "applied_mm"),
-        "rms_before_mm": verification.as_found.rms_mm,
-        "rms_promised_mm": verification.promised.rms_mm,
-        "rms_after_mm": verification.as_left.rms_mm,
-        "differences": [
-            {
-                "difference": d.difference.name,
-                **fields_of(d, "before_mm", "promised_mm", "after_mm", "expanded_mm"),
-                "promised_expanded_mm": d.promise.expanded_mm,
-            }
-            for d in verification.deviations
-        ],
-        "response": _coefficient_data(response.coefficient),
-        "response_dof": response.dof,
-        "axes": {axis.axis: _axis_data(axis) for axis in response.axes},
-        "answer": response.behaviour,
-        "acted_as_mm": None if acted is None else by_axis(acted),
-        "other_change": fields_of(response.change, "rms_mm", "noise_mm", "dof", "p_value", "found"),
-        "remaining_mm": by_axis(after.offsets_mm),
-        "remaining_expanded_mm": by_axis(after.expanded_mm),
-        "decision": None
-        if decision is None
-        else {
-            **fields_of(decision, "outcome", "limit_mm"),
-            "largest_mm": abs(decision.largest.after_mm),
-            "largest_difference": decision.largest.difference.name,
-            "expanded_mm": decision.largest.expanded_mm,
-            "coverage_factor": verification.k,
-            "rule": RULE,
-        },
-    }
+def _compared_words(found: Verification) -> str:
+    return "independent changes" if found.differences else "touches afterwards"
 
 
-def _source_data(solution: Solution, given: Conditions) -> dict[str, Any]:
-    return {
-        **fields_of(solution.source, "path", "sha256"),
-        **fields_of(given, "started", "finished", "operator"),
-    }
-
-
-def _coefficient_data(found: Coefficient) -> dict[str, Any]:
-    return {
-        **fields_of(found, "value", "std"),
-        "ci95": [found.low, found.high],
-        "agrees": found.agrees,
-    }
-
-
-def _axis_data(axis: AxisResponse) -> dict[str, Any]:
-    return {
-        **fields_of(axis, "applied_mm", "found_mm"),
-        "ci95_mm": [axis.low_mm, axis.high_mm],
-        "coefficient": None if axis.coefficient is None else _coefficient_data(axis.coefficient),
-    }
-
-
-def verification_notice(verification: Verification) -> doc.Notice:
+def verification_notice(found: Verification) -> doc.Notice:
     """The answer in one box."""
-    before, promised, after = _rms(verification)
-    left = remainder([d.promise for d in verification.deviations], verification.before.model)
-    lines = (
-        f"Promised {promised} mm, measured {after} mm (r.m.s.; before {before} mm).",
-        _answer(verification),
-        *_decision(verification),
-        *([left] if left else []),
-    )
-    outcome = verification.decision.outcome if verification.decision else Outcome.PASS
-    response = verification.response
-    if response.behaviour is not Behaviour.AS_MODELLED:
+    before, promised, after, _ = _sizes(found)
+    left = ""
+    if found.not_removed is not None:
+        causes = " and ".join(found.not_removed) or "this"
+        left = f"Offsets do not remove {causes}: {two_figures(found.rms_promised_mm)} mm r.m.s."
+        left += " is left after correction."
+    size = f"Promised {promised}, measured {after} (r.m.s.; before {before})."
+    lines = tuple(line for line in (size, _answer(found), _decision(found), left) if line)
+    if not found.differences:
+        better = "better" if found.rms_after_mm < found.rms_before_mm else "no better"
+        join = "but" if better == "better" else "and"
+        came = "as promised" if found.kept else f"{join} not as promised"
+        title = f"The touches agree {better} than before, {came}"
+        return doc.Notice(doc.Tone.GOOD if found.kept else doc.Tone.WARN, title, lines)
+    if not found.kept:
         return doc.Notice(doc.Tone.BAD, "The correction did not do what was promised", lines)
+    outcome = found.decision.outcome if found.decision else Outcome.PASS
     if outcome is Outcome.FAIL:
         title = "The correction worked, yet a deviation is beyond the limit"
         return doc.Notice(doc.Tone.BAD, title, lines)
-    if response.change.found or outcome is not Outcome.PASS:
+    changed = found.other_change is not None and found.other_change.found
+    if changed or outcome is not Outcome.PASS:
         return doc.Notice(doc.Tone.WARN, "The correction worked, with a reservation", lines)
     return doc.Notice(doc.Tone.GOOD, "The correction did what was promised", lines)
 
 
-def _digits(verification: Verification) -> int:
-    return difference_decimals(verification.comparison.kind is DataKind.READINGS)
+def _digits(found: Verification) -> int:
+    return difference_decimals(found.kind == DataKind.READINGS)
 
 
-def _rms(verification: Verification) -> list[str]:
-    """Before, promised and after [mm]."""
-    sizes = (verification.as_found, verification.promised, verification.as_left)
-    return [plain(size.rms_mm, _digits(verification)) for size in sizes]
+def _sizes(found: Verification) -> list[str]:
+    """Before, promised, after and reachable, with unit."""
+    sizes = (found.rms_before_mm, found.rms_promised_mm, found.rms_after_mm, found.rms_reachable_mm)
+    if found.differences:
+        return ["" if size is None else f"{plain(size, _digits(found))} mm" for size in sizes]
+    return ["" if size is None else f"{plain(1000.0 * size, 0)} µm" for size in sizes]
 
 
-def verification_to_do(verification: Verification, machine_file: Path | None) -> doc.Section:
+def verification_to_do(found: Verification, machine_file: Path | None) -> doc.Section:
     """What to do after the adjustment was measured; with the machine file as the user gave it."""
     to_do = doc.Instruction
-    if verification.response.behaviour is not Behaviour.AS_MODELLED:
-        items = [to_do(_answer(verification)), to_do("Then measure again and compare again.")]
-    elif verification.decision is not None and verification.decision.outcome is Outcome.FAIL:
-        diagnose = command("diagnose", verification.after.source.path, machine=machine_file)
+    if not found.kept:
+        items = [to_do(_answer(found)), to_do("Then measure again and compare again.")]
+    elif found.decision is not None and found.decision.outcome is Outcome.FAIL:
+        diagnose = command("diagnose", found.after.path, machine=machine_file)
         items = [
             to_do("The offsets are right, yet a deviation is beyond the limit: find its cause."),
             to_do("Diagnose the last session.", diagnose),
@@ -189,132 +138,136 @@ def verification_to_do(verification: Verification, machine_file: Path | None) ->
     return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
 
 
-def _answer(verification: Verification) -> str:
-    """How the machine responded, in one sentence."""
-    response = verification.response
-    acted, size = response.acted_as_mm, f"response {_interval(response.coefficient)}"
-    entered = "" if acted is None else _triple(acted.tolist(), verification)
+def _answer(found: Verification) -> str:
+    """How the machine responded, in one sentence; nothing where that was not looked at."""
+    if found.response is None or found.answer is None:
+        return ""
+    size = f"response {_interval(found.response)}"
+    others = "; ".join(
+        f"{axis} changed by {signed(row.found_mm, 3)} mm where {signed(row.applied_mm, 3)} mm was"
+        " applied"
+        for axis, row in found.axes.items()
+        if row.otherwise
+    )
+    gain = "check the gauge against a gauge block, its plunger for tilt, and the axis scale."
+    if any(abs(found.response.value / f - 1.0) < 0.1 for f in (MM_PER_INCH, 1.0 / MM_PER_INCH)):
+        gain = "inches and millimetres were mixed up."
     return {
         Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, theory 1.",
         Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}): enter the"
         " negative values.",
-        Behaviour.EXCHANGED: f"The correction acted as if {entered} had been entered (x, y, z):"
-        " check the joints.",
+        Behaviour.EXCHANGED: f"The correction acted as if {_triple(found.acted_as_mm or {}, found)}"
+        " had been entered (x, y, z): check the joints.",
         Behaviour.NO_RESPONSE: f"The machine did not respond ({size}): re-home, and check that the"
         " values are active.",
-        Behaviour.OTHER_GAIN: f"The machine responded by another amount ({size}, theory 1):"
-        f" {_gain(response.coefficient)}",
-        Behaviour.PARTLY: f"Not every axis did what was entered: {_others(response.axes)}. Check"
-        " what the controller holds there, and re-home.",
+        Behaviour.OTHER_GAIN: f"The machine responded by another amount ({size}, theory 1): {gain}",
+        Behaviour.PARTLY: f"Not every axis did what was entered: {others}. Check what the"
+        " controller holds there, and re-home.",
         Behaviour.UNDETERMINED: "The correction is too small for these readings to show a response"
         f" ({size}).",
-    }[response.behaviour]
-
-
-def _others(axes: Sequence[AxisResponse]) -> str:
-    """The axes that did something else, each with what."""
-    return "; ".join(
-        f"{row.axis} changed by {signed(row.found_mm, 3)} mm where {signed(row.applied_mm, 3)} mm"
-        " was applied"
-        for row in axes
-        if row.otherwise
-    )
-
-
-def _gain(response: Coefficient) -> str:
-    for factor in (MM_PER_INCH, 1.0 / MM_PER_INCH):
-        if abs(response.value / factor - 1.0) < 0.1:
-            return "inches and millimetres were mixed up."
-    return "check the gauge against a gauge block, its plunger for tilt, and the axis scale."
+    }[found.answer]
 
 
 def _interval(coefficient: Coefficient) -> str:
     """ "1.03 [0.91, 1.14]"."""
-    return f"{coefficient.value:.2f} [{coefficient.low:.2f}, {coefficient.high:.2f}]"
+    low, high = coefficient.ci95
+    return f"{coefficient.value:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def _entered(verification: Verification) -> int:
+def _entered(found: Verification) -> int:
     """Decimals of joint offsets: those of what was applied, and of what is known of the rest."""
-    reach = verification.after.expanded_mm.tolist()
-    return entered_decimals(reach, verification.applied_mm.tolist())
+    return entered_decimals(found.remaining_expanded_mm.values(), found.applied_mm.values())
 
 
-def _triple(values: Sequence[float], verification: Verification) -> str:
-    return " ".join(signed(value, _entered(verification)) for value in values)
+def _triple(values: Mapping[str, float], found: Verification) -> str:
+    return " ".join(signed(value, _entered(found)) for value in values.values())
 
 
-def _decision(verification: Verification) -> tuple[str, ...]:
+def _decision(found: Verification) -> str:
     """The decision about the limit in one sentence; none where no limit was given."""
-    decision = verification.decision
-    if decision is None:
-        return ()
-    worst = decision.largest
-    name = worst.difference.name
-    largest, reach = plain(abs(worst.after_mm), 3), plain(worst.expanded_mm, 3)
+    if found.decision is None:
+        return ""
+    made = found.decision
     return (
-        f"{decision.outcome.capitalize()}: limit {decision.limit_mm:g} mm, largest deviation"
-        f" {largest} ± {reach} mm ({name}; U with {coverage_words(verification.k)}, 95 %).",
+        f"{made.outcome.capitalize()}: limit {made.limit_mm:g} mm, largest deviation"
+        f" {plain(made.largest_mm, 3)} ± {plain(made.expanded_mm, 3)} mm"
+        f" ({made.largest_difference}; U with {coverage_words(made.coverage_factor)}, 95 %)."
     )
 
 
-def entered_and_left(case: Case, verification: Verification) -> doc.Section:
-    """What the controller held, what was entered, and what remains; where both sides come from."""
-    decimals = max(case.answer.decimals, _entered(verification))
-    after, applied = verification.after, verification.applied_mm.tolist()
+def parameters_left(found: Verification) -> doc.Section:
+    """What was found, what was entered, and what remains of each parameter."""
+    decimals = _entered(found) if found.remaining_mm else 4
     rows = tuple(
         (
-            doc.Strong(axis),
-            signed(before, decimals),
-            signed(change, decimals),
-            doc.Strong(signed(before + change, decimals)),
-            with_uncertainty(remains, expanded),
+            doc.Strong(name),
+            each.unit,
+            with_uncertainty(each.found, each.expanded),
+            plain(each.before, decimals),
+            *(
+                ("unknown", "unknown")
+                if each.entered is None
+                else (
+                    signed(each.entered, decimals),
+                    doc.Strong(plain(each.before + each.entered, decimals)),
+                )
+            ),
+            with_uncertainty(each.left, each.left_expanded),
         )
-        for axis, before, change, remains, expanded in zip(
-            AXES,
-            [each.active for each in case.answer.parameters],
-            applied,
-            after.offsets_mm.tolist(),
-            after.expanded_mm.tolist(),
-            strict=True,
-        )
+        for name, each in found.parameters.items()
     )
     grid = doc.Grid(
-        ("axis", "before", "entered", "now", "remains ± U"),
+        ("", "unit", "found ± U", "before", "entered", "now", "left ± U"),
         rows,
-        caption="In mm. Before, now: active in the controller; entered: the change between them;"
-        " remains: found by the session after it.",
+        caption="Before, now: active in the controller. Found by the first measurement, left by the"
+        " second.",
     )
-    return doc.Section("Joint offsets", (grid, doc.Facts(verified_sessions(verification))))
+    known = [each.entered is not None for each in found.parameters.values()]
+    other = [name for name, each in found.parameters.items() if each.as_found is False]
+    note = "Entered is what was found."
+    if not any(known):
+        note = "The files do not say what was entered: a printer.cfg of each time would."
+    elif other:
+        note = f"Entered was something else than found here: {', '.join(other)}."
+    return doc.Section("Parameters", (grid, doc.Paragraph(note)))
 
 
-def verification_outcome(verification: Verification) -> doc.Section:
-    """Promised and measured, difference by difference."""
-    digits, deviations = _digits(verification), verification.deviations
+def verification_outcome(found: Verification) -> doc.Section:
+    """Promised and measured, difference by difference or in all."""
+    sizes, digits = _sizes(found), _digits(found)
+    if not found.differences:
+        grid = doc.Grid(
+            ("r.m.s. of the heights", "as found", "promised", "as left", "could be"),
+            (("touches, without their mean", *sizes),),
+            caption="Promised: what the parameters found before would leave. Could be: what those"
+            " found afterwards would.",
+        )
+        return doc.Section("Heights", (grid,))
     rows: list[tuple[doc.Blank, ...]] = []
-    for d in deviations:
+    for d in found.differences:
         values = (d.before_mm, d.promised_mm, d.after_mm, d.after_mm - d.promised_mm)
         before, promised, after, missed = (signed(value, digits) for value in values)
-        reach = f"± {plain(d.promise.expanded_mm, digits)}"
-        rows.append((d.difference.name, before, promised, reach, after, missed))
-    sizes = [doc.Strong(size) for size in _rms(verification)]
-    rows.append(("r.m.s.", *sizes[:2], "", sizes[2], ""))
+        reach = f"± {plain(d.promised_expanded_mm, digits)}"
+        rows.append((d.difference, before, promised, reach, after, missed))
+    strong = [doc.Strong(size.removesuffix(" mm")) for size in sizes[:3]]
+    rows.append(("r.m.s.", *strong[:2], "", strong[2], ""))
     grid = doc.Grid(
         ("difference", "before", "promised", "U", "measured", "missed by"),
         tuple(rows),
         caption="Deviation from parallel motion, mm.",
         last_is_total=True,
     )
-    limit = verification.decision.limit_mm if verification.decision else None
+    limit = found.decision.limit_mm if found.decision else None
     figure = doc.Figure(
         None,
         "What is left of each difference, and what was promised.",
         (
             figures.deviation_rows(
-                [d.difference.name for d in deviations],
-                [d.before_mm for d in deviations],
-                [d.promised_mm for d in deviations],
-                [d.expanded_mm for d in deviations],
-                [d.after_mm for d in deviations],
+                [d.difference for d in found.differences],
+                [d.before_mm for d in found.differences],
+                [d.promised_mm for d in found.differences],
+                [d.expanded_mm for d in found.differences],
+                [d.after_mm for d in found.differences],
                 limit,
             ),
         ),
@@ -322,79 +275,55 @@ def verification_outcome(verification: Verification) -> doc.Section:
         key="○ as found, ■ promised, ● left after correction with U (95 %)"
         + ("." if limit is None else "; dotted: the limit."),
     )
-    decided = [doc.Paragraph(doc.Strong(sentence)) for sentence in _decision(verification)]
-    rule = [doc.Paragraph(f"Decision rule: {RULE}", small=True)] if decided else []
-    return doc.Section("Promised and measured", (grid, *decided, *rule, figure))
+    blocks: list[doc.Block] = [grid]
+    if found.decision is not None:
+        blocks.append(doc.Paragraph(doc.Strong(_decision(found))))
+        blocks.append(doc.Paragraph(f"Decision rule: {found.decision.rule}", small=True))
+    return doc.Section("Promised and measured", (*blocks, figure))
 
 
-def _response(verification: Verification) -> doc.Section:
-    response = verification.response
+def _response(found: Verification, response: Coefficient) -> doc.Section:
     rows = []
-    for axis in response.axes:
-        values = (axis.applied_mm, axis.found_mm, axis.low_mm, axis.high_mm)
-        applied, found, low, high = (signed(v, _entered(verification)) for v in values)
-        coefficient = _interval(axis.coefficient) if axis.coefficient else ""
-        rows.append((axis.axis, applied, found, f"{low} … {high}", coefficient))
-    change = response.change
-    size, noise = f"{1000 * change.rms_mm:.0f} µm", f"{1000 * change.noise_mm:.0f} µm"
-    other = (
-        f"Something else changed: {size} per difference that no offset explains, where noise gives"
-        f" {noise} ({chance(change.p_value)}). Was the stand moved, a leg or rail adjusted, or"
-        " another gauge used?"
-        if change.found
-        else f"Nothing else changed: {size} per difference where noise gives {noise}"
-        f" ({chance(change.p_value)})."
-    )
-    lead = (
-        "Response coefficient, all axes together: ",
-        doc.Strong(_interval(response.coefficient)),
-        f". Theory: 1. (95 % interval, {response.dof} degrees of freedom.)",
-    )
+    for axis, row in found.axes.items():
+        values = (row.applied_mm, row.found_mm, *row.ci95_mm)
+        applied, changed, low, high = (signed(value, _entered(found)) for value in values)
+        coefficient = _interval(row.coefficient) if row.coefficient else ""
+        rows.append((axis, applied, changed, f"{low} … {high}", coefficient))
     grid = doc.Grid(
         ("axis", "applied", "found", "95 % interval", "coefficient"),
         tuple(rows),
         caption="Change of each joint, mm, fitted together.",
     )
-    blocks = (doc.Paragraph(lead), grid, doc.Paragraph(other))
-    return doc.Section("How the machine responded", blocks)
-
-
-def _remaining(verification: Verification) -> doc.Section:
-    after = verification.after
-    rows = tuple(
-        (axis, signed(value, _entered(verification)), f"± {two_figures(half)}")
-        for axis, value, half in zip(
-            AXES, after.offsets_mm.tolist(), after.expanded_mm.tolist(), strict=True
-        )
+    lead = (
+        "Response coefficient, all axes together: ",
+        doc.Strong(_interval(response)),
+        f". Theory: 1. (95 % interval, {found.response_dof} degrees of freedom.)",
     )
-    caption = "In mm; identified from the second session, beside what was applied."
-    grid = doc.Grid(("axis", "Δρ", "U"), rows, caption=caption)
-    return doc.Section("Offsets that remain", (grid,))
+    blocks: list[doc.Block] = [doc.Paragraph(lead), grid]
+    if found.other_change is not None:
+        change = found.other_change
+        size, noise = f"{1000 * change.rms_mm:.0f} µm", f"{1000 * change.noise_mm:.0f} µm"
+        compared = f"{size} per difference{' that no offset explains,' * change.found} where noise"
+        told = f"{compared} gives {noise} ({chance(change.p_value)})."
+        blocks.append(
+            doc.Paragraph(
+                f"Something else changed: {told} Was the stand moved, a leg or rail adjusted, or"
+                " another gauge used?"
+                if change.found
+                else f"Nothing else changed: {told}"
+            )
+        )
+    return doc.Section("How the machine responded", tuple(blocks))
 
 
-def verified_sessions(verification: Verification) -> tuple[tuple[str, doc.Blank], ...]:
+def compared_inputs(found: Verification) -> tuple[tuple[str, doc.Blank], ...]:
     """Where both sides come from: file, digest, time, operator; blank where not given."""
     rows: list[tuple[str, doc.Blank]] = []
-    solutions = (verification.before, verification.after)
-    for name, solution, given in zip(
-        ("Before", "After"), solutions, verification.conditions, strict=True
-    ):
+    for name, given in (("Before", found.before), ("After", found.after)):
         rows += [
-            (name, doc.Given(file_words(solution.source.path))),
-            ("SHA-256", doc.Code(solution.source.sha256)),
+            (name, doc.Given(f"{file_words(given.path)} ({given.readings} {given.kind})")),
+            ("SHA-256", doc.Code(given.sha256)),
             ("Measured", moment(given.finished or given.started)),
             ("Operator", None if given.operator is None else doc.Given(given.operator)),
         ]
     return tuple(rows)
-
-
-def _origin(verification: Verification, identity: Identity) -> doc.Section:
-    facts = doc.Facts(
-        (
-            *verified_sessions(verification),
-            ("Machine", doc.Given(verification.before.machine)),
-            ("Compared", f"{len(verification.comparison)} independent changes"),
-            ("Software", identity.software),
-        )
-    )
-    return doc.Section("Where this comes from", (facts,))

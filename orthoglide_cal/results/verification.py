@@ -1,0 +1,718 @@
+"""Did the correction do what was promised? Two measurements and what was entered between them.
+
+Readings of gauges are compared in what both measurements determine. For raw readings
+y = C·m + Z·z + noise with cell means m (leg, direction, displacement, contact) and gauge zeros z,
+the information on m after eliminating z is I = Cᵀ(1 − P_Z)C. A contrast of m is compared if it lies
+in the range of I of both: missing readings, unequal repeats and moved stands then need no special
+case. Of differences, the named ones that both files hold are. The change c is then regressed on
+what the model predicts for the correction,
+
+    c = β·g(δ) + noise,  g(δ) = h(Δρ − δ) − h(Δρ)
+
+h: predicted quantities, Δρ: offsets before, δ: entered in the controller. An entered δ is taken
+off the offset that remains (true = indicated + Δρ), so theory says β = 1.
+
+A machine that probes itself has other places each time: what is compared is how much the heights
+scatter, and what is left of each parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import permutations, product
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.special import fdtrc
+
+from orthoglide_cal.diagnosis import diagnose
+from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.estimation import Problem, Solution, pose_differences, solve
+from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
+from orthoglide_cal.estimation.gaussian import whiten
+from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
+from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.files import Input, check_same_printer, machine_values
+from orthoglide_cal.model import (
+    AXES,
+    DataKind,
+    Entered,
+    Floats,
+    GaugePlan,
+    Measured,
+    Model,
+    Readings,
+    ReadOnly,
+    Source,
+    View,
+)
+from orthoglide_cal.results.answer import Ids, Part, Spread
+
+RULE = (
+    "Pass if |deviation| + U is within the limit for every difference; fail if |deviation| - U is"
+    " beyond it for any; otherwise undecided (guard band U on both sides, as in ISO 14253-1)."
+)
+# No controller takes finer offsets [mm]; firmwares print parameters to this many of their units.
+SMALLEST_MM, AS_FOUND = 1e-6, 1e-3
+# Entries of the machine file in which two sessions of one machine agree.
+SAME = ("kind", "leg_length_mm", "joint_limits_mm", "identified")
+# Eigenvalues of the information matrix below this are zero; real ones are 1/2 and more.
+NO_INFORMATION = 1e-9
+# Another sign or order of the axes is believed only at these odds against all others together.
+ODDS = 20.0
+# Confidence with which the response is called other than modelled.
+CERTAIN = 0.999
+# Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
+STANDS = 0.01
+
+
+class Behaviour(StrEnum):
+    """How the machine responded."""
+
+    AS_MODELLED = "as modelled"
+    OPPOSITE = "opposite sign"
+    EXCHANGED = "axes exchanged"
+    NO_RESPONSE = "no response"
+    OTHER_GAIN = "other gain"
+    PARTLY = "in part"
+    UNDETERMINED = "undetermined"
+
+
+class Outcome(StrEnum):
+    """Conformity with a limit, by `RULE`."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    UNDECIDED = "undecided"
+
+
+class ComparedInput(Part):
+    """One of the two measurements."""
+
+    path: str
+    sha256: str
+    kind: str
+    readings: int
+    started: str | None
+    finished: str | None
+    operator: str | None
+
+
+class VerifiedParameter(Part):
+    """One parameter, in its unit."""
+
+    unit: str
+    before: float = Field(description="what the controller had")
+    found: float = Field(description="change that the first measurement asked for")
+    expanded: float
+    entered: float | None = Field(description="change in the controller; null: nobody knows")
+    as_found: bool | None = Field(description="entered is what was found")
+    left: float = Field(description="change that the second measurement asks for")
+    left_expanded: float
+
+
+class Coefficient(Part):
+    """A number with its 95 % Student-t interval; theory says 1."""
+
+    value: float
+    std: float
+    ci95: tuple[float, float]
+    agrees: bool = Field(description="the interval holds 1")
+
+
+class AxisResponse(Part):
+    """What one joint did."""
+
+    applied_mm: float
+    found_mm: float = Field(description="change that the readings show")
+    ci95_mm: tuple[float, float]
+    coefficient: Coefficient | None = Field(description="found / applied; null: nothing applied")
+    otherwise: bool = Field(description="something else than what was applied is certain")
+
+
+class OtherChange(Part):
+    """Did anything change that no joint offset explains?"""
+
+    rms_mm: float = Field(description="unexplained change of a difference, per degree of freedom")
+    noise_mm: float = Field(description="what the gauge's noise alone gives for it")
+    dof: int
+    p_value: float
+    found: bool = Field(description="noise alone gives it less than once in a thousand times")
+
+
+class ComparedDifference(Part):
+    """One difference before and after the correction."""
+
+    difference: str
+    before_mm: float
+    promised_mm: float = Field(description="what the model said would be left")
+    promised_expanded_mm: float
+    after_mm: float
+    expanded_mm: float = Field(description="U of the value measured after")
+
+
+class Decision(Part):
+    """Conformity with a stated limit."""
+
+    outcome: Outcome
+    limit_mm: float
+    largest_mm: float
+    largest_difference: str
+    expanded_mm: float
+    coverage_factor: float
+    rule: str = RULE
+
+
+class Verification(Part):
+    """A correction compared with its promise, as `verify --json` prints it.
+
+    `inputs` are both measurements, each with the machine that it was judged by.
+    """
+
+    inputs: tuple[tuple[Source, Model], ...] = Field(exclude=True)
+    schema_version: Literal[1] = 1
+    before: ComparedInput
+    after: ComparedInput
+    machine: str
+    kind: str = Field(description="what is compared: readings, differences (six, ...) or heights")
+    compared: int = Field(description="independent changes, or touches afterwards")
+    kept: bool = Field(description="the correction did what was promised")
+    rms_before_mm: float
+    rms_promised_mm: float
+    rms_after_mm: float
+    rms_reachable_mm: float | None = Field(
+        default=None, description="of heights: what the parameters found afterwards would leave"
+    )
+    as_left: Spread | None = Field(default=None, description="of the differences afterwards")
+    not_removed: Ids | None = Field(
+        default=None, description="accepted causes that offsets do not remove; null: nothing stays"
+    )
+    parameters: dict[str, VerifiedParameter]
+    applied_mm: dict[str, float] = Field(default_factory=dict)
+    differences: tuple[ComparedDifference, ...] = ()
+    response: Coefficient | None = Field(default=None, description="all axes together")
+    response_dof: int | None = None
+    axes: dict[str, AxisResponse] = Field(default_factory=dict)
+    answer: Behaviour | None = None
+    acted_as_mm: dict[str, float] | None = Field(
+        default=None, description="signed order of what was applied that explains the change better"
+    )
+    other_change: OtherChange | None = None
+    remaining_mm: dict[str, float] = Field(default_factory=dict)
+    remaining_expanded_mm: dict[str, float] = Field(default_factory=dict)
+    decision: Decision | None = None
+
+    @property
+    def options(self) -> tuple[object, ...]:
+        """What the user chose besides the files."""
+        chosen = [*self.applied_mm.values()], self.decision and self.decision.limit_mm
+        return chosen if self.applied_mm else ()
+
+
+def verify(
+    before: Input,
+    after: Input,
+    applied_mm: Sequence[float] | None = None,
+    limit_mm: float | None = None,
+    history: Callable[[], Sequence[Entered]] = tuple,
+) -> Verification:
+    """What was promised, what came true, and whether the machine responded as the model says.
+
+    Args:
+        before, after: of the same machine, measured with the same protocol.
+        applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
+            None takes what the inputs or the history say.
+        limit_mm: largest deviation allowed in any difference; None for no decision.
+        history: gives that of the machine file; only asked where the inputs do not say enough.
+
+    Raises:
+        UsageError: different machines, nobody says what was applied or nothing was, an option
+            that says nothing of such data, or the two have nothing in common.
+        RankDeficientError, NotConvergedError: one of them does not determine the parameters.
+    """
+    if View.BED in {before.measured.view, after.measured.view}:
+        return _of_touches(before, after, applied_mm, limit_mm)
+    require_limit(limit_mm)
+    first_machine, second_machine = machine_values(before.model), machine_values(after.model)
+    different = [name for name in SAME if first_machine.get(name) != second_machine.get(name)]
+    if different:
+        raise UsageError(
+            f"The two sessions are of different machines: {', '.join(different)} differ.",
+            "Give the machine that both are to be judged by: --machine FILE",
+        )
+    applied = (
+        _recorded(before, after, history)
+        if applied_mm is None
+        else np.array(applied_mm, dtype=float)
+    )
+    if np.abs(applied).max() < SMALLEST_MM:
+        raise UsageError(
+            "Nothing was applied, so there is no response to verify.",
+            "Give the change that was entered in the controller: --applied DX DY DZ",
+        )
+    model = before.model
+    first, right = _solved(before, model)
+    second, _ = _solved(after, model)
+    shared = shared_contrasts(before.measured, after.measured, model)
+    rows = _differences(first, right, after, applied)
+    largest = max(rows, key=lambda row: abs(row.after_mm))
+    response = _respond(shared, first.offsets_mm, applied)
+    promised = rms(np.array([row.promised_mm for row in rows]))
+    after_rms = rms(np.array([row.after_mm for row in rows]))
+    left_over = promised > rms(np.array([row.promised_expanded_mm for row in rows]))
+    return Verification(
+        **_common(before, after, first, second, applied.tolist()),
+        kind=shared.kind,
+        compared=len(shared.before),
+        kept=response["answer"] is Behaviour.AS_MODELLED,
+        rms_before_mm=rms(np.array([row.before_mm for row in rows])),
+        rms_promised_mm=promised,
+        rms_after_mm=after_rms,
+        as_left=Spread(rms_mm=after_rms, largest_mm=largest.after_mm, largest=largest.difference),
+        not_removed=tuple(each.cause.id for each in model.accepted) if left_over else None,
+        applied_mm=_by_axis(applied),
+        differences=rows,
+        **response,
+        remaining_mm=_by_axis(second.offsets_mm),
+        remaining_expanded_mm=_by_axis(second.expanded_mm),
+        decision=None if limit_mm is None else decide(rows, limit_mm),
+    )
+
+
+def require_limit(limit_mm: float | None) -> None:
+    """Raises UsageError unless it is a length, or not given."""
+    if limit_mm is not None and not 0.0 < limit_mm < np.inf:
+        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
+
+
+def decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Decision:
+    """Compare every deviation measured after the correction with the limit (ISO 14253-1).
+
+    Args:
+        rows: at least one.
+        limit_mm: largest size of a deviation that is allowed.
+    """
+    largest = max(rows, key=lambda row: abs(row.after_mm))
+    if any(abs(row.after_mm) - row.expanded_mm > limit_mm for row in rows):
+        outcome = Outcome.FAIL
+    elif all(abs(row.after_mm) + row.expanded_mm <= limit_mm for row in rows):
+        outcome = Outcome.PASS
+    else:
+        outcome = Outcome.UNDECIDED
+    return Decision(
+        outcome=outcome,
+        limit_mm=limit_mm,
+        largest_mm=abs(largest.after_mm),
+        largest_difference=largest.difference,
+        expanded_mm=largest.expanded_mm,
+        coverage_factor=half_width(np.inf),
+    )
+
+
+def _of_touches(before: Input, after: Input, applied: object, limit: object) -> Verification:
+    """Touches of a bed, each judged with the parameters that were in the firmware then."""
+    if applied is not None:
+        raise UsageError(
+            "--applied is for joint offsets; a printer's own file says what it was given.",
+            "Leave it out, and name a printer.cfg of each time.",
+        )
+    if limit is not None:
+        raise UsageError("--limit is for differences of readings.", "Leave it out.")
+    if {before.measured.view, after.measured.view} != {View.BED}:
+        raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
+    check_same_printer(before.model.machine, after.model.machine)
+    first, second = (_solved(each, each.model)[0] for each in (before, after))
+    # A table says nothing of the firmware: with one machine file for both nobody knows.
+    stated = before.model.machine != after.model.machine
+    old, new = (np.array(each.model.machine.active) for each in (first, second))
+    heights = []
+    for each in (first, second):
+        assert isinstance(each.measured, Readings)
+        touched = ~each.measured.plan.distance
+        for left in (each.measured.value, each.measured.value - each.predicted_mm):
+            # Without their mean: the first layer's height is set apart.
+            heights.append(left[touched] - left[touched].mean())
+    found, promised, afterwards, reachable = map(rms, heights)
+    was, now = len(heights[0]), len(heights[2])
+    # F test, 5 %: no more is left than was promised and noise makes of it.
+    dof = max(was - len(old), 1), now - 1
+    ratio = (afterwards**2 * now / dof[1]) / (promised**2 * was / dof[0])
+    kept = ratio <= 1.0 or bool(fdtrc(dof[1], dof[0], ratio) >= 1.0 - CONFIDENCE)
+    return Verification(
+        **_common(before, after, first, second, (new - old).round(9).tolist() if stated else None),
+        kind="heights",
+        compared=now,
+        kept=kept,
+        rms_before_mm=found,
+        rms_promised_mm=promised,
+        rms_after_mm=afterwards,
+        rms_reachable_mm=reachable,
+    )
+
+
+def _common(
+    before: Input,
+    after: Input,
+    first: Solution,
+    second: Solution,
+    entered: Sequence[float] | None,
+) -> dict[str, Any]:
+    """What is said of any kind of machine: both inputs, and each parameter."""
+    machine = first.model.machine
+    known = [None] * len(machine.parameter_names) if entered is None else list(entered)
+    columns = (first.offsets_mm, first.expanded_mm, second.offsets_mm, second.expanded_mm)
+    return {
+        "inputs": tuple((each.source, each.model) for each in (first, second)),
+        "before": _input(before),
+        "after": _input(after),
+        "machine": second.machine,
+        "parameters": {
+            name: VerifiedParameter(
+                unit=unit,
+                before=before_,
+                found=found,
+                expanded=reach,
+                entered=change,
+                as_found=None if change is None else abs(change - found) <= AS_FOUND,
+                left=left,
+                left_expanded=left_reach,
+            )
+            for name, unit, before_, change, found, reach, left, left_reach in zip(
+                machine.parameter_names,
+                machine.parameter_units,
+                machine.active,
+                known,
+                *(column.tolist() for column in columns),
+                strict=True,
+            )
+        },
+    }
+
+
+def _by_axis(values: Floats) -> dict[str, float]:
+    return dict(zip(AXES, values.tolist(), strict=True))
+
+
+def _input(given: Input) -> ComparedInput:
+    measured, conditions = given.measured, given.conditions
+    return ComparedInput(
+        path=measured.source.path,
+        sha256=measured.source.sha256,
+        kind=measured.kind,
+        readings=len(measured),
+        started=conditions.started,
+        finished=conditions.finished,
+        operator=conditions.operator,
+    )
+
+
+def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
+    """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
+    solution = solve(given.measured, model)
+    try:
+        found = diagnose(given.measured, model)
+    except UnusableResultError:
+        return solution, given.measured
+    budget = solution.budget.extended(found.adds_to(solution))
+    return replace(solution, budget=budget), found.put_right
+
+
+def _differences(
+    before: Solution, right: Measured, after: Input, applied: Floats
+) -> tuple[ComparedDifference, ...]:
+    """The differences of Table 4 before, promised and after, where both sessions hold them."""
+    model = before.model
+    later = pose_differences(after.measured, model, table_kind(before.measured))
+    noise = model.machine.gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    reach = half_width(np.inf) * noise
+    values = zip(later.data.tolist(), reach.tolist(), strict=True)
+    came_true = dict(zip(later.which, values, strict=True))
+    rows = tuple(
+        ComparedDifference(
+            difference=row.difference.name,
+            before_mm=row.measured_mm,
+            promised_mm=row.expected_mm,
+            promised_expanded_mm=row.expanded_mm,
+            after_mm=came_true[row.difference][0],
+            expanded_mm=came_true[row.difference][1],
+        )
+        for row in before.promised(applied, right)
+        if row.difference in came_true
+    )
+    if not rows:
+        raise UsageError(
+            "The two files share no difference between the ends of a leg's travel.",
+            "Measure the postures max and min before and after.",
+        )
+    return rows
+
+
+def _recorded(before: Input, after: Input, history: Callable[[], Sequence[Entered]]) -> Floats:
+    """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
+    first, second = (each.model.machine.offsets_mm for each in (before, after))
+    if first == second or not (before.is_session and after.is_session):
+        sha256 = before.measured.source.sha256
+        known = next((each for each in history() if each.data_sha256 == sha256), None)
+        if known is None:
+            raise UsageError(
+                "The files do not say what was entered in the controller between them.",
+                "Say it: --applied DX DY DZ; next time record it with orthocal apply.",
+            )
+        if first == second:
+            # The later one was measured without knowing what had been entered.
+            first, second = known.before_mm, known.after_mm
+    return np.asarray((np.array(second) - np.array(first)).round(9))
+
+
+# --- what both determine ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SharedContrasts(ReadOnly):
+    """k quantities measured in both sessions.
+
+    Attributes:
+        kind: what they are: contrasts of readings, or differences.
+        problem: predicts them for given offsets.
+        before, after: measured, shape (k,) [mm].
+        covariance: of after − before for unit variance of one reading, shape (k, k).
+    """
+
+    kind: DataKind
+    problem: Problem
+    before: Floats
+    after: Floats
+    covariance: Floats
+
+
+def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:
+    """The quantities that both sessions determine.
+
+    Raises:
+        UsageError: they have nothing in common.
+    """
+    if isinstance(before, Readings) and isinstance(after, Readings):
+        shared = _of_readings(before, after, model)
+    else:
+        shared = _of_differences(before, after, model)
+    if len(shared.before) < 4:
+        raise UsageError(
+            f"The two files share {len(shared.before)} quantities;"
+            " three offsets cannot be verified with so few.",
+            "Measure the same postures with the same gauge directions before and after.",
+        )
+    return shared
+
+
+def _of_differences(before: Measured, after: Measured, model: Model) -> SharedContrasts:
+    kinds = {
+        table_kind(each) if each.kind is DataKind.READINGS else each.kind
+        for each in (before, after)
+    }
+    if kinds == {DataKind.SIX, DataKind.TWELVE}:
+        kinds = {DataKind.SIX}
+    if len(kinds) > 1:
+        raise UsageError(
+            f"The first file holds {DESCRIPTIONS[before.kind]}, the second"
+            f" {DESCRIPTIONS[after.kind]}: they measure different things.",
+            "Measure both with the same protocol.",
+        )
+    kind = kinds.pop()
+    posed = [pose_differences(each, model, kind) for each in (before, after)]
+    both = [each for each in posed[0].which if each in posed[1].which]
+    rows = [[each.which.index(one) for one in both] for each in posed]
+    spread = [
+        each.problem.covariance()[np.ix_(own, own)] for each, own in zip(posed, rows, strict=True)
+    ]
+    return SharedContrasts(
+        kind=kind,
+        problem=Problem(model, posed[0].problem.plan, posed[0].problem.matrix[rows[0]]),
+        before=posed[0].data[rows[0]],
+        after=posed[1].data[rows[1]],
+        covariance=spread[0] + spread[1],
+    )
+
+
+def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
+    # Each session's machine as it was found: not what was read with something entered meanwhile.
+    found = [each.plan.as_found for each in (before, after)]
+    plans = [each.plan.subset(own) for each, own in zip((before, after), found, strict=True)]
+    values = [each.value[own] for each, own in zip((before, after), found, strict=True)]
+    keys = [
+        np.stack(
+            (p.leg, p.direction, p.displacement, p.contact, p.gauge_at, p.turned), axis=1
+        ).round(9)
+        for p in plans
+    ]
+    cells, cell = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+    inverses, estimates, unknown = [], [], []
+    for plan, value, own in zip(
+        plans, values, np.split(cell.reshape(-1), [len(keys[0])]), strict=True
+    ):
+        design = (own[:, None] == np.arange(len(cells))).astype(np.float64)
+        free = design.T @ (np.eye(len(value)) - plan.zeros @ np.linalg.pinv(plan.zeros))
+        inverses.append(np.linalg.pinv(free @ design, rcond=NO_INFORMATION))
+        estimates.append(inverses[-1] @ (free @ value))
+        unknown.append(_null_space(free @ design))
+    missing = np.concatenate(unknown)
+    contrasts = _null_space(missing.T @ missing)
+    plan = GaugePlan(
+        leg=cells[:, 0].astype(np.intp),
+        direction=cells[:, 1].astype(np.intp),
+        displacement=cells[:, 2],
+        contact=cells[:, 3].astype(np.intp),
+        gauge_at=cells[:, 4],
+        setup=np.zeros(len(cells), dtype=np.intp),
+        order=np.arange(len(cells)),
+        hours=np.zeros(len(cells)),
+        turned=cells[:, 5] != 0.0,
+    )
+    return SharedContrasts(
+        kind=DataKind.READINGS,
+        problem=Problem(model, plan, contrasts),
+        before=contrasts @ estimates[0],
+        after=contrasts @ estimates[1],
+        covariance=contrasts @ (inverses[0] + inverses[1]) @ contrasts.T,
+    )
+
+
+def _null_space(matrix: Floats) -> Floats:
+    """Orthonormal rows that span the null space of a symmetric matrix, shape (j, m)."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.ascontiguousarray(vectors[:, values < NO_INFORMATION].T)
+
+
+# --- how the machine responded ----------------------------------------------------------------
+
+
+def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[str, Any]:
+    """The fields of a verification that say how the machine responded.
+
+    Args:
+        shared: k quantities of both sessions.
+        offsets: Δρ before the correction, shape (3,) [mm].
+        applied: δ, shape (3,) [mm], not all zero.
+    """
+    problem = shared.problem
+    gauge = problem.model.machine.gauge
+    # Midway, where a linear model of the change is right to third order.
+    jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
+    change, predicted, jacobian = whiten(
+        shared.covariance,
+        shared.after - shared.before,
+        problem.change(offsets, applied),
+        jacobian,
+    )
+    axes, left = _axes(change, jacobian, applied, gauge.rounding_mm)
+    dof, spare = len(change) - 1, len(change) - 3
+    beta = float(predicted @ change / (predicted @ predicted))
+    residual = change - beta * predicted
+    # No reading is known better than its gauge's resolution allows.
+    sigma = max(float(np.sqrt(residual @ residual / dof)), gauge.rounding_mm)
+    response = _coefficient(beta, sigma / float(np.sqrt(predicted @ predicted)), dof)
+    acted_as = _better_order(change, jacobian, applied, gauge.noise_mm)
+    typical = float(np.sqrt(np.mean(np.diag(shared.covariance))))
+    p_value = chance_of_residual(left, spare, gauge.noise_mm)
+    return {
+        "response": response,
+        "response_dof": dof,
+        "axes": axes,
+        "answer": _behaviour(response, dof, acted_as, applied, axes),
+        "acted_as_mm": None
+        if acted_as is None
+        else dict(zip(AXES, acted_as.tolist(), strict=True)),
+        "other_change": OtherChange(
+            rms_mm=typical * float(np.sqrt(left / spare)),
+            noise_mm=typical * gauge.noise_mm,
+            dof=spare,
+            p_value=p_value,
+            found=p_value < SUSPICIOUS,
+        ),
+    }
+
+
+def _coefficient(value: float, std: float, dof: int) -> Coefficient:
+    low, high = value - half_width(dof) * std, value + half_width(dof) * std
+    return Coefficient(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
+
+
+def _axes(
+    change: Floats, jacobian: Floats, applied: Floats, floor_mm: float
+) -> tuple[dict[str, AxisResponse], float]:
+    """Change of each joint, fitted together; and the sum of squares that is left."""
+    inverse = np.linalg.pinv(jacobian)
+    found = inverse @ change
+    residual = change - jacobian @ found
+    left = float(residual @ residual)
+    dof = len(change) - 3
+    sigma = max(float(np.sqrt(left / dof)), floor_mm)
+    stds = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist()
+    axes = {}
+    for axis, size, value, std in zip(AXES, applied.tolist(), found.tolist(), stds, strict=True):
+        reach = half_width(dof) * std
+        beyond = half_width(dof, CERTAIN) * float(np.hypot(std, STANDS * size))
+        axes[axis] = AxisResponse(
+            applied_mm=size,
+            found_mm=value,
+            ci95_mm=(value - reach, value + reach),
+            coefficient=_coefficient(value / size, std / abs(size), dof) if size else None,
+            otherwise=abs(value - size) > beyond,
+        )
+    return axes, left
+
+
+def _better_order(
+    change: Floats, jacobian: Floats, applied: Floats, noise_mm: float
+) -> Floats | None:
+    """The signed order of the applied offsets that explains the change clearly better.
+
+    Of those that explain it about as well as the best one, the simplest: everything with the
+    opposite sign, then axes exchanged with their signs kept, then any other.
+    """
+    # The first entry is what was applied.
+    hypotheses = [
+        (order, signs) for order in permutations(range(3)) for signs in product((1, -1), repeat=3)
+    ]
+    orders = np.array([np.array(signs) * applied[list(order)] for order, signs in hypotheses])
+    misfit = ((change - orders @ jacobian.T) ** 2).sum(axis=-1)
+    # Nobody knows these readings better than their noise: keeps the odds finite.
+    misfit = misfit + len(change) * noise_mm**2
+    behind = 0.5 * len(change) * np.log(misfit / misfit.min())
+    if behind[0] <= np.log(len(hypotheses) * ODDS):
+        return None
+
+    def rank(k: int) -> tuple[int, float]:
+        order, signs = hypotheses[k]
+        if behind[k] > np.log(ODDS):
+            simple = 3
+        elif order == (0, 1, 2) and set(signs) == {-1}:
+            simple = 0
+        else:
+            simple = 1 if set(signs) == {1} else 2
+        return simple, float(behind[k])
+
+    return np.asarray(orders[min(range(len(hypotheses)), key=rank)])
+
+
+def _behaviour(
+    response: Coefficient,
+    dof: int,
+    acted_as: Floats | None,
+    applied: Floats,
+    axes: Mapping[str, AxisResponse],
+) -> Behaviour:
+    if acted_as is not None:
+        opposite = np.allclose(acted_as, -applied)
+        return Behaviour.OPPOSITE if opposite else Behaviour.EXCHANGED
+    others = [row.otherwise for row in axes.values()]
+    if any(others) and not all(others):
+        return Behaviour.PARTLY
+    # One healthy machine in twenty lies outside its 95 % interval; few enough outside this one.
+    reach = half_width(dof, CERTAIN) * response.std
+    moved, full = abs(response.value) > reach, abs(response.value - 1.0) <= reach
+    if full:
+        return Behaviour.AS_MODELLED if moved else Behaviour.UNDETERMINED
+    return Behaviour.OTHER_GAIN if moved else Behaviour.NO_RESPONSE
