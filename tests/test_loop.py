@@ -75,7 +75,9 @@ def test_the_round_closes(tmp_path: Path) -> None:
     assert "The correction did what was promised" in verified
     left = typed(tmp_path, suggested(page, "report"))
     for axis, value in entered.items():
-        row = re.search(rf"^ +{axis} +(\S+) +(\S+) +(\S+) +(\S+) ± ", left, re.MULTILINE)
+        row = re.search(
+            rf"^ +{axis} +mm +\S+ ± \S+ +(\S+) +(\S+) +(\S+) +(\S+) ± ", left, re.MULTILINE
+        )
         assert row, left
         before, change, now, remains = map(float, row.groups())
         assert (before, change, now) == (0.0, value, value)

@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, computed_field
+from pydantic import ConfigDict, Field, PlainSerializer, computed_field
 
 from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
@@ -36,11 +36,12 @@ from orthoglide_cal.planning.steps import (
     gauge_moves,
     sequence,
 )
+from orthoglide_cal.schema import Schema
 
 # The scatter of readings: what their number averages.
 AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
-FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+ARRAYS = ConfigDict(arbitrary_types_allowed=True)
 # Hundredths are enough.
 Minutes = Annotated[float, PlainSerializer(lambda minutes: round(minutes, 2))]
 
@@ -62,7 +63,7 @@ class ParameterForecast:
     determined: bool
 
 
-class SessionForecast(BaseModel):
+class SessionForecast(Schema):
     """What a session will give.
 
     Attributes:
@@ -74,7 +75,7 @@ class SessionForecast(BaseModel):
         parameters: the same of all of them, each in its unit.
     """
 
-    model_config = FROZEN
+    model_config = ARRAYS
     model: Model = Field(exclude=True)
     plan: AnyPlan = Field(exclude=True)
     budget: Budget = Field(exclude=True)

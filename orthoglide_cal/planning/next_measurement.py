@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 from operator import ne
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 from scipy.special import ndtr
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
@@ -52,9 +52,10 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.model.plan import Bools
-from orthoglide_cal.planning.forecast import FROZEN, Minutes, estimator_for, lengths
+from orthoglide_cal.planning.forecast import ARRAYS, Minutes, estimator_for, lengths
 from orthoglide_cal.planning.options import Option, further, joined, options
 from orthoglide_cal.planning.separation import AnyPlan
+from orthoglide_cal.schema import Schema
 
 # Explanations nearer than this to each other under every option cannot be distinguished [σ].
 WORTHLESS_SIGMA = 1.0
@@ -70,7 +71,7 @@ MOST = 8
 TINY = 1e-12
 
 
-class NextMeasurement(BaseModel):
+class NextMeasurement(Schema):
     """A measurement that may decide what is open.
 
     Attributes:
@@ -83,7 +84,6 @@ class NextMeasurement(BaseModel):
             deviations].
     """
 
-    model_config = FROZEN
     what: str
     minutes: Minutes
     separates: Ids
@@ -102,6 +102,7 @@ class RankedMeasurement(NextMeasurement):
         expanded_mm: of the parameters that are lengths, by name.
     """
 
+    model_config = ARRAYS
     option: Option = Field(exclude=True)
     expanded: Floats = Field(exclude=True)
     chance: float

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Self
 
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
@@ -23,7 +23,7 @@ from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.planning.bar import BarWarning, bar_warning
 from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import (
-    FROZEN,
+    ARRAYS,
     SessionForecast,
     fewest_cycles,
     forecast,
@@ -39,6 +39,7 @@ from orthoglide_cal.planning.separation import (
     separations,
 )
 from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
+from orthoglide_cal.schema import Schema
 
 # Repeats that are shown beside those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
@@ -158,7 +159,7 @@ class PlannedContribution:
     std_mm: dict[str, float]
 
 
-class MeasurementPlan(BaseModel):
+class MeasurementPlan(Schema):
     """What a session will give before a reading is taken; its dump is `plan --json`.
 
     Attributes:
@@ -181,7 +182,7 @@ class MeasurementPlan(BaseModel):
         next: what to measure besides data that there are, best first.
     """
 
-    model_config = FROZEN
+    model_config = ARRAYS
     model: Model = Field(exclude=True)
     chosen: SessionForecast = Field(exclude=True)
     floor: Budget | None = Field(exclude=True)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orthoglide_cal.model import AXES, Floats, Source
+from orthoglide_cal.model import AXES, Floats
 
 SCHEMA_VERSION = 1
 
@@ -19,17 +19,6 @@ def fields_of(value: object, *names: str) -> dict[str, Any]:
 def by_axis(values: Sequence[Any] | Floats) -> dict[str, Any]:
     """x, y, z → value."""
     return dict(zip(AXES, _plain(values), strict=True))
-
-
-def axes_of(value: object, *names: str) -> dict[str, Any]:
-    """The named attributes, each with three values by axis."""
-    return {name: by_axis(getattr(value, name)) for name in names}
-
-
-def input_data(source: Source, kind: str, count: int) -> dict[str, Any]:
-    """The input of a result."""
-    chosen = {"data": source.excerpt.data} if source.excerpt else {}
-    return {"path": source.path, "sha256": source.sha256, "kind": kind, "readings": count, **chosen}
 
 
 def _plain(value: Any) -> Any:

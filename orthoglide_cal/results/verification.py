@@ -25,12 +25,18 @@ from itertools import permutations, product
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from scipy.special import fdtrc
 
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation import Problem, Solution, pose_differences, solve
+from orthoglide_cal.estimation import (
+    Problem,
+    PromisedDifference,
+    Solution,
+    pose_differences,
+    solve,
+)
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
@@ -49,7 +55,9 @@ from orthoglide_cal.model import (
     Source,
     View,
 )
-from orthoglide_cal.results.answer import Ids, Part, Spread
+from orthoglide_cal.results.answer import Spread
+from orthoglide_cal.results.making import remainder
+from orthoglide_cal.schema import Schema
 
 RULE = (
     "Pass if |deviation| + U is within the limit for every difference; fail if |deviation| - U is"
@@ -89,7 +97,7 @@ class Outcome(StrEnum):
     UNDECIDED = "undecided"
 
 
-class ComparedInput(Part):
+class ComparedInput(Schema):
     """One of the two measurements."""
 
     path: str
@@ -101,7 +109,7 @@ class ComparedInput(Part):
     operator: str | None
 
 
-class VerifiedParameter(Part):
+class VerifiedParameter(Schema):
     """One parameter, in its unit."""
 
     unit: str
@@ -114,7 +122,7 @@ class VerifiedParameter(Part):
     left_expanded: float
 
 
-class Coefficient(Part):
+class Coefficient(Schema):
     """A number with its 95 % Student-t interval; theory says 1."""
 
     value: float
@@ -123,7 +131,7 @@ class Coefficient(Part):
     agrees: bool = Field(description="the interval holds 1")
 
 
-class AxisResponse(Part):
+class AxisResponse(Schema):
     """What one joint did."""
 
     applied_mm: float
@@ -133,7 +141,7 @@ class AxisResponse(Part):
     otherwise: bool = Field(description="something else than what was applied is certain")
 
 
-class OtherChange(Part):
+class OtherChange(Schema):
     """Did anything change that no joint offset explains?"""
 
     rms_mm: float = Field(description="unexplained change of a difference, per degree of freedom")
@@ -143,7 +151,7 @@ class OtherChange(Part):
     found: bool = Field(description="noise alone gives it less than once in a thousand times")
 
 
-class ComparedDifference(Part):
+class ComparedDifference(Schema):
     """One difference before and after the correction."""
 
     difference: str
@@ -154,7 +162,7 @@ class ComparedDifference(Part):
     expanded_mm: float = Field(description="U of the value measured after")
 
 
-class Decision(Part):
+class Decision(Schema):
     """Conformity with a stated limit."""
 
     outcome: Outcome
@@ -166,12 +174,13 @@ class Decision(Part):
     rule: str = RULE
 
 
-class Verification(Part):
+class Verification(Schema):
     """A correction compared with its promise, as `verify --json` prints it.
 
     `inputs` are both measurements, each with the machine that it was judged by.
     """
 
+    model_config = ConfigDict(arbitrary_types_allowed=True)
     inputs: tuple[tuple[Source, Model], ...] = Field(exclude=True)
     schema_version: Literal[1] = 1
     before: ComparedInput
@@ -187,8 +196,8 @@ class Verification(Part):
         default=None, description="of heights: what the parameters found afterwards would leave"
     )
     as_left: Spread | None = Field(default=None, description="of the differences afterwards")
-    not_removed: Ids | None = Field(
-        default=None, description="accepted causes that offsets do not remove; null: nothing stays"
+    remains: str | None = Field(
+        default=None, description="what offsets do not remove; null: only noise is left"
     )
     parameters: dict[str, VerifiedParameter]
     applied_mm: dict[str, float] = Field(default_factory=dict)
@@ -257,12 +266,13 @@ def verify(
     first, right = _solved(before, model)
     second, _ = _solved(after, model)
     shared = shared_contrasts(before.measured, after.measured, model)
-    rows = _differences(first, right, after, applied)
+    promise = first.promised(applied, right)
+    rows = _differences(promise, after, model, table_kind(before.measured))
+    names = {row.difference for row in rows}
     largest = max(rows, key=lambda row: abs(row.after_mm))
     response = _respond(shared, first.offsets_mm, applied)
     promised = rms(np.array([row.promised_mm for row in rows]))
     after_rms = rms(np.array([row.after_mm for row in rows]))
-    left_over = promised > rms(np.array([row.promised_expanded_mm for row in rows]))
     return Verification(
         **_common(before, after, first, second, applied.tolist()),
         kind=shared.kind,
@@ -272,7 +282,7 @@ def verify(
         rms_promised_mm=promised,
         rms_after_mm=after_rms,
         as_left=Spread(rms_mm=after_rms, largest_mm=largest.after_mm, largest=largest.difference),
-        not_removed=tuple(each.cause.id for each in model.accepted) if left_over else None,
+        remains=remainder([row for row in promise if row.difference.name in names], model),
         applied_mm=_by_axis(applied),
         differences=rows,
         **response,
@@ -421,11 +431,10 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
 
 
 def _differences(
-    before: Solution, right: Measured, after: Input, applied: Floats
+    promise: Sequence[PromisedDifference], after: Input, model: Model, kind: DataKind
 ) -> tuple[ComparedDifference, ...]:
     """The differences of Table 4 before, promised and after, where both sessions hold them."""
-    model = before.model
-    later = pose_differences(after.measured, model, table_kind(before.measured))
+    later = pose_differences(after.measured, model, kind)
     noise = model.machine.gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
     reach = half_width(np.inf) * noise
     values = zip(later.data.tolist(), reach.tolist(), strict=True)
@@ -439,7 +448,7 @@ def _differences(
             after_mm=came_true[row.difference][0],
             expanded_mm=came_true[row.difference][1],
         )
-        for row in before.promised(applied, right)
+        for row in promise
         if row.difference in came_true
     )
     if not rows:

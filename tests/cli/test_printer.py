@@ -234,7 +234,7 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
     changes = {**dict(zip("abc", OFF.endstops, strict=True)), "radius": 0.24, "angle_a": 0.11}
     for name, change in changes.items():
         assert compared["parameters"][name]["entered"] == pytest.approx(change)
-    assert compared["left_mm"] < 0.02 < compared["found_mm"]
+    assert compared["rms_after_mm"] < 0.02 < compared["rms_before_mm"]
     assert "agree better than before" in page(*both)
     assert run(*both[:3], "--applied", "1", "2", "3").exit_code == 2
     assert run("report", "printer.cfg", "--after", "after.cfg").exit_code == 2
@@ -252,7 +252,7 @@ def test_what_is_better_is_not_yet_what_was_promised(share: float, kept: bool, o
     Path("after.cfg").write_text(printer_cfg(V400, replace(OFF, **parts), seed=2))
     both = ("verify", "printer.cfg", "after.cfg", "--data", "mesh")
     compared, said = answer(*both), run(*both).stdout
-    assert compared["left_mm"] < 0.5 * compared["found_mm"]
+    assert compared["rms_after_mm"] < 0.5 * compared["rms_before_mm"]
     assert compared["kept"] is kept
     assert ("✔ The touches agree better than before, as promised" in said) is kept
     assert ("but not as promised" in said) is not kept

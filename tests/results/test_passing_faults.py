@@ -40,13 +40,13 @@ def test_what_is_promised_comes_true_without_the_fault(fault: str) -> None:
             continue
         after = given(corrected(session, found))
         seen = {
-            row.promise.difference: row
-            for row in verify(before, after, found.adjustment.applied_mm).deviations
+            row.difference: row
+            for row in verify(before, after, found.adjustment.applied_mm).differences
         }
         for row in found.adjustment.promised:
-            later = seen[row.difference]
+            later = seen[row.difference.name]
             assert abs(later.after_mm - row.expected_mm) < 2.0 * row.expanded_mm
-            assert abs(later.after_mm - later.promise.expected_mm) < 2.0 * later.promise.expanded_mm
+            assert abs(later.after_mm - later.promised_mm) < 2.0 * later.promised_expanded_mm
         checked += 1
         if checked == 4:
             return

@@ -116,7 +116,7 @@ def test_intervals_of_400_healthy_pairs():
 @pytest.mark.parametrize("plan", [double_posture(PROTOTYPE), single_posture(PROTOTYPE, cycles=3)])
 def test_raw_sessions_of_both_protocols(plan: GaugePlan):
     result = verify(before(1, plan=plan), after(TRUE, 2, plan=plan), TRUE)
-    assert result.kind is DataKind.READINGS
+    assert result.kind == DataKind.READINGS
     assert result.answer is Behaviour.AS_MODELLED
     assert result.response.value == pytest.approx(1.0, abs=0.05)
     assert not result.other_change.found
@@ -134,7 +134,7 @@ def test_unequal_sessions_share_what_both_determine():
 
 def test_raw_readings_against_differences():
     result = verify(before(5), paper(3), TRUE)
-    assert result.kind is DataKind.SIX
+    assert result.kind == DataKind.SIX
     assert result.compared == 6
 
 

@@ -14,7 +14,7 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.facts import SCOPE, moment, owner_facts
+from orthoglide_cal.report.facts import SCOPE, data_words, moment, owner_facts
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
 from orthoglide_cal.words import (
@@ -25,7 +25,6 @@ from orthoglide_cal.words import (
     entered_decimals,
     plain,
     signed,
-    two_figures,
     with_uncertainty,
 )
 
@@ -85,13 +84,8 @@ def _compared_words(found: Verification) -> str:
 def verification_notice(found: Verification) -> doc.Notice:
     """The answer in one box."""
     before, promised, after, _ = _sizes(found)
-    left = ""
-    if found.not_removed is not None:
-        causes = " and ".join(found.not_removed) or "this"
-        left = f"Offsets do not remove {causes}: {two_figures(found.rms_promised_mm)} mm r.m.s."
-        left += " is left after correction."
     size = f"Promised {promised}, measured {after} (r.m.s.; before {before})."
-    lines = tuple(line for line in (size, _answer(found), _decision(found), left) if line)
+    lines = tuple(line for line in (size, _answer(found), _decision(found), found.remains) if line)
     if not found.differences:
         better = "better" if found.rms_after_mm < found.rms_before_mm else "no better"
         join = "but" if better == "better" else "and"
@@ -319,9 +313,11 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
 def compared_inputs(found: Verification) -> tuple[tuple[str, doc.Blank], ...]:
     """Where both sides come from: file, digest, time, operator; blank where not given."""
     rows: list[tuple[str, doc.Blank]] = []
-    for name, given in (("Before", found.before), ("After", found.after)):
+    given_by = zip((found.before, found.after), found.inputs, strict=True)
+    for name, (given, (source, _)) in zip(("Before", "After"), given_by, strict=True):
+        count = data_words(source, given.kind, given.readings)
         rows += [
-            (name, doc.Given(f"{file_words(given.path)} ({given.readings} {given.kind})")),
+            (name, doc.Given(f"{file_words(given.path)} ({count})")),
             ("SHA-256", doc.Code(given.sha256)),
             ("Measured", moment(given.finished or given.started)),
             ("Operator", None if given.operator is None else doc.Given(given.operator)),
