@@ -435,7 +435,7 @@ def _differences(
 ) -> tuple[ComparedDifference, ...]:
     """The differences of Table 4 before, promised and after, where both sessions hold them."""
     later = pose_differences(after.measured, model, kind)
-    noise = model.machine.gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    noise = model.machine.instrument.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
     reach = half_width(np.inf) * noise
     values = zip(later.data.tolist(), reach.tolist(), strict=True)
     came_true = dict(zip(later.which, values, strict=True))
@@ -461,7 +461,7 @@ def _differences(
 
 def _recorded(before: Input, after: Input, history: Callable[[], Sequence[Entered]]) -> Floats:
     """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
-    first, second = (each.model.machine.offsets_mm for each in (before, after))
+    first, second = (each.model.machine.active for each in (before, after))
     if first == second or not (before.is_session and after.is_session):
         sha256 = before.measured.source.sha256
         known = next((each for each in history() if each.data_sha256 == sha256), None)
@@ -472,7 +472,7 @@ def _recorded(before: Input, after: Input, history: Callable[[], Sequence[Entere
             )
         if first == second:
             # The later one was measured without knowing what had been entered.
-            first, second = known.before_mm, known.after_mm
+            first, second = known.before, known.after
     return np.asarray((np.array(second) - np.array(first)).round(9))
 
 
@@ -606,7 +606,7 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
         applied: δ, shape (3,) [mm], not all zero.
     """
     problem = shared.problem
-    gauge = problem.model.machine.gauge
+    gauge = problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
     change, predicted, jacobian = whiten(
