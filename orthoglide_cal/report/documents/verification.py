@@ -14,7 +14,7 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.facts import SCOPE, data_words, moment, owner_facts
+from orthoglide_cal.report.facts import data_words, moment, owner_facts, scope
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
 from orthoglide_cal.words import (
@@ -73,7 +73,7 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
             ),
         ),
         signatures=("Measured by", "Checked by"),
-        scope=machine.vocabulary.said(SCOPE),
+        scope=scope(machine),
     )
 
 
