@@ -12,7 +12,6 @@ from orthoglide_cal.files.input import (
     read_input,
     sessions_in,
 )
-from orthoglide_cal.files.machine_edit import new_machine, with_history
 from orthoglide_cal.files.machine_file import (
     StoredMachine,
     default_machine,
@@ -20,10 +19,12 @@ from orthoglide_cal.files.machine_file import (
     machine_from_text,
     machine_text,
     machine_values,
+    new_machine,
     read_machine,
     read_machine_file,
     shipped_folder,
     shipped_machine,
+    with_history,
 )
 from orthoglide_cal.files.probe_readings import check_same_printer, places_csv, touches_csv
 from orthoglide_cal.files.readings import (

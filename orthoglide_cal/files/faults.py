@@ -5,16 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
-from typing import NamedTuple, get_args
+from typing import NamedTuple, get_args, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.schema import parse_number
 from orthoglide_cal.words import listed
 
 Steps = tuple[str | int, ...]
 _MOST = 1000  # faults; a file of garbage has millions; nobody reads them
-_NUMBER = "Check its digits and its unit; lengths are in mm."
+_NUMBER = "Check its digits and its unit{mm}."
 
 # Type of pydantic's error → what is wrong and the remedy; {…} are the error's own values, the last
 # key of the path, and the words that are known there.
@@ -25,6 +26,7 @@ _WORDS = {
     "extra_forbidden": ("The key is not known.", "{near}Known here: {known}."),
     "model_type": ("A group of keys is wanted here.", "Write `name: value` lines, indented."),
     "list_type": ("A list is wanted here.", "Write [first, second] or `- …` lines."),
+    "number_type": ("A number is wanted here.", "Write a plain number such as 310.25."),
     "string_type": ("A text is wanted here.", "Write a word or put the text in quotes."),
     "literal_error": ("This {key} is not known.", "{near}Known: {known}."),
     "union_tag_invalid": ("This kind of machine is not known.", "{near}Known: {known}."),
@@ -37,6 +39,8 @@ _WORDS = {
 }
 _ALSO = {  # also said of
     "tuple_type": "list_type",
+    "named_tuple_type": "model_type",
+    "float_type": "number_type",
     "enum": "literal_error",
     "dict_type": "model_type",
     "mapping_type": "model_type",
@@ -155,7 +159,7 @@ def _worded(
 ) -> Iterator[tuple[Steps, str, str]]:
     """(path, what, remedy) of each fault."""
     for each in error.errors(include_url=False):
-        path, models = _path(each["loc"], schema)
+        path, classes = _path(each["loc"], schema)
         given = each.get("ctx", {})
         cause = given.get("error")
         if isinstance(cause, InputError):
@@ -174,42 +178,63 @@ def _worded(
             meant = str(each["input"])
         elif kind == "extra_forbidden":
             meant = str(path[-1])
-            known = list(dict.fromkeys(name for model in models for name in model.model_fields))
+            known = list(dict.fromkeys(name for c in classes for name in map(str, _fields(c))))
         elif kind == "missing" and isinstance(path[-1], int):
             kind = "too_short"
-        elif kind == "greater_than" and given["gt"] == 0:
-            kind = "greater_than_zero"
         elif kind == "greater_than_equal" and given["ge"] == 0:
             kind = "not_negative"
+        elif kind.startswith("greater_than") and _not_above_zero(each["input"], given):
+            kind = "greater_than_zero"
         key = next((step for step in reversed(path) if isinstance(step, str)), "value")
         usual = _WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
         what, remedy = words.get(f"{kind} {key}", usual)
-        said = {**given, "key": key, "near": nearest(meant, known), "known": ", ".join(known)}
+        mm = "; lengths are in mm" if key.endswith("_mm") else ""
+        said = {
+            **given,
+            "mm": mm,
+            "key": key,
+            "near": nearest(meant, known),
+            "known": ", ".join(known),
+        }
         yield path, what.format(**said), remedy.format(**said)
 
 
-def _path(loc: Steps, schema: object) -> tuple[Steps, Sequence[type[BaseModel]]]:
+def _not_above_zero(value: object, bound: Mapping[str, float]) -> bool:
+    """Whether a number that is too small has the wrong sign, or is none at all."""
+    return parse_number(str(value), decimal_comma=True) <= 0.0 <= min(bound.values())
+
+
+def _path(loc: Steps, schema: object) -> tuple[Steps, Sequence[type]]:
     """The path in the file, without the names of classes in a union; the classes that end it."""
-    models, path = _models(schema), []
+    classes, path = _classes(schema), []
     for step in loc:
-        tagged = [each for each in models if _tag(each) == step]
-        fields = [each.model_fields[step] for each in models if step in each.model_fields]
+        tagged = [each for each in classes if _tag(each) == step]
+        fields = [_fields(each)[step] for each in classes if step in _fields(each)]
         if tagged and not fields:
-            models = tagged
+            classes = tagged
             continue
         path.append(step)
         if fields:
-            models = [model for field in fields for model in _models(field.annotation)]
-    return tuple(path), models
+            classes = [each for field in fields for each in _classes(field)]
+    return tuple(path), classes
 
 
-def _tag(model: type[BaseModel]) -> object:
-    kind = model.model_fields.get("kind")
-    return kind.default if kind else None
+def _fields(kind: type) -> dict[str | int, object]:
+    """Name → type of each field of a schema or a named tuple."""
+    if issubclass(kind, BaseModel):
+        return {name: field.annotation for name, field in kind.model_fields.items()}
+    hints: dict[str | int, object] = {}
+    return hints | get_type_hints(kind)
 
 
-def _models(annotation: object) -> Sequence[type[BaseModel]]:
-    """The classes that a type is made of."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for part in get_args(annotation) for model in _models(part)]
+def _tag(kind: type) -> object:
+    field = kind.model_fields.get("kind") if issubclass(kind, BaseModel) else None
+    return field.default if field else None
+
+
+def _classes(annotation: object) -> Sequence[type]:
+    """The schemas and named tuples that a type is made of."""
+    if isinstance(annotation, type):
+        named = issubclass(annotation, BaseModel) or hasattr(annotation, "_fields")
+        return [annotation] if named else []
+    return [kind for part in get_args(annotation) for kind in _classes(part)]

@@ -1,46 +1,39 @@
 """Machine files (`orthocal guide machine`) to a `Model` and back; the one of the package.
 
-Every number has bounds that no machine of this kind leaves: what lies beyond is a slip.
+What a machine is made of its class says; here is what stands around it in the file, and what
+depends on which causes there are.
 """
 
 from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
-from datetime import date, datetime
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import (
+    AfterValidator,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.delta_machine import delta_keys, delta_values
-from orthoglide_cal.files.groups import (
-    Group,
-    between,
-    not_negative,
-    one_of,
-    positive,
-    text,
-    version,
-    word,
-)
-from orthoglide_cal.files.orthoglide_machine import OFFSET, orthoglide_keys, orthoglide_values
-from orthoglide_cal.files.text import (
-    YAML_LIMIT,
-    FileText,
-    document_from_bytes,
-    read_document,
-)
+from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.files.faults import Steps, nearest
+from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
+from orthoglide_cal.files.yaml_edit import edited
 from orthoglide_cal.files.yaml_tree import Tree, load_tree, yaml_text
-from orthoglide_cal.model import AXES, Details, Effect, Entered, Estimate, Machine, Model
+from orthoglide_cal.model import Cause, Effect, Entered, Estimate, Machine, Model
 from orthoglide_cal.model.machine import JointOffsets
-from orthoglide_cal.model.machines import MACHINES, AnyMachine
+from orthoglide_cal.model.machines import MACHINES, AnyMachine, kind_of
+from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, yaml_number
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -48,21 +41,136 @@ PRINTER_SECTION = re.compile(
     re.MULTILINE | re.IGNORECASE,
 )
 DEFAULT_NAME = "orthoglide_prototype.yaml"
-
-# Bounds [mm; tolerances and identified values in the units of their cause].
-_TRAVEL = between(1e-3, 1e3, positive)
-_TOLERANCE = between(0.0, 1e6, not_negative)
+# Tolerances: the smallest, and the largest in usual sizes.
 _SMALLEST_TOLERANCE = 1e-9
-# In usual sizes.
 _LARGEST_TOLERANCE = 1000.0
-_VALUE = between(-1e6, 1e6)
-_WIDTH = between(0.0, 1e6, not_negative)
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
+_HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
 
 _MACHINE: TypeAdapter[Machine] = TypeAdapter(AnyMachine)
-_kind = one_of(MACHINES, "This kind of machine is not known.")
+
+
+class IdentifiedParameter(Schema):
+    """A parameter of an accepted cause, in the cause's unit."""
+
+    value: Annotated[Number, Field(ge=-1e6, le=1e6)]
+    std: Annotated[Number, Field(ge=0.0, le=1e6)]
+    unit: str
+
+
+def _nowhere(where: str) -> str:
+    if where:
+        raise InputError("An accepted cause acts on the whole machine.", 'Write where: "".')
+    return where
+
+
+class Identified(Schema):
+    """An accepted cause as the file holds it; the context is the class of the machine.
+
+    Attributes:
+        cause: its id.
+        where: always the whole machine.
+        parameters: by their names on this kind of machine.
+        date: of its acceptance.
+        data_sha256: digest of the readings that it was accepted from.
+        correlation: of the parameters, in their order; none for independent ones.
+    """
+
+    cause: str
+    where: Annotated[str, AfterValidator(_nowhere)] | None = ""
+    parameters: Mapping[Word, IdentifiedParameter]
+    date: Day
+    data_sha256: Digest
+    correlation: tuple[tuple[Number, ...], ...] = ()
+
+    @field_validator("cause")
+    @classmethod
+    def _lasting(cls, id: str, info: ValidationInfo) -> str:
+        known = _causes_of(_kind_in(info))
+        if id not in known:
+            raise _unknown_cause(id, known)
+        if not CAUSES[id].lasting:
+            lasting = ", ".join(each for each in known if CAUSES[each].lasting)
+            raise InputError("This cause cannot be part of a machine.", f"Use one of {lasting}.")
+        return id
+
+    @field_validator("parameters")
+    @classmethod
+    def _of_the_cause(
+        cls, given: Mapping[str, IdentifiedParameter], info: ValidationInfo
+    ) -> Mapping[str, IdentifiedParameter]:
+        id = info.data.get("cause")
+        if id is None:
+            return given
+        cause, names = CAUSES[id], _kind_in(info).named(CAUSES[id].names).values()
+        if given.keys() != set(names):
+            what = f"{id} has the parameters {', '.join(names)}."
+            raise InputError(what, "Give each of them once.")
+        faults = [
+            InputError(
+                f"{id} is measured in {cause.unit or 'no unit'}, not {each.unit!r}.",
+                f"Convert the value and its std, and write unit: {cause.unit!r}.",
+                column=f"{name}.unit",
+            )
+            for name, each in given.items()
+            if each.unit != cause.unit
+        ] + [
+            InputError(
+                "The number must not be negative.", "Give zero or more.", column=f"{name}.value"
+            )
+            for name, each in given.items()
+            if cause.positive and each.value < 0.0
+        ]
+        if faults:
+            raise InvalidFileError(faults)
+        return given
+
+    @field_validator("correlation")
+    @classmethod
+    def _correlations(
+        cls, rows: tuple[tuple[float, ...], ...], info: ValidationInfo
+    ) -> tuple[tuple[float, ...], ...]:
+        size = len(info.data.get("parameters", rows))
+        if rows and {len(rows), *map(len, rows)} != {size}:
+            raise InputError(
+                f"The correlations are not {size} rows of {size} numbers.",
+                "Give one row for each parameter, in their order, or remove them.",
+            )
+        matrix = np.array(rows or np.eye(1))
+        if (
+            np.abs(matrix - matrix.T).max() > 1e-5
+            or np.abs(np.diag(matrix) - 1.0).max() > 1e-5
+            or np.linalg.eigvalsh(matrix)[0] < -1e-5
+        ):
+            raise InputError(
+                "These numbers are not correlations.",
+                "They are symmetric, with ones on the diagonal, and of no negative variance.",
+            )
+        return rows
+
+    def effect(self, machine: type[Machine]) -> Effect:
+        """The cause with these parameters, as part of a machine of this kind."""
+        cause = CAUSES[self.cause]
+        own = {called: name for name, called in machine.named(cause.names).items()}
+        estimates = {own[name]: Estimate(**dict(each)) for name, each in self.parameters.items()}
+        matrix = np.array(self.correlation) if self.correlation else np.eye(len(estimates))
+        return cause.estimated(estimates, matrix).accepted(self.date, self.data_sha256)
+
+
+def _true(text: str) -> str:
+    if text != "true":
+        raise InputError("Only `true` can stand here.", "Write complete: true.")
+    return text
+
+
+class _Around(Schema):
+    """What a machine file says besides the machine."""
+
+    schema_version: Version
+    identified: tuple[Identified, ...] = ()
+    complete: Annotated[str, AfterValidator(_true)] | None = None
 
 
 @dataclass(frozen=True)
@@ -82,21 +190,44 @@ class StoredMachine:
 
 def read_machine_file(path: Path | str) -> StoredMachine:
     """The machine file at a path ("-": standard input). Raises as `read_machine` does."""
-    document = read_document(str(path), YAML_LIMIT)
-    if PRINTER_SECTION.search(document.text):
+    file = read_document(str(path), YAML_LIMIT)
+    if PRINTER_SECTION.search(file.text):
         raise InputError(
             "This is a printer's configuration, not a machine file.",
             "Give it to solve, diagnose or plan as their input: it describes its machine itself.",
-            file=document.path,
+            file=file.path,
         )
-    return machine_file_in(load_tree(document))
+    return machine_file_in(load_tree(file))
 
 
 def machine_file_in(tree: Tree) -> StoredMachine:
     """The machine file that a parsed document is. Raises as `read_machine` does."""
-    model = machine_from_tree(tree)
+    value, file = tree.value, tree.file
+    if not isinstance(value, dict):
+        raise InputError(
+            "This is not a machine file.",
+            f"Copy configs/{DEFAULT_NAME} and change its values.",
+            file=file.path,
+            line=1,
+        )
+    if "readings" in value and "machine" in value:
+        raise InputError(
+            "This is a session, not a machine file.",
+            "Give it as the input; the machine that it was measured on is inside.",
+            file=file.path,
+        )
+    model = machine_in(tree, ())
+    if file.text.startswith(WRITTEN) and "complete" not in value:
+        tree.faults.add(
+            "The last line, `complete: true`, is missing: the file was cut off.",
+            "Take it from a copy; add the line only if you know that nothing is missing.",
+            line=file.text.count("\n"),
+            column="complete",
+        )
+    if model is None or tree.faults:
+        raise tree.faults.error()
     remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
-    return StoredMachine(model, tree.file, () if "identified" in tree.value else (remark,))
+    return StoredMachine(model, file, () if "identified" in value else (remark,))
 
 
 def read_machine(path: Path | str | None = None) -> Model:
@@ -109,9 +240,7 @@ def read_machine(path: Path | str | None = None) -> Model:
         InvalidFileError: everything in it that breaks the schema, each with line and path.
         InputError: not readable, not YAML, or not a machine file.
     """
-    if path is None:
-        return default_machine()
-    return read_machine_file(path).model
+    return default_machine() if path is None else read_machine_file(path).model
 
 
 def machine_from_text(content: str, path: str) -> Model:
@@ -120,7 +249,7 @@ def machine_from_text(content: str, path: str) -> Model:
     Raises:
         InvalidFileError, InputError: as `read_machine`.
     """
-    return machine_from_tree(load_tree(document_from_bytes(content.encode(), path)))
+    return machine_file_in(load_tree(document_from_bytes(content.encode(), path))).model
 
 
 @functools.cache
@@ -131,7 +260,8 @@ def default_machine() -> Model:
 
 def shipped_machine(kind: str) -> Path:
     """The machine file that comes with the program for a kind; the prototype's for others."""
-    return shipped_folder() / (_SHAPES[kind].shipped if kind in _SHAPES else DEFAULT_NAME)
+    name = f"{kind}.yaml"
+    return shipped_folder() / (name if (shipped_folder() / name).is_file() else DEFAULT_NAME)
 
 
 def shipped_folder() -> Path:
@@ -142,90 +272,100 @@ def shipped_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "configs"
 
 
-def machine_from_tree(tree: Tree) -> Model:
-    """The machine that a parsed file describes. Raises as `read_machine` does."""
-    value = tree.value
-    if not isinstance(value, dict):
-        raise InputError(
-            "This is not a machine file.",
-            f"Copy configs/{DEFAULT_NAME} and change its values.",
-            file=tree.file.path,
-            line=1,
-        )
-    if "readings" in value and "machine" in value:
-        raise InputError(
-            "This is a session, not a machine file.",
-            "Give it as the input; the machine that it was measured on is inside.",
-            file=tree.file.path,
-        )
-    model = machine_in(Group(tree, (), value))
-    if tree.file.text.startswith(WRITTEN) and "complete" not in value:
-        tree.faults.add(
-            "The last line, `complete: true`, is missing: the file was cut off.",
-            "Take it from a copy; add the line only if you know that nothing is missing.",
-            line=tree.file.text.count("\n"),
-            column="complete",
-        )
-    if model is None or tree.faults:
-        raise tree.faults.error()
-    return model
-
-
-def machine_in(file: Group) -> Model | None:
+def machine_in(tree: Tree, path: Steps) -> Model | None:
     """The machine that a group of keys describes; None after noting what is wrong with it."""
-    file.take("schema_version", version)
-    likely = _likeliest(file)
-    kind = file.take("kind", _kind, likely)
-    if kind != "orthoglide" and "kind" not in file.content:
-        remedy = f"Add a line `kind: {kind}`."
-        file.tree.faults.add("The key is missing.", remedy, line=1, column="kind")
-    shape = _SHAPES[kind or likely]
-    values = {
-        "kind": kind,
-        "name": file.take("name", word),
-        **shape.read(file),
-        "homing_mm": file.take("homing_mm", _TRAVEL, None),
-        "tolerances": _tolerances(file.group("tolerances", required=False), kind),
-        "history": tuple(_entered(entry) for entry in file.groups("history")),
-        "report": _details(file.group("report", required=False)),
-    }
-    file.take("complete", one_of(("true",), "Only `true` can stand here."), None)
-    accepted = [_identified(entry, kind) for entry in file.groups("identified")]
-    file.refuse_unknown()
-    if not file.sound:
+    value = tree.value
+    for step in path:
+        value = value.get(step)
+    faults, before = tree.faults, tree.faults.count
+
+    def note(what: str, remedy: str, *inner: str, value: str | None = None) -> None:
+        line, column, text = tree.place((*path, *inner))
+        faults.add(what, remedy, line=line, column=column, value=value or text)
+
+    if not isinstance(value, dict):
+        here = path[-1] in tree.value if path else True
+        what = "A group of keys is wanted here." if here else "The key is missing."
+        note(what, "Write `name: value` lines, indented." if here else "Add a line `machine: …`.")
         return None
-    return Model(_MACHINE.validate_python(values), tuple(effect for effect in accepted if effect))
+    if "kind" in value and not isinstance(value["kind"], str):
+        note("This kind of machine is not known.", f"Known: {', '.join(MACHINES)}.", "kind")
+        value = {key: value[key] for key in value if key != "kind"}
+    kind = kind_of(value)
+    made = MACHINES.get(kind)
+    own = made or MACHINES[kind_of({key: value[key] for key in value if key != "kind"})]
+    around = _Around.model_fields
+    order = sorted(own.model_fields, key=lambda key: key in Machine.model_fields)
+    known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *around)))
+    for key in value:
+        if key not in known:
+            remedy = f"{nearest(key, known)}Known here: {', '.join(known)}."
+            note("The key is not known.", remedy, key)
+    if made and "kind" not in value and made.model_fields["kind"].default != kind_of({}):
+        faults.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
+    found: list[Any] = []
+    parts = (
+        (_MACHINE, AnyMachine, {key: value[key] for key in value if key in own.model_fields}),
+        (TypeAdapter(_Around), _Around, {key: value[key] for key in value if key in around}),
+    )
+    for adapter, schema, part in parts:
+        if part.get("identified", part) is None:
+            del part["identified"]
+        try:
+            found.append(adapter.validate_python(part, context=own))
+        except ValidationError as error:
+            faults.take(error, schema, lambda inner: tree.place((*path, *inner)))
+    tolerances = value.get("tolerances")
+    causes = _causes_of(own)
+    for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
+        try:
+            if id not in causes:
+                raise _unknown_cause(id, causes)
+            _check_tolerance(CAUSES[id], own, text)
+        except InputError as fault:
+            at = None if id in causes else id
+            note(fault.what, fault.remedy, "tolerances", id, value=at)
+    if faults.count > before:
+        return None
+    machine, rest = found
+    return Model(machine, tuple(each.effect(own) for each in rest.identified))
 
 
-class _Shape(NamedTuple):
-    """What the machine file of a kind says that others do not."""
-
-    read: Callable[[Group], dict[str, Any]]
-    keys: Callable[[Machine], dict[str, Any]]
-    # What makes two machines different for the readings; the rest only says what is plausible.
-    geometry: tuple[str, ...]
-    shipped: str
+def _kind_in(info: ValidationInfo) -> type[Machine]:
+    """The class of the machine, which checking is told."""
+    if info.context is None:
+        raise TypeError("an accepted cause is checked for a kind of machine")
+    kind: type[Machine] = info.context
+    return kind
 
 
-_SHAPES = {
-    "orthoglide": _Shape(
-        orthoglide_values,
-        orthoglide_keys,
-        ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm"),
-        DEFAULT_NAME,
-    ),
-    "linear_delta": _Shape(
-        delta_values,
-        delta_keys,
-        ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm"),
-        "linear_delta.yaml",
-    ),
-}
+def _causes_of(machine: type[Machine]) -> list[str]:
+    """Ids of the causes that a machine of this kind can have."""
+    return [id for id, cause in CAUSES.items() if machine in cause.sizes]
 
 
-def _likeliest(file: Group) -> str:
-    """What a file of an unknown kind most likely means, so that only its kind is at fault."""
-    return max(_SHAPES, key=lambda id: len(file.content.keys() & set(_SHAPES[id].geometry)))
+def _unknown_cause(id: str, known: list[str]) -> InputError:
+    what = "This is not a cause id of this kind of machine."
+    return InputError(what, f"{nearest(id, known)}Known: {', '.join(known)}.")
+
+
+def _check_tolerance(cause: Cause, machine: type[Machine], text: object) -> None:
+    """Raises InputError for a plausible size that nothing could have: it is a slip."""
+    try:
+        size = yaml_number(text)
+    except InputError:
+        return  # said of the machine
+    usual = cause.sizes[machine]
+    if _LARGEST_TOLERANCE * usual < size <= 1e6:
+        raise InputError(
+            f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {cause.id},"
+            f" {usual:g}.",
+            f"Give it in {cause.unit or 'its unit'}.",
+        )
+    if 0.0 < size < _SMALLEST_TOLERANCE:
+        raise InputError(
+            f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}.", "Give 0 to rule it out."
+        )
 
 
 def is_machine_file(tree: Tree) -> bool:
@@ -236,27 +376,20 @@ def is_machine_file(tree: Tree) -> bool:
 
 
 def machine_values(model: Model) -> dict[str, Any]:
-    """Plain values of the machine file, in the file's order."""
-    machine, shape = model.machine, _SHAPES[model.machine.kind]
-    homing = {} if machine.homing_mm is None else {"homing_mm": machine.homing_mm}
-    details = machine.report.model_dump(exclude_none=True)
+    """Plain values of the machine file, in the file's order; what nobody stated is left out."""
+    machine = model.machine
+    own = _stated(machine)
+    common = {key: own.pop(key) for key in Machine.model_fields if key in own}
+    stated = {key: common[key] for key in ("homing_mm",) if key in common}
     return {
         "schema_version": 1,
-        "kind": machine.kind,
-        "name": machine.name,
-        **shape.keys(machine),
-        **homing,
-        "tolerances": dict(machine.tolerances),
-        **({"report": details} if details else {}),
-        "history": [
-            {
-                "date": each.date,
-                "before": each.before._asdict(),
-                "after": each.after._asdict(),
-                "data_sha256": each.data_sha256,
-            }
-            for each in machine.history
-        ],
+        "kind": common["kind"],
+        "name": common["name"],
+        **own,
+        **stated,
+        "tolerances": common["tolerances"],
+        **{key: common[key] for key in ("report", "gauges") if common[key]},
+        "history": common["history"],
         "identified": [
             {
                 "cause": effect.cause.id,
@@ -271,10 +404,30 @@ def machine_values(model: Model) -> dict[str, Any]:
     }
 
 
+def _stated(schema: Schema) -> dict[str, Any]:
+    """Plain values of a schema, its own keys first, without what is None.
+
+    That a gauge has no revolution is a statement, too.
+    """
+    plain, values = schema.model_dump(mode="json"), {}
+    for key in dict.fromkeys((*type(schema).__annotations__, *plain)):
+        inner = getattr(schema, key)
+        value = _stated(inner) if isinstance(inner, Schema) else plain.get(key)
+        if value is not None or key == "revolution_mm":
+            values[key] = value
+    return values
+
+
+def _plain(estimate: Estimate) -> dict[str, Any]:
+    """Values to twelve digits, so that a file read and written again says the same in its units."""
+    value, std = (float(f"{size:.12g}") for size in (estimate.value, estimate.std))
+    return {"value": value, "std": std, "unit": estimate.unit}
+
+
 def differing(one: Model, other: Model) -> list[str]:
     """Keys in which two machines differ so that they read differently."""
     first, second = machine_values(one), machine_values(other)
-    names = ("kind", *_SHAPES[one.machine.kind].geometry, "identified")
+    names = ("kind", *one.machine.geometry_keys, "identified")
     return [name for name in names if first[name] != second.get(name)]
 
 
@@ -286,156 +439,43 @@ def machine_text(model: Model) -> str:
     return WRITTEN + yaml_text({**machine_values(model), "complete": True})
 
 
-def _plain(estimate: Estimate) -> dict[str, Any]:
-    """Values to twelve digits, so that a file read and written again says the same in its units."""
-    value, std = (float(f"{size:.12g}") for size in (estimate.value, estimate.std))
-    return {"value": value, "std": std, "unit": estimate.unit}
+def with_history(file: StoredMachine, offsets_mm: tuple[float, ...], *history: Entered) -> str:
+    """The file's text with other active offsets [mm] and another history.
 
-
-def _entered(entry: Group) -> Entered | None:
-    """One entry of the history."""
-    sides = []
-    for key in ("before", "after"):
-        side = entry.group(key)
-        sides.append(tuple(side.take(axis, OFFSET) for axis in AXES))
-        side.refuse_unknown()
-    date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
-    entry.refuse_unknown()
-    if not entry.sound:
-        return None
-    before, after = (JointOffsets(*side) for side in sides)
-    return Entered(date=date, before=before, after=after, data_sha256=sha256)
-
-
-def _details(group: Group) -> Details:
-    """Details for reports; none of them is required."""
-    names = list(Details.model_fields)
-    rules = {name: _day if name == "gauge_due" else word for name in names}
-    details = Details(**{name: group.take(name, rule, None) for name, rule in rules.items()})
-    group.refuse_unknown()
-    return details
-
-
-def _tolerances(group: Group, kind: str | None) -> dict[str, float | None]:
-    """Sizes of the causes that a machine of this kind can have."""
-    return {
-        id: group.take(id, functools.partial(_tolerance, id, kind))
-        for id in group.names(_cause_of(kind))
-    }
-
-
-def _cause_of(kind: str | None) -> Callable[[Any], str]:
-    """The rule for ids of the causes that a machine of this kind can have."""
-    known = [id for id, cause in CAUSES.items() if kind is None or MACHINES[kind] in cause.sizes]
-    return one_of(known, "This is not a cause id of this kind of machine.")
-
-
-def _tolerance(id: str, kind: str | None, value: Any) -> float:
-    """A plausible size; one that nothing could have is a slip."""
-    size = _TOLERANCE(value)
-    usual = CAUSES[id].sizes[MACHINES[kind]] if kind else float("inf")
-    if size > _LARGEST_TOLERANCE * usual:
-        raise InputError(
-            f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}.",
-            f"Give it in {CAUSES[id].unit or 'its unit'}.",
-        )
-    if 0.0 < size < _SMALLEST_TOLERANCE:
-        raise InputError(
-            f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}.", "Give 0 to rule it out."
-        )
-    return size
-
-
-def _day(value: Any) -> str:
-    """An ISO date, perhaps with the time."""
+    Comments, order and blanks stay as they are.
+    """
+    held = JointOffsets(*offsets_mm)
+    machine = file.model.machine.changed(offsets_mm=held, history=history)
+    model = replace(file.model, machine=machine)
+    values = machine_values(model)
+    text = edited(file.document.text, {key: values[key] for key in ("offsets_mm", "history")})
     try:
-        date.fromisoformat(text(value)[:10])
-        datetime.fromisoformat(text(value))
-    except ValueError as error:
-        raise InputError("This is not a date.", "Write it as 2025-01-31.") from error
-    return text(value)
+        same = machine_values(machine_from_text(text, file.document.path)) == values
+    except InputError:
+        same = False
+    # JSON and other rare forms of YAML have no comments to lose.
+    return text if same else machine_text(model)
 
 
-def _digest(value: Any) -> str:
-    """A SHA-256 digest."""
-    if not re.fullmatch("[0-9a-f]{64}", text(value)):
-        raise InputError("This is not a SHA-256 digest.", "Give its 64 hexadecimal digits.")
-    return text(value)
+def new_machine(values: Mapping[str, Any], path: str) -> str:
+    """The text of a machine file with these values; the others are the shipped one's of its kind.
 
+    Args:
+        values: key → plain value, as in `machine_values`; without a kind it is an Orthoglide.
+        path: name of the file, for messages.
 
-def _identified(entry: Group, kind: str | None) -> Effect | None:
-    id = entry.take("cause", functools.partial(_lasting, kind))
-    entry.take("where", _nowhere, None)
-    group = entry.group("parameters")
-    named = {name: _estimate(group.group(name), id) for name in group.names(word)}
-    date, sha256 = entry.take("date", _day), entry.take("data_sha256", _digest)
-    correlation = entry.rows("correlation")
-    if entry.sound:
-        names = MACHINES[kind or "orthoglide"].named(CAUSES[id].names)
-        if named.keys() != set(names.values()):
-            what = f"{id} has the parameters {', '.join(names.values())}."
-            entry.note(what, "Give each of them once.", "parameters")
-        if correlation:
-            _check_correlation(entry, correlation, len(named))
-    entry.refuse_unknown()
-    if not entry.sound:
-        return None
-    own = {called: name for name, called in names.items()}
-    estimates = {own[name]: each for name, each in named.items() if each is not None}
-    matrix = np.array(correlation) if correlation else np.eye(len(estimates))
-    return CAUSES[id].estimated(estimates, matrix).accepted(date, sha256)
-
-
-def _nowhere(value: Any) -> str:
-    """What lasts acts on the whole machine."""
-    if text(value):
-        raise InputError("An accepted cause acts on the whole machine.", 'Write where: "".')
-    return ""
-
-
-def _lasting(kind: str | None, value: Any) -> str:
-    """Id of a cause that the same machine still has in the next session."""
-    id = _cause_of(kind)(value)
-    if not CAUSES[id].lasting:
-        own = (
-            CAUSES[each] for each in CAUSES if kind is None or MACHINES[kind] in CAUSES[each].sizes
-        )
-        lasting = ", ".join(cause.id for cause in own if cause.lasting)
-        raise InputError("This cause cannot be part of a machine.", f"Use one of {lasting}.")
-    return id
-
-
-def _estimate(group: Group, id: str | None) -> Estimate | None:
-    rule = _WIDTH if id and CAUSES[id].positive else _VALUE
-    value, std = group.take("value", rule), group.take("std", _WIDTH)
-    unit = group.take("unit", text)
-    group.refuse_unknown()
-    wanted = CAUSES[id].unit if id else unit
-    if group.sound and unit != wanted:
-        group.note(
-            f"{id} is measured in {wanted or 'no unit'}, not {unit!r}.",
-            f"Convert the value and its std, and write unit: {wanted!r}.",
-            "unit",
-        )
-    return Estimate(value, std, unit) if group.sound else None
-
-
-def _check_correlation(entry: Group, rows: tuple[tuple[float, ...], ...], size: int) -> None:
-    if {len(rows), *map(len, rows)} != {size}:
-        entry.note(
-            f"The correlations are not {size} rows of {size} numbers.",
-            "Give one row for each parameter, in their order, or remove them.",
-            "correlation",
-        )
-        return
-    matrix = np.array(rows)
-    if (
-        np.abs(matrix - matrix.T).max() > 1e-5
-        or np.abs(np.diag(matrix) - 1.0).max() > 1e-5
-        or np.linalg.eigvalsh(matrix)[0] < -1e-5
-    ):
-        entry.note(
-            "These numbers are not correlations.",
-            "They are symmetric, with ones on the diagonal, and of no negative variance.",
-            "correlation",
-        )
+    Raises:
+        InvalidFileError: the values do not make a machine; each with its key.
+    """
+    prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
+    shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
+    text = edited(shipped, {**values, "history": [], "complete": True})
+    try:
+        machine_from_text(text, path)
+    except InvalidFileError as error:
+        # The file is not there yet: its lines say nothing.
+        faults = error.problems
+        raise InvalidFileError(
+            [InputError(f.what, f.remedy, column=f.column, value=f.value) for f in faults]
+        ) from error
+    return text

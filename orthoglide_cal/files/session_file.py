@@ -11,7 +11,6 @@ from pydantic import BeforeValidator, ConfigDict, InstanceOf, PlainSerializer, V
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Steps, unused
-from orthoglide_cal.files.groups import Group
 from orthoglide_cal.files.machine_file import default_machine, differing, machine_in, machine_values
 from orthoglide_cal.files.readings import (
     READING_COLUMNS,
@@ -79,7 +78,7 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
         InputError: no session.
     """
     _refuse_others(tree)
-    recorded = machine_in(Group(tree, (), tree.value).group("machine"))
+    recorded = machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
     records = _records(tree, "readings")
     judge = model or recorded

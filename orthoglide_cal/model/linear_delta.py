@@ -154,6 +154,7 @@ class LinearDelta(Machine):
     has_cube = False
     controller_formats = ("klipper", "reprapfirmware", "marlin")
     vocabulary = FIRMWARE
+    geometry_keys = ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm")
 
     kind: Literal["linear_delta"] = "linear_delta"
     arm_length_mm: Annotated[

@@ -134,6 +134,8 @@ class Machine(Schema):
         has_cube: the error of its tool is shown over a cube of its workspace.
         controller_formats: which of its controllers' formats there are.
         vocabulary: its words.
+        geometry_keys: in which two of them differ so that they read differently; the rest only
+            says what is plausible.
     """
 
     parameter_names: ClassVar[tuple[str, ...]]
@@ -154,6 +156,7 @@ class Machine(Schema):
     has_cube: ClassVar[bool]
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
+    geometry_keys: ClassVar[tuple[str, ...]]
 
     kind: str
     name: Annotated[Word, told("Name of the machine", "stands on every report", "")]

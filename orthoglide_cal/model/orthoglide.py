@@ -97,6 +97,12 @@ class Orthoglide(Machine):
     has_cube = True
     controller_formats = ("linuxcnc", "table")
     vocabulary = OFFSETS
+    geometry_keys = (
+        "leg_length_mm",
+        "parallelogram_width_mm",
+        "tool_offset_mm",
+        "joint_limits_mm",
+    )
     # A longer leg looks like a smaller offset.
     unobservable = ("leg_length",)
     # The home switch or index pulse of such a carriage is set to within a few millimetres; an

@@ -138,7 +138,9 @@ def test_each_file_and_its_machine_are_read_once(tmp_path, monkeypatch):
     path = save(tmp_path, session_text(values(LARGE)))
     read = []
     real = module.machine_in
-    monkeypatch.setattr(module, "machine_in", lambda file: read.append(file) or real(file))
+    monkeypatch.setattr(
+        module, "machine_in", lambda tree, path: read.append(path) or real(tree, path)
+    )
     for model in (None, MODEL):
         read_input(path, model)
     assert len(read) == 2
