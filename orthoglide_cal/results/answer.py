@@ -229,6 +229,7 @@ class CauseParameter(Schema):
     unit: str
     value: float
     std: float
+    expanded: float = Field(description="U, of a normal distribution")
 
 
 class FoundCause(Schema):

@@ -517,7 +517,13 @@ def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:
         probability=cause.probability,
         where=cause.where,
         parameters=tuple(
-            schema.CauseParameter(name=name, unit=each.unit, value=each.value, std=each.std)
+            schema.CauseParameter(
+                name=name,
+                unit=each.unit,
+                value=each.value,
+                std=each.std,
+                expanded=half_width(math.inf) * each.std,
+            )
             for name, each in cause.parameters.items()
         ),
         rms_before_mm=cause.rms_before_mm,

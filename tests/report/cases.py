@@ -1,4 +1,4 @@
-"""Documents of every kind, made from the calibrations of the tests of results; shared by tests."""
+"""Documents of every kind, made from the answers of the tests of results; shared by tests."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from functools import cache
 from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import DOUBTFUL
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files import Check, Input, read_input
+from orthoglide_cal.files import Check
 from orthoglide_cal.model import Gauge, Model
 from orthoglide_cal.paper.tables import table_5
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.checks import check_document, paper_document
@@ -21,10 +21,11 @@ from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import Identity, calibrate
+from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import verify
-from tests.machines import NOMINAL, SAMPLES
-from tests.results.cases import CALIBRATIONS, GAP, HOSTILE, ISSUED, hostile
+from tests.machines import NOMINAL
+from tests.results import cases
+from tests.results.cases import CASES, GAP, HOSTILE, ISSUED, case_of, identity_of
 from tests.results.sessions import FINE, TRUE, given, session
 
 
@@ -40,9 +41,15 @@ def changed(
     return replace(model, machine=model.machine.changed(**new))
 
 
-def _experiment() -> Input:
-    """The paper's second experiment."""
-    return read_input(str(SAMPLES / "experiment2.csv"))
+def report_of(case: Case) -> Document:
+    """The calibration report."""
+    return calibration_document(case, identity_of(case))
+
+
+def as_left() -> Document:
+    """The report of a machine that was adjusted and measured again."""
+    case, left = cases.as_left()
+    return calibration_document(case, identity_of(case), left)
 
 
 def verified() -> Document:
@@ -51,20 +58,20 @@ def verified() -> Document:
     before = given(session(TRUE, 12, FINE), FINE)
     after = given(session(TRUE - TRUE[[1, 0, 2]], 13, moved), FINE)
     found = verify(before, after, TRUE.tolist(), limit_mm=0.05)
-    identity = Identity("OC-012345-ABCDEF", ISSUED, "orthocal 0")
+    identity = Identity(number="OC-012345-ABCDEF", issued=ISSUED, software="orthocal 0")
     return verification_document(found, identity)
 
 
 def solved() -> Document:
     """Readings with a hostile name, of a machine with a hostile name and active offsets."""
-    harmful = hostile().input
+    harmful = cases.hostile().given
     model = changed(harmful.model, name=HOSTILE[3], offsets_mm=(0.25, -1.5, 0.0))
-    return solution_document(calibrate(replace(harmful, model=model), issued=ISSUED))
+    return solution_document(case_of(replace(harmful, model=model)), details=True)
 
 
 def suspicious() -> Document:
     """The paper's second experiment: the next command is named."""
-    return solution_document(calibrate(_experiment(), issued=ISSUED), Path("my machine.yaml"))
+    return solution_document(replace(cases.ambiguous(), machine_file=Path("my machine.yaml")))
 
 
 def diagnosed() -> Document:
@@ -72,13 +79,13 @@ def diagnosed() -> Document:
     model = changed(NOMINAL, name=HOSTILE[3], gauge=FINE.machine.gauge)
     good = session(TRUE, 4, model.extended([CAUSES["axis_gap"].at(GAP)]))
     measured = replace(good, source=replace(good.source, path=HOSTILE[3] + ".csv"))
-    found = calibrate(given(measured, model), sensitivity=DOUBTFUL, issued=ISSUED)
-    return diagnosis_document(found, Path(HOSTILE[0]))
+    case = case_of(given(measured, model))
+    return diagnosis_document(replace(case, machine_file=Path(HOSTILE[0])))
 
 
 def undecided() -> Document:
     """The paper's second experiment: several explanations, differences instead of readings."""
-    return diagnosis_document(calibrate(_experiment(), sensitivity=DOUBTFUL, issued=ISSUED))
+    return diagnosis_document(cases.ambiguous())
 
 
 def faulty() -> Document:
@@ -105,9 +112,11 @@ def reproduced() -> Document:
 def documents() -> dict[str, Callable[[], Document]]:
     """Name → maker of a document, one of each kind; each is made once."""
     made: dict[str, Callable[[], Document]] = {
-        name: (lambda make=make: calibration_document(make()))
-        for name, make in CALIBRATIONS.items()
+        name: (lambda make=make: report_of(make())) for name, make in CASES.items()
     }
-    for make in (verified, solved, suspicious, diagnosed, undecided, faulty, planned, reproduced):
+    for make in (
+        *(as_left, verified, solved, suspicious),
+        *(diagnosed, undecided, faulty, planned, reproduced),
+    ):
         made[make.__name__] = make
     return {name: cache(make) for name, make in made.items()}

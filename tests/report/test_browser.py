@@ -14,9 +14,8 @@ import pytest
 from orthoglide_cal.files import Conditions, GaugeIdentity
 from orthoglide_cal.model import Details, Model
 from orthoglide_cal.report.document import Grid
-from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.html import html
-from tests.report.cases import documents
+from tests.report.cases import documents, report_of
 from tests.report.chromium import Browser, browser, find_chromium
 from tests.results import cases
 
@@ -187,9 +186,9 @@ def test_a_report_without_a_result_takes_one_sheet_of_paper(chromium: Browser, t
         notes=tuple((k, "touched the stand") for k in range(60)),
     )
     failed = cases.failed()
-    given = replace(failed.input, conditions=full, model=_owned(failed.input.model))
+    given = replace(failed.given, conditions=full, model=_owned(failed.given.model))
     page = tmp_path / "failed.html"
-    document = calibration_document(replace(failed, input=given))
+    document = report_of(replace(failed, given=given))
     page.write_text(html(document.page()), encoding="utf-8")
     chromium.open(page)
     assert len(re.findall(rb"/Type /Page\b", chromium.pdf())) <= 2
@@ -212,9 +211,9 @@ def test_a_long_name_leaves_the_decision_in_sight(
     chromium: Browser, tmp_path: Path, width: int, media: str
 ):
     healthy = cases.healthy()
-    long = _owned(healthy.input.model, "A very long name of a machine " * 17)
+    long = _owned(healthy.given.model, "A very long name of a machine " * 17)
     page = tmp_path / "long.html"
-    document = calibration_document(replace(healthy, input=replace(healthy.input, model=long)))
+    document = report_of(replace(healthy, given=replace(healthy.given, model=long)))
     page.write_text(html(document.page()), encoding="utf-8")
     chromium.open(page, width=width, media=media)
     end = chromium.evaluate("document.querySelector('.notice').getBoundingClientRect().bottom")

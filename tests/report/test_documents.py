@@ -15,19 +15,20 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import check_file, machine_text, read_input, read_machine_file
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.controller import as_json
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.checks import check_document
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.report.json import json_line
-from orthoglide_cal.results import Calibration, calibrate, export, identify
+from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import difference_decimals, entered_decimals, signed, two_figures
 from tests.machines import ROOT, SAMPLES
-from tests.report.cases import documents
+from tests.report.cases import documents, report_of
 from tests.results import cases
+from tests.results.cases import case_of
 from tests.results.sessions import FINE, TRUE, given, session
 
 # What a renderer may know: the document, and how its texts are made harmless.
@@ -91,45 +92,43 @@ def test_renderers_know_nothing_of_calibration(renderer: str) -> None:
 def test_an_offset_has_the_same_digits_in_every_command() -> None:
     """By solve, diagnose and report."""
     sound = cases.healthy()
-    entered = offsets(calibration_document(sound), "enter")
+    entered = offsets(report_of(sound), "type in")
     assert offsets(solution_document(sound), "type in") == entered
     assert offsets(diagnosis_document(sound), "type in") == entered
 
 
-def test_the_green_tick_is_for_what_the_offsets_mend() -> None:
+def test_the_green_tick_is_for_what_the_offsets_put_right() -> None:
     """Offsets do not remove an accepted gap: said on every page, with the table that does."""
     gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
-    found = calibrate(given(session(TRUE, 11, gaped), gaped), issued=cases.ISSUED)
-    left = f"Offsets do not remove axis_gap: {two_figures(found.expected.rms_mm)} mm r.m.s."
-    for document in (solution_document(found), calibration_document(found)):
+    found = case_of(given(session(TRUE, 11, gaped), gaped))
+    assert found.answer.expected is not None
+    left = f"Offsets do not remove axis_gap: {two_figures(found.answer.expected.rms_mm)} mm r.m.s."
+    for document in (solution_document(found), report_of(found)):
         page = document.page()
         assert page.notice is not None
         assert page.notice.tone is doc.Tone.WARN
         assert left in str(page.notice.lines)
         assert any(command.endswith("--format table") for command in commands(document))
-    assert any(left in line for line in json.loads(as_json(export(found)))["cautions"])
-    assert "axis_gap, which offsets do not remove" in repr(calibration_document(found).page())
-    sound = calibration_document(cases.healthy())
+    assert any(left in line for line in found.answer.release.cautions)
+    assert "axis_gap, which offsets do not remove" in repr(report_of(found).page())
+    sound = report_of(cases.healthy())
     assert sound.page().notice.tone is doc.Tone.GOOD
     assert not any("--format table" in command for command in commands(sound))
 
 
-def test_the_faulty_axes_are_marked_on_the_machine() -> None:
-    page = repr(calibration_document(cases.named_in_machine()).page())
+def test_what_is_faulty_is_marked_on_the_machine() -> None:
+    page = repr(report_of(cases.named_in_machine()).page())
     assert "Marked: axis_gap: " in page
     assert "Marked, because of a fault: axis" in page
-
-
-def test_the_faulty_gauge_is_marked_on_the_machine() -> None:
-    marked = repr(calibration_document(cases.named_in_measurement()).page())
+    marked = repr(report_of(cases.named_in_measurement()).page())
     assert "Marked: misread: leg x, direction z, min, cycle 2 (reading 12)." in marked
     assert marked.count('class="fault"') == 1
-    assert 'class="fault"' not in repr(calibration_document(cases.healthy()).page())
+    assert 'class="fault"' not in repr(report_of(cases.healthy()).page())
 
 
-@pytest.mark.parametrize("made", [solution_document, diagnosis_document, calibration_document])
+@pytest.mark.parametrize("made", [solution_document, diagnosis_document, report_of])
 def test_offsets_that_must_not_be_entered_stand_without_an_order(
-    made: Callable[[Calibration], doc.Document],
+    made: Callable[[Case], doc.Document],
 ) -> None:
     page = made(cases.named_in_machine()).page()
     shown = repr(page)
@@ -142,17 +141,12 @@ def test_offsets_that_must_not_be_entered_stand_without_an_order(
 
 
 def test_offsets_end_where_their_uncertainty_does() -> None:
-    calibration = cases.healthy()
-    adjustment = calibration.adjustment
-    assert adjustment is not None
-    for (change, now, new), value, reach in zip(
-        offsets(calibration_document(calibration), "enter"),
-        adjustment.offsets_mm,
-        adjustment.expanded_mm,
-        strict=True,
+    case = cases.healthy()
+    for (change, now, new), each in zip(
+        offsets(report_of(case), "type in"), case.answer.parameters, strict=True
     ):
-        assert 0.01 < reach < 0.0995  # its second figure is a thousandth
-        assert float(change) == pytest.approx(value, abs=5.1e-4)
+        assert 0.01 < each.expanded < 0.0995  # its second figure is a thousandth
+        assert float(change) == pytest.approx(each.found, abs=5.1e-4)
         assert [len(text.partition(".")[2]) for text in (change, now, new)] == [3, 3, 3]
         assert float(now) + float(change) == pytest.approx(float(new), abs=1e-9)
 
@@ -208,16 +202,16 @@ def test_the_first_box_has_the_tone_of_the_decision(kind: str, tone: doc.Tone) -
 
 
 def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> None:
-    calibration = cases.healthy()
-    assert calibration.adjustment is not None
-    entering, comparing = commands(calibration_document(calibration))
+    case = cases.healthy()
+    entering, comparing = commands(report_of(case))
     assert entering == "orthocal export made.csv --format linuxcnc"
     given = comparing.removeprefix("orthocal verify made.csv AFTER --applied ").split()
-    assert [float(v) for v in given] == list(calibration.adjustment.applied_mm)
+    changes = [each.change(case.answer.decimals) for each in case.answer.parameters]
+    assert [float(v) for v in given] == changes
     path = tmp_path / "machine.yaml"
-    path.write_text(machine_text(calibration.input.model), encoding="utf-8")
-    kept = replace(calibration.input, keeper=read_machine_file(path))
-    known = commands(calibration_document(replace(calibration, input=kept)))
+    path.write_text(machine_text(case.given.model), encoding="utf-8")
+    kept = replace(case.given, keeper=read_machine_file(path))
+    known = commands(report_of(replace(case, given=kept)))
     assert known == [entering, "orthocal apply made.csv", "orthocal verify made.csv AFTER"]
     accept = commands(documents()["named_in_machine"]())
     assert accept == ["orthocal diagnose made.csv --accept axis_gap"]
@@ -225,37 +219,36 @@ def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> 
         assert commands(documents()[kind]()) == []
 
 
-def test_the_page_promises_what_the_forced_export_does() -> None:
-    """A gap is found: what is expected belongs to the offsets beside it, wherever it stands."""
-    session_file = read_input(str(SAMPLES / "session.yaml"))
-    calibration = calibrate(session_file, issued=cases.ISSUED)
-    assert calibration.answer.named == ("axis_gap",)
-    document = calibration_document(calibration)
+def test_the_page_expects_what_the_answer_does() -> None:
+    """A gap is found: what is expected belongs to the offsets with it, wherever it stands."""
+    case = case_of(read_input(str(SAMPLES / "session.yaml")))
+    assert case.answer.named == ("axis_gap",)
+    document, check = report_of(case), case.answer.check
+    assert check is not None
     table = next(grid for grid in grids(document) if grid.head[-1:] == ("r.m.s.",))
     expected = next(row for row in table.rows if row[0] == "would be left")
-    check = json.loads(as_json(export(calibration, force=True)))["check"]
-    column = table.head.index(check["difference"])
-    assert expected[column] == signed(check["expected_mm"], 3)
+    assert expected[table.head.index(check.what)] == signed(check.expected_mm, 3)
     found_and_left = next(grid for grid in grids(document) if "as found" in grid.head)
     assert found_and_left.rows[0][2] == expected[-1]
-    data = document.data()
-    assert data["answer"]["expected"]["rms_mm"] == pytest.approx(
-        float(str(expected[-1])), abs=5.1e-4
-    )
 
 
-def beyond_the_limit() -> Calibration:
-    """Adjusted as promised, and the gap that offsets do not mend is more than the limit."""
+def beyond_the_limit() -> doc.Document:
+    """Adjusted as promised, and the gap that offsets do not put right is more than the limit."""
     gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
     before = given(session(TRUE, 16, gaped), gaped)
     after = given(session(np.zeros(3), 17, gaped), gaped)
     found = verify(before, after, TRUE.tolist(), limit_mm=0.02)
-    return calibrate(before, verification=found, issued=cases.ISSUED)
+    case = replace(case_of(before), machine_file=Path("mine.yaml"))
+    return calibration_document(case, cases.identity_of(case), found)
 
 
 @pytest.mark.parametrize("make", [cases.healthy, cases.named_in_machine, beyond_the_limit])
-def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], Calibration]) -> None:
-    page = calibration_document(make(), Path("mine.yaml")).page()
+def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]) -> None:
+    made = make()
+    if isinstance(made, Case):
+        made = report_of(replace(made, machine_file=Path("mine.yaml")))
+    assert isinstance(made, doc.Document)
+    page = made.page()
     typed = re.findall(r"'(orthocal [a-z][^']*)'", repr((page.sheet, page.sections)))
     assert typed
     assert all(" --machine mine.yaml" in each for each in typed)

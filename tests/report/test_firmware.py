@@ -12,9 +12,10 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import read_input, read_machine_file
 from orthoglide_cal.model import Model
+from orthoglide_cal.report.controller import Export
 from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
-from orthoglide_cal.results import calibrate, export
 from tests.printer_files import OFF, exact
+from tests.results.cases import case_of, identity_of
 from tests.truth.delta import V400, Layout, Truth, delta_yaml, tool
 from tests.truth.spheres import tool_from_carriages
 
@@ -88,7 +89,8 @@ def exported(tmp_path: Path, truth: Truth, format: str, known: Model | None = No
     model = read_machine_file(machine).model
     if known is not None:
         model = replace(model, accepted=known.accepted)
-    return as_firmware(format, export(calibrate(read_input(str(data), model)), force=True))
+    case = case_of(read_input(str(data), model))
+    return as_firmware(format, Export(case, identity_of(case)))
 
 
 @pytest.mark.parametrize("format", FIRMWARES)
@@ -130,7 +132,7 @@ def test_what_no_firmware_can_be_told_is_said(tmp_path, format):
     known = Model(read_input_machine(tmp_path), (leaning,))
     truth = replace(OFF, leans=np.array([[2.0, 0.5], [-1.0, 0.0], [1.0, 1.5]]))
     text = exported(tmp_path, truth, format, known)
-    assert "Not in these lines: tower_lean; it has no setting for that: mend it." in text
+    assert "Not in these lines: tower_lean; it has no setting for that: correct the fault." in text
     assert "no setting for towers that lean" in text
     comment = FIRMWARES[format][2]
     code = [line for line in text.splitlines() if not line.startswith((f"{comment} ", comment))]

@@ -15,13 +15,13 @@ import pytest
 from orthoglide_cal.files import read_machine
 from orthoglide_cal.model import Details
 from orthoglide_cal.report.document import MARK
-from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.escape import Html, in_html, tag
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
 from tests.machines import ROOT
-from tests.report.cases import documents
+from tests.report.cases import documents, report_of
 from tests.results import cases
+from tests.results.cases import identity_of
 
 VOID = {"meta", "link"}
 
@@ -102,16 +102,16 @@ def test_a_report_is_no_certificate(made):
 
 
 def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
-    page, budget = calibration_document(cases.healthy()).page(), cases.healthy().adjustment.budget
+    page, answer = report_of(cases.healthy()).page(), cases.healthy().answer
     outline = Outline()
     outline.feed(html(page))
     words = " ".join(" ".join(outline.words).split())
-    assert 51 < budget.dof < 500
+    assert 51 < answer.dof < 500
     for wanted in (
         *(section.title or "" for section in page.sheet),
         *(section.title or "" for section in page.sections),
-        f"k = {budget.k:.2f}",
-        f"{budget.dof:.0f} effective degrees of freedom",
+        f"k = {answer.k:.2f}",
+        f"{answer.dof} effective degrees of freedom",
         "95 %",
         "A. Martin",
         "2026-03-03 09:31:00 +01:00",
@@ -120,7 +120,7 @@ def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
         "no. 41",
         "2026-0117",
         "touched the stand",
-        cases.healthy().identity.number,
+        identity_of(cases.healthy()).number,
         "0" * 64,
         "orthocal 0.",
         "Measured by, date",
@@ -128,7 +128,7 @@ def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
         assert wanted in words, wanted
 
 
-@pytest.mark.parametrize("make", [cases.healthy, cases.failed, cases.as_left])
+@pytest.mark.parametrize("make", [cases.healthy, cases.failed])
 def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
     written = {
         "organisation": "Milling & Sons",
@@ -138,13 +138,13 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
         "method": "instruction 12",
         "gauge_due": "2027-01-31",
     }
-    bare = calibration_document(make()).page()
+    bare = report_of(make()).page()
     names = ("Organisation", "Place", "Serial number", "Customer", "Method", "Gauge due")
     assert not [name for name in names if f"<dt>{name}</dt>" in html(bare)]
-    given = make().input
+    given = make().given
     machine = given.model.machine.changed(report=Details(**written))
     model = replace(given.model, machine=machine)
-    whole = html(calibration_document(replace(make(), input=replace(given, model=model))).page())
+    whole = html(report_of(replace(make(), given=replace(given, model=model))).page())
     for name, text in zip(names, written.values(), strict=True):
         assert f"<dt>{name}</dt><dd><bdi>{escape(text)}</bdi></dd>" in whole
     # Who and which stands at its head, how among the conditions.
@@ -170,9 +170,9 @@ def test_a_gauge_that_was_due_before_the_measurement_is_marked(
     path = tmp_path / "machine.yaml"
     text = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
     path.write_text(f"{text}report: {{gauge_due: {due}, place: Nantes}}\n", encoding="utf-8")
-    given = replace(cases.healthy().input, model=read_machine(path))
+    given = replace(cases.healthy().given, model=read_machine(path))
     given = replace(given, conditions=replace(given.conditions, finished=finished))
-    whole = html(calibration_document(replace(cases.healthy(), input=given)).page())
+    whole = html(report_of(replace(cases.healthy(), given=given)).page())
     assert "<dt>Place</dt><dd><bdi>Nantes</bdi></dd>" in whole
     (said,) = re.findall(r"<dt>Gauge due</dt><dd>(.*?)</dd>", whole)
     assert due in said
@@ -192,7 +192,7 @@ def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
 
 def test_what_was_not_given_is_a_blank_line():
     outline = Outline()
-    outline.feed(html(calibration_document(cases.ambiguous()).page()))
+    outline.feed(html(report_of(cases.ambiguous()).page()))
     blanks = [value for _, name, value in outline.attributes if value == "not given"]
     # Measured; protocol, operator, started, finished, temperature; gauge, certificate,
     # resolution; as left three times.

@@ -4,15 +4,16 @@ import re
 
 import numpy as np
 import pytest
-from orthoglide_cal.report.documents.budget import budget_section
 
 from orthoglide_cal.estimation.budget import Budget, Contribution, Evaluation
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.documents.parameters import budget_section
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.figures import separation_lines
+from orthoglide_cal.results import budget_lines
 from tests.machines import NOMINAL, both_models
 
 
@@ -35,15 +36,15 @@ def test_a_way_that_takes_longer_is_shown_as_less_sure(model: Model, cycles: int
     assert longer >= 4
 
 
-@pytest.mark.parametrize(("count", "said"), [(1, "1 smaller one"), (2, "2 smaller ones")])
+@pytest.mark.parametrize(("count", "said"), [(1, "1 other"), (2, "2 others")])
 def test_small_sources_are_counted(count: int, said: str) -> None:
     def source(name: str, size: float) -> Contribution:
         return Contribution(name, Evaluation.B, size, "mm", False, size**2 * np.eye(3))
 
     small = (Origin.RESOLUTION, Origin.GAUGE_SCALE)[:count]
     budget = Budget((source(Origin.NOISE, 1.0), *(source(name, 0.01) for name in small)))
-    rows = grid_of(budget_section(budget, NOMINAL.machine)).rows
-    assert [row[0] for row in rows if "smaller" in str(row[0])] == [said]
+    rows = grid_of(budget_section(NOMINAL.machine, *budget_lines(budget))).rows
+    assert [row[0] for row in rows if "other" in str(row[0])] == [said]
 
 
 def test_the_legend_of_separations_names_all_that_is_shown() -> None:

@@ -5,14 +5,12 @@ The calibration report shows the same blocks for the verdict, its causes and wha
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
-from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import Series, other_axes
 from orthoglide_cal.report import document as doc
@@ -30,7 +28,6 @@ from orthoglide_cal.results import FoundCause
 from orthoglide_cal.words import (
     chance,
     counted,
-    coverage_words,
     percent,
     plain,
     unit_words,
@@ -185,15 +182,15 @@ def _cause(case: Case, cause: FoundCause) -> Iterator[tuple[str, doc.Blank]]:
 
 def _size(case: Case, cause: FoundCause) -> str:
     """Its parameters, each with U."""
-    sizes, k = [], half_width(math.inf)
+    sizes = []
     for each in cause.parameters:
         # A single parameter needs no name.
         place = case.words.axes.get(each.name) or _PLACES.get(each.name, each.name)
-        size = with_uncertainty(each.value, k * each.std) if each.std else f"{each.value:+g}"
+        size = with_uncertainty(each.value, each.expanded) if each.std else f"{each.value:+g}"
         named = f"{place} {size}" if len(cause.parameters) > 1 else size
         sizes.append(f"{named} {unit_words(each.unit)}".rstrip())
     uncertain = any(each.std for each in cause.parameters)
-    return "; ".join(sizes) + (f" (± U, {coverage_words(k)})" if uncertain else "")
+    return "; ".join(sizes) + (" (± U, 95 %)" if uncertain else "")
 
 
 def _gain(case: Case) -> Iterator[tuple[str, doc.Blank]]:
