@@ -1,11 +1,12 @@
-"""A session that others go on from."""
+"""A session that others go on from, and a gauge."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from .going_on import SIMULATED
-from .terminal import run_program
+from .terminal import SerialLine, run_program
 
 
 @pytest.fixture(scope="session")
@@ -15,3 +16,11 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = run_program(folder, "a.yaml", "--cycles", "1", *SIMULATED)
     assert done.returncode == 0, done.stderr
     return folder / "a.yaml"
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Iterator[SerialLine]:
+    """A serial gauge."""
+    gauge = SerialLine(tmp_path / "ttyUSB0")
+    yield gauge
+    gauge.close()

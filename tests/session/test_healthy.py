@@ -1,6 +1,5 @@
 """Healthy sessions are left alone: less than one in a hundred has any false question."""
 
-import math
 
 import numpy as np
 import pytest
@@ -8,7 +7,7 @@ import pytest
 from orthoglide_cal.model import Gauge, Machine, Model, simulate
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
-from orthoglide_cal.session.checks import LIMIT, RARE, check_number, gather
+from orthoglide_cal.session.checks import check_number, gather
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
 from orthoglide_cal.session.state import advance
 from tests import machines
@@ -104,23 +103,6 @@ def test_sessions_of_an_independent_truth_are_left_alone(
     assert asked == []
 
 
-@pytest.mark.slow
-def test_a_thousand_sessions_of_an_independent_truth() -> None:
-    """The same through all of the checks; 3 of 1,000 are expected at the most."""
-    questioned = 0
-    for seed in range(1000):
-        gauge, machine = (DIAL, MICRON)[seed % 2], (PROTOTYPE, LARGE)[seed // 2 % 2]
-        session = make_session(seed, machine, gauge, offset_sd=1.0)
-        asked = play(
-            session.readings.tolist(),
-            steps_of(),
-            truth_machine(machine, gauge),
-            session.plan.minutes.tolist(),
-        )
-        questioned += bool(asked)
-    assert questioned < 10
-
-
 def test_a_noisier_gauge_than_stated_is_not_questioned_all_the_time() -> None:
     """Twice the stated noise: after a few repeats their own scatter is the measure."""
     noisy = machines.PROTOTYPE.changed(
@@ -129,11 +111,6 @@ def test_a_noisier_gauge_than_stated_is_not_questioned_all_the_time() -> None:
     steps = steps_of()
     counts = [len(play(readings_of(steps, seed, noisy), steps)) for seed in range(5)]
     assert sum(counts) <= 8
-
-
-def test_the_limit_is_the_documented_chance() -> None:
-    assert pytest.approx(6.8e-6, rel=0.01) == RARE
-    assert pytest.approx(math.erfc(LIMIT / math.sqrt(2.0))) == RARE
 
 
 def test_predictions_are_as_sharp_as_they_claim() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order
+from orthoglide_cal.planning.steps import Order
 from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.events import (
     RECORD,
@@ -31,7 +31,7 @@ from orthoglide_cal.session.events import (
 from orthoglide_cal.session.journal import START, Journal, decode, encode
 from orthoglide_cal.session.state import replay
 
-from .virtual import AT, both_protocols, opened, questioned, readings_of, steps_of, taken
+from .virtual import AT, opened, questioned, taken
 
 
 def eventful() -> list[Event]:
@@ -141,16 +141,6 @@ def assert_every_cut_is_harmless(events: list[Event]) -> None:
 
 def test_every_byte_of_every_last_record_cut_off() -> None:
     assert_every_cut_is_harmless(eventful())
-
-
-@pytest.mark.slow
-@both_protocols
-def test_every_byte_of_every_step_of_a_session_cut_off(protocol: MeasuringProtocol) -> None:
-    steps = steps_of(protocol)
-    values = readings_of(steps)
-    assert_every_cut_is_harmless(
-        [opened(protocol), *(taken(s.number, v) for s, v in zip(steps, values, strict=True))]
-    )
 
 
 def test_a_power_loss_that_leaves_zeros_or_rubbish_is_a_cut() -> None:

@@ -49,12 +49,6 @@ def test_s_all_ends_the_session_after_yes(tmp_path: Path, line: str, why: str) -
     assert len(skipped) == 59
 
 
-def test_a_reading_is_no_reason(tmp_path: Path) -> None:
-    dialogue, _ = answered(tmp_path / "s.journal", ["s", "0.41", "-0.64"])
-    assert dialogue.state.skipped == {}
-    assert values(dialogue) == {1: -0.64}
-
-
 def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
     dialogue, _, journal = a_dialogue(path, lines)
     with closing(journal):

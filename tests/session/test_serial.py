@@ -1,19 +1,8 @@
 """Serial gauges that err, lose their cable, share a line or have to be asked."""
 
-import re
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 from .terminal import SerialLine, Terminal
-
-
-@pytest.fixture
-def line(tmp_path: Path) -> Iterator[SerialLine]:
-    gauge = SerialLine(tmp_path / "ttyUSB0")
-    yield gauge
-    gauge.close()
 
 
 def test_errors_are_shown_and_nothing_is_recorded(tmp_path: Path, line: SerialLine) -> None:
@@ -44,19 +33,6 @@ def test_half_a_message_is_no_reading(tmp_path: Path, line: SerialLine) -> None:
         terminal.expect("saved -0.640")
 
 
-def test_what_was_sent_before_the_prompt_is_not_used(tmp_path: Path, line: SerialLine) -> None:
-    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
-        assert terminal.step() == 1
-        line.send(b"-0.64\r-0.64\r-0.64\r")  # pressed three times
-        assert terminal.step() == 2
-        line.send(b"0.41\r")
-        assert terminal.step() == 3
-        assert [float(value) for value in re.findall(r"saved (\S+)", terminal.seen)] == [
-            -0.64,
-            0.41,
-        ]
-
-
 def test_return_asks_a_gauge_that_can_be_asked(tmp_path: Path, line: SerialLine) -> None:
     with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
         assert terminal.step() == 1
@@ -64,25 +40,6 @@ def test_return_asks_a_gauge_that_can_be_asked(tmp_path: Path, line: SerialLine)
         assert line.received() == b"?\r"
         line.send(b"-0.64\r")
         terminal.expect("saved -0.640")
-
-
-def test_typing_still_works_beside_a_gauge(tmp_path: Path, line: SerialLine) -> None:
-    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
-        assert terminal.step() == 1
-        terminal.type("-0.64")
-        assert terminal.step() == 2
-        line.send(b"0.41\n")
-        assert terminal.step() == 3
-        terminal.type("t")
-        terminal.expect("leg gauge posture")
-        assert terminal.step() == 3
-
-
-def test_inch_gauges(tmp_path: Path, line: SerialLine) -> None:
-    with Terminal(tmp_path, "s.yaml", "--gauge", f"mux:{line.path}") as terminal:
-        assert terminal.step() == 1
-        line.send(b"1 MW+000.0050 inch\r\n")
-        terminal.expect(r"saved \+0\.127")
 
 
 def test_unplugging_pauses_and_plugging_in_goes_on(tmp_path: Path, line: SerialLine) -> None:
@@ -104,36 +61,6 @@ def test_unplugging_pauses_and_plugging_in_goes_on(tmp_path: Path, line: SerialL
         terminal.type("q")
         assert terminal.finish() == 130
         assert "Traceback" not in terminal.seen
-
-
-def test_keys_work_while_the_gauge_is_unplugged(tmp_path: Path, line: SerialLine) -> None:
-    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
-        assert terminal.step() == 1
-        line.unplug()
-        terminal.expect(r"Plug\s+it\s+in\s+again")
-        assert terminal.step() == 1
-        terminal.type("-0.64")
-        terminal.expect("saved -0.640")
-        terminal.step()
-        terminal.type("q")
-        assert terminal.finish() == 130
-
-
-def test_two_gauges_on_two_lines(tmp_path: Path, line: SerialLine) -> None:
-    other = SerialLine(tmp_path / "ttyUSB1")
-    try:
-        options = ("--gauge", f"plain:{line.path}", "--gauge", f"plain:{other.path}")
-        with Terminal(tmp_path, "s.yaml", *options) as terminal:
-            assert terminal.step() == 1
-            other.send(b"0.41\r")
-            terminal.expect("That was gauge 2; gauge 1 is asked")
-            assert terminal.step() == 1
-            line.send(b"-0.64\r")
-            assert terminal.step() == 2
-            other.send(b"0.41\r")
-            terminal.expect(r"saved \+0\.410")
-    finally:
-        other.close()
 
 
 def test_two_gauges_on_a_multiplexer(tmp_path: Path, line: SerialLine) -> None:

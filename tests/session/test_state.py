@@ -86,14 +86,6 @@ def test_no_reading_ever_vanishes(seed: int) -> None:
         assert sorted(held) == sorted(arrived)
 
 
-def test_undo_gives_back_what_was_there() -> None:
-    before = after(taken(1, 0.1), taken(2, 0.2))
-    now = after(taken(1, 0.1), taken(2, 0.2), taken(3, 0.3), Undone(at=AT))
-    assert values(now) == values(before)
-    assert [(old.take.value_mm, old.reason) for old in now.replaced] == [(0.3, "taken back")]
-    assert now.is_open(3)
-
-
 def test_undo_of_a_retake_restores_the_old_reading() -> None:
     now = after(
         taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), Undone(at=AT)
@@ -112,17 +104,6 @@ def test_undo_after_a_retaken_reading_goes_back_one_thing_at_a_time() -> None:
     assert [old.take.value_mm for old in twice.replaced] == [0.15]
 
 
-def test_undo_with_nothing_to_undo_does_nothing() -> None:
-    assert values(after(Undone(at=AT), Undone(at=AT))) == {}
-
-
-def test_a_retaken_reading_comes_last_in_time() -> None:
-    state = after(
-        taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), taken(1, 0.3)
-    )
-    assert list(state.accepted) == [2, 1]
-
-
 def test_a_kept_doubt_counts_and_a_refused_one_is_replaced() -> None:
     kept = after(asked(1, 0.1), Answered(at=AT, keep=True))
     assert values(kept) == {1: 0.1}
@@ -130,19 +111,6 @@ def test_a_kept_doubt_counts_and_a_refused_one_is_replaced() -> None:
     assert values(refused) == {1: 0.2}
     assert refused.replaced[0].reason == "read again: really?"
     assert [old.take.value_mm for old in refused.replaced] == [0.1]
-
-
-def test_a_new_reading_answers_an_open_question() -> None:
-    state = after(asked(1, 0.1), taken(1, 0.2))
-    assert state.pending is None
-    assert values(state) == {1: 0.2}
-    assert len(state.replaced) == 1
-
-
-def test_a_question_survives_the_end_of_the_process() -> None:
-    pending = after(asked(1, 0.1)).pending
-    assert pending is not None
-    assert pending.value_mm == 0.1
 
 
 def test_a_moved_stand_is_remembered_and_undone_with_its_reading() -> None:
@@ -179,16 +147,6 @@ def test_undo_brings_dropped_steps_back() -> None:
     assert back.is_open(1)
     assert back.is_open(2)
     assert back.shortened is None
-
-
-def test_a_dropped_step_can_be_measured_after_all() -> None:
-    state = after(
-        taken(1, 0.1),
-        Shortened(at=AT, drop=(2, 3), reason="known"),
-        Retake(at=AT, steps=(2,), reason="to be sure"),
-    )
-    assert state.is_open(2)
-    assert not state.is_open(3)
 
 
 def test_an_ended_session_says_why() -> None:
