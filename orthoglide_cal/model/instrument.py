@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
@@ -25,10 +25,11 @@ Step = Annotated[Number, Field(ge=0.0, le=10.0)]
 
 
 class Instrument(Schema):
-    """What is known of any gauge or probe."""
+    """What is known of any gauge or probe; each declares it in the order of the machine file."""
 
-    resolution_mm: Step
-    repeatability_mm: Fine
+    if TYPE_CHECKING:
+        resolution_mm: float
+        repeatability_mm: float
 
     @property
     def travel_mm(self) -> float:

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.files import read_input, session_json
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
-from orthoglide_cal.results import calibrate
+from orthoglide_cal.results import answer_to
 from orthoglide_cal.session import Dialogue, Quit, Style
 from orthoglide_cal.session.events import Doubt, Questioned
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
@@ -101,17 +100,20 @@ def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> No
     lines = typed(readings_of(steps_of(), 4))
     dialogue, screen = answered(path, lines, first=opened(temperature_c=35.0))
     dialogue.publish()
-    _, found = calibrate(read_input(str(dialogue.path))).found
-    sure = Budget(tuple(each for each in found.budget.contributions if not each.possible))
-    assert any(each.source == Origin.TEMPERATURE for each in sure.contributions)
+    found = answer_to(read_input(str(dialogue.path)))
+    sure = [line for line in found.budget if not line.possible]
+    warmth = [line for line in sure if line.source == Origin.TEMPERATURE]
+    assert warmth
     shown = screen.text.split("Offsets so far, 95 % if nothing else is wrong:\n")
     assert len(shown) > 20
     said = re.findall(r"([-+]\d\.\d+) \+/-(\d\.\d+)", shown[-1])
     offsets_mm, expanded_mm = np.array(said, dtype=float).T
-    np.testing.assert_allclose(offsets_mm, found.offsets_mm, atol=6e-4)
-    np.testing.assert_allclose(expanded_mm, sure.expanded_mm, atol=6e-4)
+    np.testing.assert_allclose(offsets_mm, [each.found for each in found.parameters], atol=6e-4)
+    variance = np.sum([np.square(line.std) for line in sure], axis=0)
+    np.testing.assert_allclose(expanded_mm, found.k * np.sqrt(variance), atol=6e-4)
     # Without the warmth it would be half as large.
-    assert (expanded_mm > 1.5 * sure.without({Origin.TEMPERATURE}).expanded_mm).all()
+    without = variance - np.sum([np.square(line.std) for line in warmth], axis=0)
+    assert (expanded_mm > 1.5 * found.k * np.sqrt(without)).all()
 
 
 @pytest.mark.parametrize(("until", "least"), [(0.04, 12), (0.0261, 2)])

@@ -1,6 +1,5 @@
 """Healthy sessions are left alone: less than one in a hundred has any false question."""
 
-
 import numpy as np
 import pytest
 

@@ -211,7 +211,7 @@ def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:
     assert done.returncode == 0
     result = json.loads(done.stdout)
     hidden = SimulatedGauge(setting_of(steps_of()), 9).offsets_mm
-    found = [result["offsets_mm"][axis] for axis in "xyz"]
+    found = [parameter["found"] for parameter in result["parameters"]]
     assert np.abs(np.array(found) - hidden).max() < 0.05
     assert "Step 1 of 60" in done.stderr
     assert f"hidden {hidden[0]:+.4f}" in done.stderr
