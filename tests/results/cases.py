@@ -1,4 +1,4 @@
-"""Calibrations of every kind, made from simulated sessions; shared by the tests."""
+"""Inputs of every kind with their answers, from simulated sessions; shared by the tests."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from functools import cache
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files import Conditions, GaugeIdentity, read_input
+from orthoglide_cal.files import Conditions, GaugeIdentity, Input, read_input
 from orthoglide_cal.model import Model, Posture, Readings, double_posture, single_posture
-from orthoglide_cal.results import Calibration, calibrate
-from orthoglide_cal.results.verification import verify
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.results import Identity, answer_to, identify
+from orthoglide_cal.results.verification import Verification, verify
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import readings_of, some
 from tests.results.sessions import FINE, TRUE, given, session
@@ -31,14 +32,25 @@ HOSTILE = (
 )
 
 
+def case_of(read: Input, method: str | None = None) -> Case:
+    """An input with its whole answer."""
+    return Case(read, answer_to(read, method, details=True))
+
+
+def identity_of(case: Case) -> Identity:
+    """What makes a report of it unique."""
+    source, model = case.source, case.given.model
+    return identify([(source, model)], case.answer.method, issued=ISSUED)
+
+
 def _made(
     measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None
-) -> Calibration:
-    return calibrate(given(measured, model, conditions), issued=ISSUED)
+) -> Case:
+    return case_of(given(measured, model, conditions))
 
 
 @cache
-def healthy() -> Calibration:
+def healthy() -> Case:
     """Everything given, nothing wrong."""
     conditions = Conditions(
         protocol="double-posture",
@@ -58,13 +70,13 @@ def healthy() -> Calibration:
 
 
 @cache
-def named_in_machine() -> Calibration:
+def named_in_machine() -> Case:
     """The axes do not meet."""
     return _made(session(TRUE, 4, FINE.extended([CAUSES["axis_gap"].at(GAP)])), FINE)
 
 
 @cache
-def named_in_measurement() -> Calibration:
+def named_in_measurement() -> Case:
     """One reading is wrong by three revolutions' tenth."""
     good = session(TRUE, 5)
     value = good.value.copy()
@@ -73,13 +85,13 @@ def named_in_measurement() -> Calibration:
 
 
 @cache
-def ambiguous() -> Calibration:
+def ambiguous() -> Case:
     """The paper's second experiment: six numbers cannot carry a name."""
-    return calibrate(read_input(str(SAMPLES / "experiment2.csv")), issued=ISSUED)
+    return case_of(read_input(str(SAMPLES / "experiment2.csv")))
 
 
 @cache
-def unexplained() -> Calibration:
+def unexplained() -> Case:
     """Each posture of each leg deviates in its own way, again and again."""
     good = session(TRUE, 6, FINE)
     plan = good.plan
@@ -91,20 +103,20 @@ def unexplained() -> Calibration:
 
 
 @cache
-def failed() -> Calibration:
+def failed() -> Case:
     """Only one direction of leg x was measured: the offsets are not determined."""
     good = session(TRUE, 7)
     return _made(some(good, np.flatnonzero((good.plan.leg == 0) & (good.plan.direction == 1))))
 
 
 @cache
-def single() -> Calibration:
+def single() -> Case:
     """The other protocol."""
     return _made(session(TRUE, 8, plan=single_posture(PROTOTYPE, cycles=3)))
 
 
 @cache
-def few() -> Calibration:
+def few() -> Case:
     """No spare reading."""
     ends = (Posture.MAX, Posture.MIN)
     plan = double_posture(PROTOTYPE, cycles=1, closing=False, postures=ends)
@@ -112,7 +124,7 @@ def few() -> Calibration:
 
 
 @cache
-def hostile() -> Calibration:
+def hostile() -> Case:
     """Names and notes from somebody who wants to do harm."""
     model = replace(NOMINAL, machine=PROTOTYPE.changed(name=HOSTILE[0] + HOSTILE[1]))
     good = session(TRUE, 10, model)
@@ -130,15 +142,14 @@ def hostile() -> Calibration:
 
 
 @cache
-def as_left() -> Calibration:
+def as_left() -> tuple[Case, Verification]:
     """Adjusted and measured again."""
     entered = np.round(TRUE, 3)
     before, after = given(session(TRUE, 14)), given(session(TRUE - entered, 15))
-    found = verify(before, after, entered.tolist(), limit_mm=0.05)
-    return calibrate(before, verification=found, issued=ISSUED)
+    return case_of(before), verify(before, after, entered.tolist(), limit_mm=0.05)
 
 
-CALIBRATIONS: dict[str, Callable[[], Calibration]] = {
+CASES: dict[str, Callable[[], Case]] = {
     made.__name__: made
     for made in (
         healthy,
@@ -150,6 +161,5 @@ CALIBRATIONS: dict[str, Callable[[], Calibration]] = {
         single,
         few,
         hostile,
-        as_left,
     )
 }

@@ -5,7 +5,7 @@ import pytest
 
 from orthoglide_cal.files.input import input_from_document
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.results import Calibration, calibrate
+from orthoglide_cal.results import Answer, answer_to
 from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.diagnosis.sessions import model_of
@@ -16,10 +16,13 @@ def given(session: truth.Session):
     return input_from_document(document, model_of(session.machine, session.gauge))
 
 
-def corrected(session: truth.Session, found: Calibration) -> truth.Session:
+def entered(found: Answer) -> np.ndarray:
+    return np.array([each.changed(found.decimals) for each in found.parameters])
+
+
+def corrected(session: truth.Session, found: Answer) -> truth.Session:
     """The same machine after the offsets were entered, without the fault."""
-    assert found.adjustment is not None
-    left = session.offsets - np.array(found.adjustment.applied_mm)
+    left = session.offsets - entered(found)
     rng = np.random.default_rng(77)
     return truth.measure(
         session.machine, session.gauge, session.plan, left, (), rng, setting=session.setting
@@ -33,18 +36,16 @@ def test_what_is_promised_comes_true_without_the_fault(fault: str) -> None:
     for seed in range(60, 80):
         session = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, (fault,))
         before = given(session)
-        found = calibrate(before)
-        assert found.diagnosis is not None
-        assert found.adjustment is not None
-        if [cause.id for cause in found.diagnosis.causes] != [fault]:
+        found = answer_to(before)
+        if [cause.id for cause in found.causes] != [fault]:
             continue
         after = given(corrected(session, found))
         seen = {
             row.difference: row
-            for row in verify(before, after, found.adjustment.applied_mm).differences
+            for row in verify(before, after, entered(found).tolist()).differences
         }
-        for row in found.adjustment.promised:
-            later = seen[row.difference.name]
+        for row in found.deviations:
+            later = seen[row.name]
             assert abs(later.after_mm - row.expected_mm) < 2.0 * row.expanded_mm
             assert abs(later.after_mm - later.promised_mm) < 2.0 * later.promised_expanded_mm
         checked += 1

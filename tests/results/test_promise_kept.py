@@ -16,7 +16,7 @@ from orthoglide_cal.diagnosis import extend
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model import Estimate, Model, Readings
-from orthoglide_cal.results import Calibration, calibrate
+from orthoglide_cal.results import Answer, answer_to
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.results.sessions import given
@@ -55,14 +55,14 @@ def accepted(measured: Readings, model: Model, session: truth.Session, seed: int
         return None
 
 
-def released(cause: str, gauge: truth.Gauge, seed: int) -> tuple[truth.Session, Calibration] | None:
+def released(cause: str, gauge: truth.Gauge, seed: int) -> tuple[truth.Session, Answer] | None:
     """A session of a machine with this cause, and its result once the cause is accepted."""
     session = truth.make_session(seed, truth.PROTOTYPE, gauge, (cause,))
     measured, model = known(session)
     extended = accepted(measured, model, session, seed)
     if extended is None:
         return None
-    found = calibrate(given(measured, extended))
+    found = answer_to(given(measured, extended))
     return (session, found) if found.release.usable else None
 
 
@@ -74,15 +74,11 @@ def misses(cause: str, gauge: truth.Gauge, wanted: int) -> np.ndarray:
         if made is None:
             continue
         session, found = made
-        adjustment = found.adjustment
-        assert adjustment is not None
-        entered = session.offsets - np.array(adjustment.applied_mm)
+        changes = [each.changed(found.decimals) for each in found.parameters]
+        entered = session.offsets - np.array(changes)
         after = differences(truth.second_session(replace(session, offsets=entered), seed))
         rows.append(
-            [
-                (after[row.difference.name] - row.expected_mm) / row.expanded_mm
-                for row in adjustment.promised
-            ]
+            [(after[row.name] - row.expected_mm) / row.expanded_mm for row in found.deviations]
         )
         if len(rows) == wanted:
             break

@@ -1,0 +1,450 @@
+"""The answer to an input: what it holds, from independent sums; release, check, budget, workspace.
+
+Formats and pages are tested where they are made.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.stats import t as student
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
+from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation import Known, promise, solve
+from orthoglide_cal.estimation.accuracy import Scatter
+from orthoglide_cal.model import AXES, Entered, Model, Series, Source, simulate, single_posture
+from orthoglide_cal.model.workspace import workspace_error
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
+from orthoglide_cal.results.release import release
+from tests.machines import NOMINAL, PROTOTYPE, sure
+from tests.printers import plan_of_session, printer, readings_of_touches
+from tests.results import cases
+from tests.results.sessions import FINE, TRUE, given, session
+from tests.truth.delta import V400, Layout, Truth, probe_bed
+from tests.truth.plan import frozen
+
+GAPED = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
+NOT_USABLE = (
+    cases.named_in_machine,
+    cases.named_in_measurement,
+    cases.ambiguous,
+    cases.unexplained,
+    cases.failed,
+)
+
+
+def diagnosis_of(case: Case) -> Diagnosis:
+    return diagnose(case.given.measured, case.given.model)
+
+
+def found(answer: Answer) -> np.ndarray:
+    return np.array([each.found for each in answer.parameters])
+
+
+def expanded(answer: Answer) -> np.ndarray:
+    return np.array([each.expanded for each in answer.parameters])
+
+
+def test_an_answer_is_its_json_and_back() -> None:
+    for make in cases.CASES.values():
+        answer = make().answer
+        text = answer.model_dump_json()
+        assert Answer.model_validate_json(text).model_dump_json() == text
+        with pytest.raises(ValidationError, match="frozen"):
+            answer.k = 2.0  # type: ignore[misc]
+
+
+def test_expanded_uncertainty_uses_students_t() -> None:
+    """Of 51 degrees of freedom where only the noise of the readings is uncertain."""
+    model = sure(NOMINAL)
+    model = replace(model, machine=replace(model.machine, tolerances=dict.fromkeys(CAUSES, 0.0)))
+    answer = answer_to(given(cases.healthy().given.measured, model))
+    solution = solve(cases.healthy().given.measured, model)
+    assert answer.dof == 51
+    assert answer.k == pytest.approx(float(student.ppf(0.975, 51)), rel=1e-9)
+    assert expanded(answer) == pytest.approx(answer.k * solution.std_mm)
+    assert found(answer) == pytest.approx(solution.offsets_mm)
+
+
+def test_the_budget_holds_what_the_data_leave_open() -> None:
+    """Each cause that may hide in healthy data, by its probability: how far it would move the
+    offsets, and how much less sure it leaves them."""
+    case = cases.healthy()
+    answer, solution = case.answer, solve(case.given.measured, case.given.model)
+    (_, alone), *others = diagnosis_of(case).left_open
+    assert others
+    lines = [each for each in answer.budget if each.possible]
+    assert [each.source for each in lines] == [fit.effects[0].cause.id for _, fit in others]
+    for each, (share, fit) in zip(lines, others, strict=True):
+        apart = fit.offsets - solution.offsets_mm
+        less_sure = fit.joint_covariance() - alone.joint_covariance()
+        size2, directions = np.linalg.eigh(share * (less_sure + np.outer(apart, apart)))
+        # A cause that leaves them a little surer takes nothing away.
+        positive = (directions * np.maximum(size2, 0.0)) @ directions.T
+        assert np.square(each.std) == pytest.approx(np.diag(positive), rel=1e-6, abs=1e-15)
+        assert size2.max() > 0.0
+    std = np.array([each.std for each in answer.parameters])
+    assert np.sum([np.square(each.std) for each in answer.budget], axis=0) == pytest.approx(std**2)
+    assert np.all(std > solution.std_mm)
+    minor = np.sum([np.square(each.std) for each in answer.budget if each.minor], axis=0)
+    assert answer.total is not None
+    assert np.square(answer.total.minor) == pytest.approx(minor)
+    assert np.all(minor < 0.01 * len(answer.budget) * std**2)
+
+
+def test_new_values_add_to_what_is_active() -> None:
+    active = (0.1, -0.25, 1.0005)
+    machine = replace(PROTOTYPE, offsets_mm=active)
+    answer = answer_to(given(session(TRUE, 3), replace(NOMINAL, machine=machine)))
+    assert answer.decimals == 4
+    for each, previous in zip(answer.parameters, active, strict=True):
+        assert each.active == previous
+        assert each.found is not None
+        assert each.enter == pytest.approx(previous + each.found, abs=5.1e-5)
+        assert each.enter == pytest.approx(previous + each.changed(4), abs=1e-12)
+        assert len(str(each.enter).partition(".")[2]) <= 4
+    machine = replace(PROTOTYPE, offsets_mm=(0.12345, 0.0, 0.0))
+    assert answer_to(given(session(TRUE, 3), replace(NOMINAL, machine=machine))).decimals == 5
+    one = Parameter(
+        name="x", unit="mm", active=0.1, found=0.2, std=0.1, expanded=0.2, determined=True
+    )
+    assert one.new(3) == 0.3
+    unknown = one.model_copy(update={"found": None})
+    assert (unknown.new(3), unknown.changed(3)) == (0.1, 0.0)
+
+
+def test_the_check_is_where_the_offsets_show_most() -> None:
+    """Expected difference after the adjustment, from an independent machine that was adjusted."""
+    answer = cases.healthy().answer
+    check = answer.check
+    assert check is not None
+    assert (check.what, check.leg, check.direction) == ("dz_x", "x", "z")
+    assert check.first_mm == (-100.0, 0.0, 0.0)
+    assert check.second_mm == (60.0, 0.0, 0.0)
+    assert not check.ends
+    for tool, joints in (
+        (check.first_mm, check.first_joints_mm),
+        (check.second_mm, check.second_joints_mm),
+    ):
+        # Each leg reaches from its carriage on its axis to the tool.
+        carriages = np.diag(joints)
+        assert np.linalg.norm(np.array(tool) - carriages, axis=1) == pytest.approx(
+            PROTOTYPE.leg_length_mm
+        )
+    inside, entered = 0, np.array([each.changed(answer.decimals) for each in answer.parameters])
+    for seed in range(200):
+        once = session(TRUE - entered, 1000 + seed)
+        mine = once.plan.of(Series(0, 2))
+        low, high = (
+            once.value[mine & (once.plan.displacement == end[0])][0]
+            for end in (check.first_mm, check.second_mm)
+        )
+        inside += abs(high - low - check.expected_mm) <= check.expanded_mm
+    # At least 95 %; with 99 % true, fewer than 190 of 200 happen once in 10,000 times.
+    assert inside >= 190
+    ends = answer_to(given(session(TRUE, 8, plan=single_posture(PROTOTYPE, cycles=3)))).check
+    assert ends is not None
+    assert ends.ends
+    assert ends.first_mm == ends.second_mm
+    assert ends.what[-1] in "0+-"
+
+
+def test_the_promise_takes_what_was_found_into_account() -> None:
+    """With a gap the diagnosed offsets leave something: the check says what, as simulation does."""
+    case = cases.named_in_machine()
+    answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
+    check = answer.check
+    assert check is not None
+    known = Known(
+        making.with_causes(case.given.model, diagnosis),
+        diagnosis.offsets_mm,
+        diagnosis.covariance_mm2,
+    )
+    entered = np.array([each.changed(answer.decimals) for each in answer.parameters])
+    noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
+    rows = {row.difference.name: row for row in promise(measured, known, entered, noise)}
+    for each in answer.deviations:
+        row = rows[each.name]
+        for name in ("measured_mm", "modelled_mm", "expected_mm", "expanded_mm"):
+            assert getattr(each, name) == pytest.approx(getattr(row, name), abs=1e-12)
+    assert check.expected_mm == rows[check.what].expected_mm
+    plan = measured.plan
+    mine = plan.of(Series(AXES.index(check.leg), AXES.index(check.direction)))
+    ends = [
+        np.flatnonzero(mine & (plan.displacement == end[0]))[0]
+        for end in (check.first_mm, check.second_mm)
+    ]
+    readings = simulate(GAPED, TRUE - found(answer), plan)
+    assert check.expected_mm == pytest.approx(readings[ends[1]] - readings[ends[0]], abs=0.01)
+    solution = solve(measured, case.given.model)
+    plain = next(row for row in solution.promised() if row.difference.name == check.what)
+    assert abs(plain.expected_mm - check.expected_mm) > 0.02
+
+
+def test_release_follows_the_diagnosis() -> None:
+    healthy = cases.healthy().answer
+    assert healthy.release.usable
+    assert all(each.enter is not None for each in healthy.parameters)
+    for make in NOT_USABLE:
+        answer = make().answer
+        assert not answer.release.usable
+        assert answer.release.reasons
+        assert answer.release.remedies
+        assert all(each.enter is None for each in answer.parameters)
+    assert cases.few().answer.release.cautions
+
+
+def test_a_solution_that_did_not_converge_is_not_released() -> None:
+    """Its own check is computed again from the problem; no flag is believed."""
+    case = cases.healthy()
+    solution, diagnosis = solve(case.given.measured, case.given.model), diagnosis_of(case)
+    assert release(solution, diagnosis).usable
+    moved = replace(solution, offsets_mm=solution.offsets_mm + 0.01 * solution.std_mm)
+    for each in (diagnosis, None):
+        decision = release(moved, each)
+        assert not decision.usable
+        assert "did not converge" in decision.reasons[0]
+        assert decision.remedies[0].verb == "validate"
+
+
+@pytest.mark.parametrize(("stated", "offset", "usable"), [
+    (None, 4.9, True), (None, -5.1, False), (8.0, -5.1, True), (2.0, 2.1, False),
+])  # fmt: skip
+def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
+    """Whatever the diagnosis says: a wrong unit is as consistent as millimetres."""
+    machine = replace(PROTOTYPE, homing_mm=stated)
+    model = replace(NOMINAL, machine=machine)
+    found = answer_to(given(session((0.1, offset, -0.2), 21, model), model))
+    assert found.verdict is Verdict.CONSISTENT
+    assert found.release.usable == found.release.sound == usable
+    if not usable:
+        (reason,) = found.release.reasons
+        assert f"y {offset:+.1f} mm" in reason
+        assert f"up to {model.machine.plausible[0]:g} mm" in reason
+        assert "homing_mm" in found.release.remedies[0].sentence
+
+
+def test_a_cause_that_moves_nothing_does_not_bar_the_offsets() -> None:
+    """A misread iso reading of few hundredths: named, but within the uncertainty."""
+    healthy = cases.healthy().given
+    solution = solve(healthy.measured, healthy.model)
+    diagnosis = diagnosis_of(cases.named_in_measurement())
+    near = replace(diagnosis, offsets_mm=solution.offsets_mm + 0.001)
+    decision = release(solution, near)
+    assert decision.usable
+    assert "misread was found" in decision.cautions[0]
+    assert not release(solution, replace(near, offsets_mm=solution.offsets_mm + 0.1)).usable
+
+
+def test_without_a_diagnosis_unexplained_residuals_bar_the_offsets() -> None:
+    assert not release(solve(session(TRUE, 5, GAPED), FINE), None).usable
+    assert release(solve(session(TRUE, 5, FINE), FINE), None).usable
+
+
+def test_under_a_named_cause_the_parameters_are_those_with_it() -> None:
+    """Nearer the truth than offsets alone; those stand beside them, and a method asks for them."""
+    case = cases.named_in_machine()
+    answer, solution = case.answer, solve(case.given.measured, case.given.model)
+    assert answer.named == ("axis_gap",)
+    assert found(answer) == pytest.approx(diagnosis_of(case).offsets_mm)
+    assert np.all(np.abs(found(answer) - TRUE) < 2.0 * expanded(answer))
+    assert answer.alone is not None
+    alone = np.array([each.found for each in answer.alone.parameters])
+    assert alone == pytest.approx(solution.offsets_mm)
+    assert np.abs(alone - TRUE).max() > 0.05
+    asked = answer_to(case.given, "readings")
+    assert found(asked) == pytest.approx(solution.offsets_mm)
+    assert (asked.alone, asked.named) == (None, ())
+    assert asked.verdict is Verdict.NAMED
+    assert not asked.release.usable
+    # Of healthy data they are the solution's, and nothing stands beside them.
+    single = cases.single()
+    healthy = solve(single.given.measured, single.given.model)
+    assert found(single.answer) == pytest.approx(healthy.offsets_mm, abs=1e-12)
+    assert single.answer.alone is None
+
+
+def test_where_several_are_open_the_parameters_are_their_mean() -> None:
+    case = cases.ambiguous()
+    open_ = diagnosis_of(case).left_open
+    mean = sum(share * fit.offsets for share, fit in open_)
+    assert found(case.answer) == pytest.approx(mean)
+    within = sum(share * np.diag(fit.joint_covariance()) for share, fit in open_)
+    apart = sum(share * (fit.offsets - mean) ** 2 for share, fit in open_)
+    std = np.array([each.std for each in case.answer.parameters])
+    assert np.all(std >= (1.0 - 1e-9) * np.sqrt(within + apart))
+    assert case.answer.rivals
+    assert case.answer.alone is None
+
+
+def test_the_place_of_the_fault_stands_in_the_first_line_of_the_advice() -> None:
+    answer = cases.named_in_measurement().answer
+    (cause,) = answer.causes
+    assert cause.where == "leg x, direction z, min, cycle 2 (reading 12)"
+    (remedy,) = answer.release.remedies
+    assert remedy.sentence.startswith(f"Take this reading again: {cause.where}. ")
+
+
+def test_the_offsets_keep_their_correlations() -> None:
+    """The page's "at most" after the adjustment, from the covariance of the diagnosis."""
+    case = cases.named_in_machine()
+    answer, diagnosis = case.answer, diagnosis_of(case)
+    covariance, model = diagnosis.covariance_mm2, making.with_causes(case.given.model, diagnosis)
+    correlation = covariance / np.outer(diagnosis.std_mm, diagnosis.std_mm)
+    assert np.array(answer.correlation) == pytest.approx(correlation, rel=1e-9)
+    assert np.abs(correlation - np.eye(3)).max() > 0.05
+
+    def at_most(spread: np.ndarray) -> float:
+        return workspace_error(model, found(answer), spread, answer.k or 0.0).after_max_mm
+
+    assert answer.workspace is not None
+    assert answer.workspace.after_mm == pytest.approx(at_most(covariance), rel=1e-9)
+    assert at_most(np.diag(np.diag(covariance))) != pytest.approx(at_most(covariance), rel=1e-3)
+
+
+def test_the_causes_keep_their_correlations() -> None:
+    case = cases.named_in_machine()
+    diagnosis = diagnosis_of(case)
+    (effect,) = making.with_causes(case.given.model, diagnosis).accepted
+    assert np.array_equal(effect.covariance, diagnosis.causes[0].effect.covariance)
+    off = effect.covariance - np.diag(np.diag(effect.covariance))
+    assert np.abs(off).max() > 0.01 * np.diag(effect.covariance).max()
+    assert effect.data_sha256 == case.source.sha256
+    for other in (cases.named_in_measurement(), cases.ambiguous()):
+        assert making.with_causes(other.given.model, diagnosis_of(other)).accepted == ()
+
+
+def test_one_input_is_solved_and_diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What only details show is computed for them alone."""
+    made = []
+    for name in ("solve", "diagnose", "workspace_error"):
+        once = getattr(making, name)
+
+        def counted(*given, once=once, name=name, **named):
+            made.append(name)
+            return once(*given, **named)
+
+        monkeypatch.setattr(making, name, counted)
+    plain = answer_to(cases.named_in_machine().given)
+    assert made == ["solve", "diagnose"]
+    assert (plain.sensitivity, plain.workspace) == (None, None)
+    full = answer_to(cases.named_in_machine().given, details=True)
+    assert made[2:] == ["solve", "diagnose", "workspace_error"]
+    assert full.sensitivity is not None
+    assert list(full.sensitivity) == ["halved", "doubled"]
+    unseen = {"sensitivity": None, "workspace": None}
+    assert full.model_copy(update=unseen) == plain
+
+
+def test_as_found_and_expected() -> None:
+    case, _ = cases.as_left()
+    answer, solution = case.answer, solve(case.given.measured, case.given.model)
+    measured = [row.measured_mm for row in solution.promised()]
+    assert answer.as_found is not None
+    assert answer.expected is not None
+    assert answer.as_found.rms_mm == pytest.approx(np.sqrt(np.mean(np.square(measured))))
+    assert abs(answer.as_found.largest_mm) == max(abs(value) for value in measured)
+    assert answer.as_found.largest == "dz_x"
+    assert answer.expected.rms_mm < 0.1 * answer.as_found.rms_mm
+    assert cases.failed().answer.as_found is None
+
+
+def test_every_reading_stands_beside_what_is_modelled() -> None:
+    """In the file's order; r.m.s. of what is left are those that are told."""
+    for make in (cases.named_in_machine, cases.single, cases.ambiguous):
+        case = make()
+        rows, answer = case.answer.residuals, case.answer
+        assert [row.measured_mm for row in rows] == case.given.measured.value.tolist()
+        assert sorted(row.order for row in rows) == list(range(1, len(rows) + 1))
+        left = np.array([row.measured_mm - row.modelled_mm for row in rows])
+        assert answer.lack_of_fit is not None
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(answer.lack_of_fit.left_mm)
+    assert {row.end for row in cases.single().answer.residuals} == {"joint", "tool"}
+    assert cases.ambiguous().answer.residuals[0].posture == "dx_y"
+    named = cases.named_in_machine().answer
+    explained = [row.measured_mm - (row.with_causes_mm or 0.0) for row in named.residuals]
+    assert named.rms is not None
+    assert np.sqrt(np.mean(np.square(explained))) == pytest.approx(named.rms.after_mm)
+    # 60 readings, less 3 offsets and 6 zeros: what the gauge's noise leaves of itself.
+    noise = np.sqrt(51.0 / 60.0) * FINE.machine.gauge.noise_mm
+    assert named.rms.after_mm == pytest.approx(noise, rel=0.3)
+
+
+def test_no_result_has_nothing_to_show() -> None:
+    answer = cases.failed().answer
+    assert (answer.parameters, answer.method, answer.verdict, answer.workspace) == ((), *[None] * 3)
+    with pytest.raises(UnusableResultError, match="do not determine"):
+        answer.require_result()
+
+
+def test_accepted_causes_act_in_everything_that_follows() -> None:
+    """The promise, the workspace and the check of a machine whose gap was accepted."""
+    answer = answer_to(given(session(TRUE, 11, GAPED), GAPED), details=True)
+    assert answer.release.usable
+    assert answer.expected is not None
+    assert answer.workspace is not None
+    assert answer.check is not None
+    # Offsets do not remove a gap, neither from the legs' motion nor from the tool's place.
+    assert answer.expected.rms_mm > 0.05
+    assert answer.workspace.left_mm > 0.05
+    assert answer.remains
+    assert "axis_gap" in answer.release.cautions[0]
+    assert not cases.healthy().answer.remains
+    assert answer.workspace.after_mean_mm > 0.05
+    straight = answer_to(given(session(TRUE, 11, FINE), FINE), details=True)
+    assert straight.workspace is not None
+    assert straight.workspace.after_mm < 0.05
+    expected = {row.name: row.expected_mm for row in answer.deviations}
+    assert answer.check.expected_mm == expected[answer.check.what]
+
+
+def test_a_number_says_what_went_in_and_not_when():
+    moment = datetime(2026, 3, 4, 5, 6, 7, 123, UTC)
+    renamed = Model(replace(NOMINAL.machine, name="Other"))
+    given = [
+        ([(Source("a.csv", "a"), NOMINAL)], ()),
+        ([(Source("a.csv", "b"), NOMINAL)], ()),
+        ([(Source("a.csv", "a"), renamed)], ()),
+        ([(Source("a.csv", "a"), NOMINAL)], ("six",)),
+        ([(Source("a.csv", "a"), NOMINAL)] * 2, ()),
+    ]
+    numbers = [identify(inputs, *options, issued=moment).number for inputs, options in given]
+    assert len(set(numbers)) == len(given)
+    assert all(re.fullmatch("OC-[0-9A-F]{6}-[0-9A-F]{6}", number) for number in numbers)
+    later = [identify(inputs, *options).number for inputs, options in given]
+    assert later == numbers
+    # Where the file lies does not matter.
+    assert identify([(Source("moved/a.csv", "a"), NOMINAL)]).number == numbers[0]
+    # What is entered later in the controller is no part of it.
+    entry = Entered("2026-03-03", (0.0, 0.0, 0.0), (0.1, 0.2, 0.3), "a" * 64)
+    entered = replace(NOMINAL, machine=replace(NOMINAL.machine, history=(entry,)))
+    assert identify([(Source("a.csv", "a"), entered)]).number == numbers[0]
+
+
+@pytest.mark.parametrize(
+    ("off", "usable"),
+    [
+        (Truth(radius=3.5), True),
+        (Truth(radius=6.0), False),
+        (Truth(angles=frozen([0.0, 1.5, 0.0])), True),
+        (Truth(angles=frozen([0.0, 3.0, 0.0])), False),
+        (Truth(endstops=frozen([0.0, 6.0, 0.0])), False),
+    ],
+    ids=["radius", "radius, too far", "angle", "angle, too far", "endstop, too far"],
+)
+def test_a_printer_is_told_what_printers_can_be_off_by(off: Truth, usable: bool) -> None:
+    """A radius by 5 mm, an angle by 2 degrees, an endstop by 5 mm: beyond, it is another one."""
+    session = probe_bed(V400, off, (), Layout(41), np.random.default_rng(1))
+    plan = plan_of_session(session, session.readings)
+    model = Model(replace(printer(V400), tolerances={"leg_length": 0.0}))
+    release = answer_to(given(readings_of_touches(plan, session.readings), model)).release
+    assert release.usable is usable
+    assert any("no printer is that far off" in reason for reason in release.reasons) is not usable
