@@ -13,7 +13,7 @@ import yaml
 from orthoglide_cal.files import shipped_folder
 from tests import truth
 
-from .program import UNDETERMINED, lines, run
+from .program import UNDETERMINED, lines, parameters, run
 
 COMMENT = "# of the foundry, not to be lost\n"
 FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
@@ -62,7 +62,7 @@ def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
     assert list(entry) == ["date", "before", "after", "data_sha256"]
     assert entry["before"] == {"x": 0.0, "y": 0.0, "z": 0.0}
     assert entry["after"] == machine_file()["offsets_mm"]
-    assert entry["after"] == {axis: exported["joints"][axis]["new_mm"] for axis in "xyz"}
+    assert entry["after"] == {each["name"]: each["enter"] for each in exported["parameters"]}
     assert entry["data_sha256"] == sha256(Path("before.csv").read_bytes()).hexdigest()
 
 
@@ -72,10 +72,10 @@ def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
     (solved,) = lines(run("solve", "after.csv", "--json"))
     (exported,) = lines(run("export", "after.csv", "--json"))
     for k, axis in enumerate("xyz"):
-        joint = exported["joints"][axis]
-        assert joint["previous_mm"] == active()[k]
-        assert joint["new_mm"] == pytest.approx(FIRST.offsets[k], abs=0.01)
-        assert abs(solved["offsets_mm"][axis]) < 0.01
+        joint = parameters(exported)[axis]
+        assert joint["active"] == active()[k]
+        assert joint["enter"] == pytest.approx(FIRST.offsets[k], abs=0.01)
+        assert abs(parameters(solved)[axis]["found"]) < 0.01
     (verified,) = lines(run("verify", "before.csv", "after.csv", "--json"))
     np.testing.assert_allclose(list(verified["applied_mm"].values()), active(), atol=1e-9)
     assert verified["answer"] == "as modelled"
@@ -219,7 +219,7 @@ def test_sessions_say_themselves_what_was_active() -> None:
     run("simulate", "--offsets", *map(str, left), "--seed", "2", "--output", "two.yaml")
     run("apply", "--undo")
     (exported,) = lines(run("export", "two.yaml", "--json", "--machine", "machine.yaml"))
-    assert exported["joints"]["x"]["previous_mm"] == entered[0]
+    assert parameters(exported)["x"]["active"] == entered[0]
     (verified,) = lines(run("verify", "one.yaml", "two.yaml", "--json"))
     assert verified["applied_mm"]["x"] == pytest.approx(entered[0], abs=1e-9)
     # They need no machine file: nothing that lies around may stop them.

@@ -36,9 +36,9 @@ def diagnose(*arguments: object, text: str | None = None) -> Ran:
 
 
 @cache
-def shown(path: Path) -> str:
+def shown(path: Path, *options: str) -> str:
     """The text for one of the samples."""
-    ran = diagnose(path)
+    ran = diagnose(path, *options)
     assert ran.code == 0
     return ran.out
 

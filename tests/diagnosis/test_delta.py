@@ -16,7 +16,7 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import Input, read_input, read_machine_file
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning import best_next
-from orthoglide_cal.results import calibrate
+from orthoglide_cal.results import answer_to
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import (
     V400,
@@ -261,12 +261,11 @@ def test_seven_touches_that_fit_badly_are_not_to_be_pasted(tmp_path: Path) -> No
     """One spare reading: 40 µm to and fro on the ring, which nothing that is calibrated does."""
     session = probe_bed(V400, Truth(), (), Layout(7), np.random.default_rng(1))
     read = given(tmp_path, replace(session, readings=session.readings + 0.04 * SEVEN))
-    found = calibrate(read)
-    assert found.diagnosis is not None
-    assert found.diagnosis.verdict in (Verdict.UNEXPLAINED, Verdict.AMBIGUOUS)
+    found = answer_to(read)
+    assert found.verdict in (Verdict.UNEXPLAINED, Verdict.AMBIGUOUS)
     assert not found.release.usable
     assert "places" in found.release.remedies[0].sentence
-    sound = calibrate(given(tmp_path, session))
+    sound = answer_to(given(tmp_path, session))
     assert sound.release.usable
 
 
@@ -275,12 +274,12 @@ def test_consistent_is_what_noise_leaves(seed: int, tmp_path: Path) -> None:
     """Stored calibrations whose heights scatter four times as much as is usual."""
     file = tmp_path / "printer.cfg"
     file.write_text(printer_cfg(V400, OFF, seed=seed, noise=0.05))
-    found = calibrate(read_input(str(file)))
-    assert found.diagnosis is not None
-    assert found.solution is not None
-    chance = found.diagnosis.lack_of_fit.p_value
-    assert chance == pytest.approx(found.solution.lack_of_fit_p)
-    sound = found.diagnosis.verdict is Verdict.CONSISTENT
+    found = answer_to(read_input(str(file)))
+    assert found.lack_of_fit is not None
+    assert found.noise is not None
+    chance = found.lack_of_fit.p_value
+    assert chance == pytest.approx(found.noise.p_value)
+    sound = found.verdict is Verdict.CONSISTENT
     assert (sound, found.release.usable) == (chance >= 0.001,) * 2
 
 
@@ -288,24 +287,23 @@ def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
     """Of heights and distances together: each by its precision, as the fit weighed it."""
     file = tmp_path / "printer.cfg"
     file.write_text(printer_cfg(V400, OFF, noise=0.02))
-    found = calibrate(read_input(str(file)))
-    assert found.solution is not None
-    assert found.diagnosis is not None
-    assert found.explained is not None
-    left = found.diagnosis.measured_mm - found.diagnosis.nominal_mm
-    calliper = found.input.model.machine
-    assert isinstance(calliper, LinearDelta)
+    read = read_input(str(file))
+    found = answer_to(read)
+    assert found.rms is not None
+    assert found.lack_of_fit is not None
+    left = np.array([row.measured_mm - row.modelled_mm for row in found.residuals])
+    calliper = LinearDelta.require(read.model.machine)
     weight = np.array([1.0] * 7 + [calliper.probe.noise_mm / calliper.probe.calliper_mm] * 3)
     expected = float(np.sqrt(np.mean((weight * left) ** 2)))
-    assert found.solution.rms_after_mm == pytest.approx(expected, rel=1e-6)
-    assert found.explained.rms_before_mm == pytest.approx(expected, rel=1e-6)
+    assert found.rms.after_mm == pytest.approx(expected, rel=1e-6)
+    assert found.lack_of_fit.left_mm == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("size", [1.0, 2.5])
 def test_a_rough_bed_is_told_to_be_rough(size: float, tmp_path: Path) -> None:
     rough = (size * V400.texture, GRAIN)
     session = make_delta_session(1, V400, (), Layout(240), rough, grain)
-    found = calibrate(given(tmp_path, session))
+    found = answer_to(given(tmp_path, session))
     assert found.release.usable
     said = " ".join(found.release.cautions)
     assert ("as large as is stated" in said) == (size > 2.0)

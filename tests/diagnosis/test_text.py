@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.diagnosis import Explanation
+from orthoglide_cal.diagnosis import diagnose as analysed
 from orthoglide_cal.files import read_input, readings_csv
 from orthoglide_cal.model import double_posture
 from orthoglide_cal.model.synthetic import synthetic_session
-from orthoglide_cal.results import calibrate
+from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, written
 from tests.diagnosis.sessions import known
@@ -46,25 +47,26 @@ class TestText:
 
     def test_wrapped_lines_keep_their_place(self) -> None:
         lines = shown(GAP).splitlines()
-        start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("mend"))
+        start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("remedy"))
         column = lines[start].index("Shim")
         assert lines[start + 1].startswith(" " * column)
         assert lines[start + 1][column] != " "
 
     def test_it_says_what_to_do(self) -> None:
         text = " ".join(shown(GAP).split())
-        assert "Named: the actuator axes do not meet in one point." in text
+        assert "Cause found: the actuator axes do not meet in one point." in text
         assert "xy +0.3" in text
         assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
         assert "readings left out of the fit" in text
-        assert "tolerances halved and doubled" in text
+        assert "tolerances" not in text
+        assert "Stable when tolerances are halved" in " ".join(shown(GAP, "--details").split())
         assert "type in" not in text
         assert "-0.189" in text
 
     def test_an_open_answer_offers_no_compensation(self) -> None:
         text = " ".join(shown(SECOND).split())
         assert "Ambiguous" in text
-        assert "Read next" in text
+        assert "Measure next" in text
         assert "--accept" not in text
 
     def test_a_fault_of_the_measurement_offers_none_either(self, tmp_path: Path) -> None:
@@ -72,41 +74,39 @@ class TestText:
         readings, machine = written(tmp_path, session)
         ran = diagnose(readings, "--machine", machine)
         text = " ".join(ran.out.split())
-        assert "Named: one reading is wrong." in text
+        assert "Cause found: one reading is wrong." in text
         assert "nothing for the controller to correct" in text
         assert "--accept" not in text
 
     def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
         """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
+        from orthoglide_cal.report.case import Case
         from orthoglide_cal.report.documents.diagnosis import diagnosis_document
         from orthoglide_cal.report.markdown import markdown
 
         readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
-        found = calibrate(given(readings, model))
-        assert found.diagnosis is not None
-        text = markdown(diagnosis_document(found).page())
-        assert "nothing is wrong at all" not in text
-        ranking = {**found.diagnosis.ranking, Explanation(): 0.217}
-        faint = replace(found, diagnosis=replace(found.diagnosis, ranking=ranking))
-        text = markdown(diagnosis_document(faint).page())
-        assert "21.7 % that nothing is wrong at all" in text
+        read = given(readings, model)
+        diagnosis = analysed(readings, model)
+        ranking = {**diagnosis.ranking, Explanation(): 0.217}
+        for found, told in (diagnosis, False), (replace(diagnosis, ranking=ranking), True):
+            case = Case(read, answer_to(read, diagnosed=found))
+            text = markdown(diagnosis_document(case).page())
+            assert ("21.7 % that nothing is wrong at all" in text) is told
+            assert ("nothing is wrong at all" in text) is told
 
     def test_what_is_less_likely_than_nothing_is_not_called_likeliest(self) -> None:
         """The sound machine is one of the open answers, and then nothing must be wrong."""
+        from orthoglide_cal.report.case import Case
         from orthoglide_cal.report.documents.diagnosis import headline
-        from orthoglide_cal.results.release import release
 
-        found = calibrate(read_input(str(SECOND)))
-        assert found.diagnosis is not None
-        assert found.solution is not None
-        assert "Likeliest" in headline(found.diagnosis)
-        ranking = {**found.diagnosis.ranking, Explanation(): found.diagnosis.causes[0].probability}
-        ranking[Explanation()] *= 1.01
-        faint = replace(found.diagnosis, ranking=ranking)
-        assert headline(faint).endswith("what is wrong, and whether anything is.")
-        (before,), (after,) = (
-            release(found.solution, each).reasons for each in (found.diagnosis, faint)
-        )
+        read = read_input(str(SECOND))
+        diagnosis = analysed(read.measured, read.model)
+        ranking = {**diagnosis.ranking, Explanation(): 1.01 * diagnosis.causes[0].probability}
+        faint = replace(diagnosis, ranking=ranking)
+        first, second = (Case(read, answer_to(read, diagnosed=each)) for each in (diagnosis, faint))
+        assert "Likeliest" in headline(first)
+        assert headline(second).endswith("what is wrong, and whether anything is.")
+        (before,), (after,) = (each.answer.release.reasons for each in (first, second))
         assert before.startswith("Something is wrong")
         assert after.startswith("Something may be wrong")
         assert after.endswith("nor from a sound machine.")

@@ -19,7 +19,7 @@ from orthoglide_cal.planning.steps import (
     minutes_left,
     sequence,
 )
-from orthoglide_cal.results import calibrate
+from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.diagnosis.sessions import model_of, readings_of
 from tests.machines import NOMINAL, both_models, extended, sure
@@ -127,9 +127,7 @@ def test_what_the_command_prints_is_hardly_more() -> None:
     for _ in range(40):
         offsets = rng.normal(0.0, OFFSET_MM, 3)
         session = synthetic_session(NOMINAL, found.plan, offsets, rng)
-        adjustment = calibrate(given(session, NOMINAL)).adjustment
-        if adjustment is not None:
-            reach.append(adjustment.expanded_mm)
+        reach.append([each.expanded for each in answer_to(given(session, NOMINAL)).parameters])
     assert len(reach) >= 36
     assert found.budget.expanded_mm == pytest.approx(np.median(reach, axis=0), rel=0.05)
     assert np.all(found.budget.expanded_mm < 1.01 * np.median(reach, axis=0))

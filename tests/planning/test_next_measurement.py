@@ -25,7 +25,7 @@ from orthoglide_cal.model.synthetic import synthetic_session
 from orthoglide_cal.planning import RankedMeasurement, best_next, joined, ranked
 from orthoglide_cal.planning.next_measurement import _pair, predictions
 from orthoglide_cal.planning.options import options
-from orthoglide_cal.results import calibrate
+from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.bench.ambiguous import continued
 from tests.diagnosis.sessions import known, model_of, readings_of
@@ -280,10 +280,9 @@ def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
     measured = readings_of_touches(
         plan_of_session(session, session.readings), session.readings - session.block
     )
-    adjustment = calibrate(given(measured, model)).adjustment
-    assert adjustment is not None
+    now = [each.expanded for each in answer_to(given(measured, model)).parameters]
     for following in ranked(diagnose(measured, model)):
-        ratio = following.expanded / adjustment.expanded_mm
+        ratio = following.expanded / now
         assert np.all((ratio > 0.9) & (ratio < 1.05))
 
 
@@ -291,9 +290,8 @@ def printed_u(session: truth.Session) -> Floats:
     """U of the offsets that `solve` gives out, shape (3,) [mm]."""
     document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
     model = model_of(session.machine, session.gauge)
-    adjustment = calibrate(input_from_document(document, model)).adjustment
-    assert adjustment is not None
-    return adjustment.expanded_mm
+    found = answer_to(input_from_document(document, model))
+    return np.array([each.expanded for each in found.parameters])
 
 
 def test_the_first_decides_and_the_last_does_not() -> None:

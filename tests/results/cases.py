@@ -43,9 +43,7 @@ def identity_of(case: Case) -> Identity:
     return identify([(source, model)], case.answer.method, issued=ISSUED)
 
 
-def _made(
-    measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None
-) -> Case:
+def _made(measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None) -> Case:
     return case_of(given(measured, model, conditions))
 
 

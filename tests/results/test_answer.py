@@ -20,6 +20,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Known, promise, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.model import AXES, Entered, Model, Series, Source, simulate, single_posture
+from orthoglide_cal.model.machine import JointOffsets
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
@@ -65,7 +66,8 @@ def test_an_answer_is_its_json_and_back() -> None:
 def test_expanded_uncertainty_uses_students_t() -> None:
     """Of 51 degrees of freedom where only the noise of the readings is uncertain."""
     model = sure(NOMINAL)
-    model = replace(model, machine=replace(model.machine, tolerances=dict.fromkeys(CAUSES, 0.0)))
+    nothing = dict.fromkeys(CAUSES, 0.0)
+    model = replace(model, machine=model.machine.changed(tolerances=nothing))
     answer = answer_to(given(cases.healthy().given.measured, model))
     solution = solve(cases.healthy().given.measured, model)
     assert answer.dof == 51
@@ -102,7 +104,7 @@ def test_the_budget_holds_what_the_data_leave_open() -> None:
 
 def test_new_values_add_to_what_is_active() -> None:
     active = (0.1, -0.25, 1.0005)
-    machine = replace(PROTOTYPE, offsets_mm=active)
+    machine = PROTOTYPE.changed(offsets_mm=active)
     answer = answer_to(given(session(TRUE, 3), replace(NOMINAL, machine=machine)))
     assert answer.decimals == 4
     for each, previous in zip(answer.parameters, active, strict=True):
@@ -111,7 +113,7 @@ def test_new_values_add_to_what_is_active() -> None:
         assert each.enter == pytest.approx(previous + each.found, abs=5.1e-5)
         assert each.enter == pytest.approx(previous + each.changed(4), abs=1e-12)
         assert len(str(each.enter).partition(".")[2]) <= 4
-    machine = replace(PROTOTYPE, offsets_mm=(0.12345, 0.0, 0.0))
+    machine = PROTOTYPE.changed(offsets_mm=(0.12345, 0.0, 0.0))
     assert answer_to(given(session(TRUE, 3), replace(NOMINAL, machine=machine))).decimals == 5
     one = Parameter(
         name="x", unit="mm", active=0.1, found=0.2, std=0.1, expanded=0.2, determined=True
@@ -220,7 +222,7 @@ def test_a_solution_that_did_not_converge_is_not_released() -> None:
 ])  # fmt: skip
 def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
     """Whatever the diagnosis says: a wrong unit is as consistent as millimetres."""
-    machine = replace(PROTOTYPE, homing_mm=stated)
+    machine = PROTOTYPE.changed(homing_mm=stated)
     model = replace(NOMINAL, machine=machine)
     found = answer_to(given(session((0.1, offset, -0.2), 21, model), model))
     assert found.verdict is Verdict.CONSISTENT
@@ -408,7 +410,7 @@ def test_accepted_causes_act_in_everything_that_follows() -> None:
 
 def test_a_number_says_what_went_in_and_not_when():
     moment = datetime(2026, 3, 4, 5, 6, 7, 123, UTC)
-    renamed = Model(replace(NOMINAL.machine, name="Other"))
+    renamed = Model(NOMINAL.machine.changed(name="Other"))
     given = [
         ([(Source("a.csv", "a"), NOMINAL)], ()),
         ([(Source("a.csv", "b"), NOMINAL)], ()),
@@ -424,8 +426,13 @@ def test_a_number_says_what_went_in_and_not_when():
     # Where the file lies does not matter.
     assert identify([(Source("moved/a.csv", "a"), NOMINAL)]).number == numbers[0]
     # What is entered later in the controller is no part of it.
-    entry = Entered("2026-03-03", (0.0, 0.0, 0.0), (0.1, 0.2, 0.3), "a" * 64)
-    entered = replace(NOMINAL, machine=replace(NOMINAL.machine, history=(entry,)))
+    entry = Entered(
+        date="2026-03-03",
+        before=JointOffsets(0.0, 0.0, 0.0),
+        after=JointOffsets(0.1, 0.2, 0.3),
+        data_sha256="a" * 64,
+    )
+    entered = replace(NOMINAL, machine=NOMINAL.machine.changed(history=(entry,)))
     assert identify([(Source("a.csv", "a"), entered)]).number == numbers[0]
 
 
@@ -444,7 +451,7 @@ def test_a_printer_is_told_what_printers_can_be_off_by(off: Truth, usable: bool)
     """A radius by 5 mm, an angle by 2 degrees, an endstop by 5 mm: beyond, it is another one."""
     session = probe_bed(V400, off, (), Layout(41), np.random.default_rng(1))
     plan = plan_of_session(session, session.readings)
-    model = Model(replace(printer(V400), tolerances={"leg_length": 0.0}))
+    model = Model(printer(V400).changed(tolerances={"leg_length": 0.0}))
     release = answer_to(given(readings_of_touches(plan, session.readings), model)).release
     assert release.usable is usable
     assert any("no printer is that far off" in reason for reason in release.reasons) is not usable

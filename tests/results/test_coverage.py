@@ -3,7 +3,6 @@ millimetre of their place, legs and gauge scale within their tolerances, offsets
 
 from collections import Counter
 
-import numpy as np
 import pytest
 
 from orthoglide_cal.diagnosis import Verdict
