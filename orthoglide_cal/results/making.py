@@ -132,7 +132,7 @@ def answer_to(
     else:
         chosen, known = found, found.budget
     settled = decision.usable and _settled(model, chosen, known)
-    decision = decision.model_copy(update={"settled": settled})
+    decision = decision.changed(settled=settled)
     active = model.machine.active
     decimals = model.machine.decimals or entered_decimals(
         chosen.budget.expanded_mm.tolist(), active
@@ -149,7 +149,7 @@ def answer_to(
     if decision.usable:
         left = remainder(promised, chosen.real.model)
         told = (*((left,) if left else ()), *decision.cautions)
-        decision = decision.model_copy(update={"cautions": told})
+        decision = decision.changed(cautions=told)
     lines, total = budget_lines(chosen.budget)
     found_alone = schema.Answer(
         input=file,
@@ -197,7 +197,7 @@ def answer_to(
     )
     if diagnosis is None:
         return found_alone
-    return found_alone.model_copy(update=_of_diagnosis(diagnosis, solution, alone, following))
+    return found_alone.changed(**_of_diagnosis(diagnosis, solution, alone, following))
 
 
 def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Found:
@@ -286,7 +286,7 @@ def _parameters(
             expanded=expanded,
             determined=known,
         )
-        yield one.model_copy(update={"enter": one.new(decimals)}) if enter else one
+        yield one.changed(enter=one.new(decimals)) if enter else one
 
 
 def budget_lines(budget: Budget) -> tuple[tuple[schema.BudgetLine, ...], schema.BudgetTotal]:

@@ -31,7 +31,7 @@ def release(
     judged = Release() if diagnosis is None else _judged(solution, diagnosis, following)
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
-        return judged.model_copy(update={"cautions": (*judged.cautions, *more)})
+        return judged.changed(cautions=(*judged.cautions, *more))
     if diagnosis is not None and diagnosis.verdict is Verdict.UNEXPLAINED:
         # What the check found is the explanation.
         judged = Release()

@@ -111,7 +111,7 @@ def test_new_values_add_to_what_is_active() -> None:
         assert each.active == previous
         assert each.found is not None
         assert each.enter == pytest.approx(previous + each.found, abs=5.1e-5)
-        assert each.enter == pytest.approx(previous + each.changed(4), abs=1e-12)
+        assert each.enter == pytest.approx(previous + each.change(4), abs=1e-12)
         assert len(str(each.enter).partition(".")[2]) <= 4
     machine = PROTOTYPE.changed(offsets_mm=(0.12345, 0.0, 0.0))
     assert answer_to(given(session(TRUE, 3), replace(NOMINAL, machine=machine))).decimals == 5
@@ -120,7 +120,7 @@ def test_new_values_add_to_what_is_active() -> None:
     )
     assert one.new(3) == 0.3
     unknown = one.model_copy(update={"found": None})
-    assert (unknown.new(3), unknown.changed(3)) == (0.1, 0.0)
+    assert (unknown.new(3), unknown.change(3)) == (0.1, 0.0)
 
 
 def test_the_check_is_where_the_offsets_show_most() -> None:
@@ -141,7 +141,7 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
         assert np.linalg.norm(np.array(tool) - carriages, axis=1) == pytest.approx(
             PROTOTYPE.leg_length_mm
         )
-    inside, entered = 0, np.array([each.changed(answer.decimals) for each in answer.parameters])
+    inside, entered = 0, np.array([each.change(answer.decimals) for each in answer.parameters])
     for seed in range(200):
         once = session(TRUE - entered, 1000 + seed)
         mine = once.plan.of(Series(0, 2))
@@ -170,7 +170,7 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
         diagnosis.offsets_mm,
         diagnosis.covariance_mm2,
     )
-    entered = np.array([each.changed(answer.decimals) for each in answer.parameters])
+    entered = np.array([each.change(answer.decimals) for each in answer.parameters])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
     rows = {row.difference.name: row for row in promise(measured, known, entered, noise)}
     for each in answer.deviations:

@@ -17,7 +17,7 @@ def given(session: truth.Session):
 
 
 def entered(found: Answer) -> np.ndarray:
-    return np.array([each.changed(found.decimals) for each in found.parameters])
+    return np.array([each.change(found.decimals) for each in found.parameters])
 
 
 def corrected(session: truth.Session, found: Answer) -> truth.Session:

@@ -74,7 +74,7 @@ def misses(cause: str, gauge: truth.Gauge, wanted: int) -> np.ndarray:
         if made is None:
             continue
         session, found = made
-        changes = [each.changed(found.decimals) for each in found.parameters]
+        changes = [each.change(found.decimals) for each in found.parameters]
         entered = session.offsets - np.array(changes)
         after = differences(truth.second_session(replace(session, offsets=entered), seed))
         rows.append(
