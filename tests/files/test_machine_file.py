@@ -94,7 +94,7 @@ BAD = [
     (L, "leg_lenght_mm: 310.25", 3, "leg_length_mm", None, "missing", "leg_length_mm: …"),
     (L, L + "\nkind: orthoglied", 8, "kind", "orthoglied", "kind of machine",
      "'orthoglide'? Known: orthoglide, linear_delta."),
-    (L, L + "\nkind:", 8, "kind", None, "kind is not known", "Known: orthoglide"),
+    (L, L + "\nkind:", 8, "kind", None, "kind of machine", "Known: orthoglide"),
     (L, L + "\nL: 3", 8, "L", "3", "not known", "Known here: schema_version"),
     (L, L + "\n" + L, 8, "leg_length_mm", "310.25", "stands twice", "Remove"),
     ("[-100, 60]", "[60, -100]", 10, "joint_limits_mm", None, "ordered", "displacements"),
