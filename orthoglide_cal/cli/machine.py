@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,47 +13,9 @@ from orthoglide_cal.cli import common
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from orthoglide_cal.report.document import Document
-
-# Key of the file → what is asked, why, and how the answer is told apart from the others; by kind.
-_ORTHOGLIDE = {
-    "name": ("Name of the machine", "stands on every report"),
-    "leg_length_mm": ("L, length of a leg, mm", "centre to centre of its joints"),
-    "parallelogram_width_mm": ("d, width of a leg, mm", "between its two bars"),
-    "tool_offset_mm": ("r of the tool, mm", "from the legs' ends to its centre point"),
-    "joint_limits_mm": ("Travel, mm", "lowest and highest, from the isotropic posture"),
-    "workspace_mm": ("Workspace, mm", "edge of the cube in which errors are shown"),
-    "gauge.resolution_mm": ("Gauge: one division, mm", "the smallest step that it shows"),
-    "gauge.range_mm": ("Gauge: range, mm", "travel of its plunger"),
-    "gauge.revolution_mm": ("Gauge: one turn, mm", "travel of one turn; 0 without a dial"),
-    "gauge.repeatability_mm": ("Gauge: repeatability, mm", "standard deviation of one reading"),
-}
-
-_LINEAR_DELTA = {
-    "name": ("Name of the machine", "stands on every report"),
-    "arm_length_mm": ("Length of an arm, mm", "centre to centre of its joints"),
-    "delta_radius_mm": ("Delta radius, mm", "from upper to lower joint of an arm, seen from above"),
-    "bed_radius_mm": ("Radius of the bed, mm", "as far as the probe may touch"),
-    "endstops_mm.a": ("Endstop a, mm", "height of the nozzle, in the middle, where it triggers"),
-    "endstops_mm.b": ("Endstop b, mm", "the same"),
-    "endstops_mm.c": ("Endstop c, mm", "the same"),
-    "probe.resolution_mm": ("Probe: resolution, mm", "the smallest step that it tells apart"),
-    "probe.repeatability_mm": ("Probe: repeatability, mm", "standard deviation of one touch"),
-    "probe.calliper_mm": ("Calliper, mm", "standard deviation of a distance on a printed object"),
-}
-_KINDS = {"orthoglide": _ORTHOGLIDE, "linear_delta": _LINEAR_DELTA}
-# The option that gives each of these answers, in their order; None where none does.
-_OPTIONS: dict[str, tuple[str | None, ...]] = {
-    "orthoglide": (
-        *("name", "leg_length", "width", "tool_offset", "limits", "workspace"),
-        *("resolution", "range", "revolution", "repeatability"),
-    ),
-    "linear_delta": (
-        *("name", "leg_length", "radius", "bed_radius", "endstop", "endstop", "endstop"),
-        *("resolution", "repeatability", None),
-    ),
-}
-_TOLERANCES = "tolerances"
 
 machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
 
@@ -121,23 +84,33 @@ def new(
     """Make a machine file: asks what the options leave open."""
     from orthoglide_cal.files import write_text
 
+    # What each option gives, by the key that has it on this or that kind of machine.
     given = {
-        "name": name,
-        "leg_length": leg_length,
-        "width": width,
-        "tool_offset": tool_offset,
-        "limits": list(limits) if limits else None,
-        "workspace": workspace,
-        "resolution": resolution,
-        "range": range_,
-        "revolution": revolution,
-        "repeatability": repeatability,
-        "radius": radius,
-        "bed_radius": bed_radius,
-        "endstop": endstop,
+        ("name",): name,
+        ("leg_length_mm", "arm_length_mm"): leg_length,
+        ("parallelogram_width_mm",): width,
+        ("tool_offset_mm",): tool_offset,
+        ("joint_limits_mm",): list(limits) if limits else None,
+        ("workspace_mm",): workspace,
+        ("gauge.resolution_mm", "probe.resolution_mm"): resolution,
+        ("gauge.range_mm",): range_,
+        ("gauge.revolution_mm",): revolution,
+        ("gauge.repeatability_mm", "probe.repeatability_mm"): repeatability,
+        ("delta_radius_mm",): radius,
+        ("bed_radius_mm",): bed_radius,
+        ("endstops_mm",): endstop,
     }
-    answers: dict[str, Any] = {"kind": kind} if kind is not None else {}
-    answers |= _given({key: value for key, value in given.items() if value is not None}, kind)
+    kind = kind or "orthoglide"
+    answers: dict[str, Any] = {"kind": kind}
+    asked = _asked_for(kind)
+    for keys, value in given.items():
+        own = [key for key in keys if key in asked]
+        if value is not None and not own:
+            raise UsageError(
+                f"A machine of kind {kind} has no {keys[0]}.",
+                "Leave that option out; --help lists what there is.",
+            )
+        answers |= {} if value is None else {own[0]: value}
     answers |= dict(map(_tolerance, tolerance or ()))
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError("`machine new` asks for what is not given.", "In a script, give --yes.")
@@ -149,14 +122,15 @@ def new(
         raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in error.problems)) from error
     if not yes:
         common.tell("Return takes the value in brackets: the prototype's, or in its proportion.")
-        for key, (title, reason) in _questions(answers).items():
+        for key, question in asked.items():
             if key not in answers:
-                text = _asked(answers, key, f"{title} ({reason})", target)
+                text = _asked(answers, key, question, target)
         text = _tolerances_asked(answers, target) or text
     write_text(target, text)
     common.deliver(_shown(target), as_json=json)
     common.tell(f"Written to {target}, with what is plausible on such a machine: look through it.")
-    common.tell(f"In this folder every command uses it. Next: orthocal {_next(answers)}")
+    following = "guide delta" if kind == "linear_delta" else "measure"
+    common.tell(f"In this folder every command uses it. Next: orthocal {following}")
 
 
 @machine.command(cls=common.PlainNumbers)
@@ -188,50 +162,42 @@ def _shown(path: Path) -> Document:
     return machine_document(common.read_machine_file(path).model)
 
 
+def _asked_for(kind: str) -> dict[str, str]:
+    """Dotted key → question, of a machine of this kind; of an unknown one as of an Orthoglide."""
+    from orthoglide_cal.model.machines import MACHINES
+
+    return dict(_questions(MACHINES.get(kind, MACHINES["orthoglide"])))
+
+
+def _questions(schema: type[BaseModel], group: str = "") -> Iterator[tuple[str, str]]:
+    """What the fields' own metadata say."""
+    for name, field in schema.model_fields.items():
+        inner, extra = field.annotation, field.json_schema_extra
+        if isinstance(inner, type) and hasattr(inner, "model_fields"):
+            yield from _questions(inner, f"{name}.")
+        elif isinstance(extra, dict) and field.title:
+            title = ", ".join(filter(None, (field.title, str(extra["unit"]))))
+            yield group + name, f"{title} ({field.description})"
+
+
 def _tolerances_asked(answers: dict[str, Any], target: Path) -> str | None:
     """Ask how large each error plausibly is, unless the usual will do: the file's text, or None."""
     from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.model import Machine
+    from orthoglide_cal.model.machines import MACHINES
     from orthoglide_cal.words import unit_words
 
     common.tell("How large an error plausibly is tells `diagnose` what to expect and what not.")
     if typer.confirm("The usual tolerances", default=True, err=True):
         return None
     common.tell("Return keeps each; 0 rules it out. What they are: orthocal guide causes")
-    text, kind = None, answers.get("kind", Machine.kind)
-    for cause in (each for each in CAUSES.values() if kind in each.sizes):
-        key = f"{_TOLERANCES}.{cause.id}"
+    text = None
+    for cause in (each for each in CAUSES.values() if MACHINES[answers["kind"]] in each.sizes):
+        key = f"tolerances.{cause.id}"
         # What has no unit has no size: it happens or does not.
         if cause.unit and key not in answers:
             common.tell(f"{cause.title} ({cause.size_reason})")
             text = _asked(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
     return text
-
-
-def _questions(answers: dict[str, Any]) -> dict[str, tuple[str, str]]:
-    """What is asked of this kind of machine; of one that does not exist as of an Orthoglide."""
-    return _KINDS.get(answers.get("kind", "orthoglide"), _ORTHOGLIDE)
-
-
-def _next(answers: dict[str, Any]) -> str:
-    """What to type once the machine is known."""
-    return "guide delta" if _questions(answers) is _LINEAR_DELTA else "measure"
-
-
-def _given(options: dict[str, Any], kind: str | None) -> dict[str, Any]:
-    """Options as keys of the file. Raises UsageError for one that this kind does not have."""
-    own = kind if kind in _KINDS else "orthoglide"
-    gives = list(zip(_KINDS[own], _OPTIONS[own], strict=True))
-    answers: dict[str, Any] = {}
-    for name, value in options.items():
-        keys = [key for key, option in gives if option == name]
-        if not keys:
-            raise UsageError(
-                f"--{name.replace('_', '-')} is not for a machine of kind {kind or 'orthoglide'}.",
-                "Leave it out; --help lists what there is.",
-            )
-        answers |= dict.fromkeys(keys, value)
-    return answers
 
 
 def _tolerance(given: str) -> tuple[str, float]:
@@ -240,7 +206,7 @@ def _tolerance(given: str) -> tuple[str, float]:
 
     cause, _, size = given.partition("=")
     try:
-        return f"{_TOLERANCES}.{cause}", parse_number(size)
+        return f"tolerances.{cause}", parse_number(size)
     except InputError as error:
         raise UsageError(
             f"--tolerance {given}: {error.what}", "Write it as axis_gap=0.3"
@@ -249,12 +215,12 @@ def _tolerance(given: str) -> tuple[str, float]:
 
 def _asked(answers: dict[str, Any], key: str, question: str, target: Path) -> str:
     """Ask until the answer makes a machine; it joins the others. Returns the file's text."""
-    usual = _plain(_usual(key, answers))
-    shown = " ".join(str(each) for each in (usual if isinstance(usual, list) else [usual]))
+    usual = _usual(key, answers)
+    shown = " ".join(f"{each}" for each in (usual if isinstance(usual, list) else [usual]))
     while True:
         said = typer.prompt(question, default=shown, type=str, err=True)
         try:
-            value = said if key == "name" else _numbers(said, len(shown.split()))
+            value = said if key == "name" else _numbers(said, usual)
             text = _text({**answers, key: value}, target)
         except InvalidFileError as error:
             # What follows from a wrong answer is not asked yet.
@@ -274,11 +240,12 @@ def _fault(fault: InputError) -> str:
     return f"{fault.what}{value} {fault.remedy}"
 
 
-def _numbers(said: str, wanted: int) -> float | list[float]:
+def _numbers(said: str, usual: Any) -> float | list[float]:
     """The number that was typed, or several. Raises InputError if there are not as many."""
     from orthoglide_cal.schema import parse_number
 
     values = [parse_number(part, decimal_comma=True) for part in said.split()]
+    wanted = len(usual) if isinstance(usual, list) else 1
     if len(values) != wanted:
         what = "One number is wanted." if wanted == 1 else f"{wanted} numbers are wanted."
         raise InputError(what, "Type it as in the brackets.", value=said)
@@ -290,13 +257,14 @@ def _text(answers: dict[str, Any], target: Path) -> str:
     from orthoglide_cal.files import new_machine
 
     values: dict[str, Any] = {}
-    questions = _questions(answers)
-    for key in (*questions, *(key for key in answers if key not in questions)):
+    for key in dict.fromkeys((*_asked_for(answers["kind"]), *answers)):
         value = _plain(answers[key] if key in answers else _usual(key, answers))
         group, _, inner = key.rpartition(".")
         (values.setdefault(group, {}) if group else values)[inner] = value
     if "gauge" in values:
         values["gauge"]["revolution_mm"] = values["gauge"]["revolution_mm"] or None
+    if "endstops_mm" in values:  # one number for all
+        values["endstops_mm"] = dict.fromkeys("abc", values["endstops_mm"])
     return new_machine(values, str(target))
 
 
@@ -311,14 +279,14 @@ def _usual(key: str, answers: dict[str, Any]) -> Any:
     """What is proposed: the prototype's value, for travel and workspace in proportion to L."""
     from orthoglide_cal.files import machine_values, read_machine_file, shipped_machine
 
-    shipped = read_machine_file(shipped_machine(answers.get("kind", "orthoglide"))).model
+    shipped = read_machine_file(shipped_machine(answers["kind"])).model
     value: Any = {**machine_values(shipped), "name": "my machine"}
     length = value.get("leg_length_mm", 1.0)
     for part in key.split("."):
         value = value[part]
-    if key == "arm_length_mm":
-        return value[0]  # one for all
+    if key in ("arm_length_mm", "endstops_mm"):  # one for all
+        value = next(iter(value.values() if isinstance(value, dict) else value))
     share = answers.get("leg_length_mm", length) / length
     if share != 1.0 and key == "joint_limits_mm":
         return [round(limit * share) for limit in value]
-    return round(value * share) if share != 1.0 and key == "workspace_mm" else value
+    return _plain(round(value * share) if share != 1.0 and key == "workspace_mm" else value)

@@ -121,7 +121,7 @@ def test_an_existing_file_and_a_script_without_yes() -> None:
     ("arguments", "words"),
     [
         (("--leg-length", "1e4", "--limits", "-2e4", "5"), "beyond the leg's length"),
-        (("--resolution", "1e-30"), "from 1e-06 to 100"),
+        (("--resolution", "1e-30"), "at least 1e-06"),
         (("--leg-length", "nan"), "--leg-length cannot be nan"),
         (("--kind", "crane"), "kind of machine is not known"),
         (("--name", ""), "empty"),
@@ -137,16 +137,16 @@ def test_values_of_no_machine_are_refused(arguments: tuple[str, ...], words: str
 def test_a_folder_remembers_its_machine() -> None:
     run("machine", "new", "--name", "Mill 3", "--leg-length", "400", "--yes")
     solved = run("solve", SIX, "--json")
-    assert lines(solved)[0]["machine"] == "Mill 3"
+    assert lines(solved)[0]["machine"]["name"] == "Mill 3"
     assert "machine.yaml" in solved.stderr
-    assert lines(run("solve", SESSION, "--json"))[0]["machine"] == "Orthoglide prototype"
+    assert lines(run("solve", SESSION, "--json"))[0]["machine"]["name"] == "Orthoglide prototype"
     run("machine", "new", "--name", "Mill 4", "--yes", "--output", "other.yaml")
     several = run("solve", SIX)
     assert several.exit_code == 2
     assert "machine.yaml, other.yaml" in several.stderr
     named = run("solve", SIX, "--machine", "other.yaml", "--json")
-    assert lines(named)[0]["machine"] == "Mill 4"
-    assert run("solve", SESSION).exit_code == 0
+    assert lines(named)[0]["machine"]["name"] == "Mill 4"
+    assert run("solve", SESSION).exit_code in (0, 4)
 
 
 @pytest.mark.parametrize("kind", ["readings", "differences", "machine"])
@@ -159,7 +159,7 @@ def test_a_template_is_a_file_that_the_program_takes(kind: str) -> None:
     assert "note:" not in checked.stdout
     data = SIX if kind == "machine" else f"{kind}.txt"
     machine = ("--machine", "machine.txt") if kind == "machine" else ()
-    assert run("solve", data, *machine).exit_code == 0
+    assert run("solve", data, *machine).exit_code in (0, 4)
 
 
 def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
