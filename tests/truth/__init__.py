@@ -1,10 +1,7 @@
 """An independent truth: measured sessions of machines with something hidden in them."""
 
-from .clear import clear_outside
 from .effects import CAUSES, PERSISTENT, Effect
-from .files import readings_csv, write_readings
 from .forward import signals
-from .heldout import expected_heldout
 from .joined import again, continue_session
 from .machines import (
     DIAL,
@@ -20,8 +17,23 @@ from .machines import (
 )
 from .outside import OUTSIDE
 from .plan import Plan, standard_plan
-from .separation import HEALTHY, Separation, all_pairs, pair_distances, separation
-from .session import Session, make_session, measure, second_session
+from .separation import (
+    HEALTHY,
+    Separation,
+    all_pairs,
+    clear_outside,
+    expected_heldout,
+    pair_distances,
+    separation,
+)
+from .session import (
+    Session,
+    make_session,
+    measure,
+    readings_csv,
+    second_session,
+    write_readings,
+)
 
 __all__ = [
     "CAUSES",

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .effects import contact_shift, state_with, write_down
-from .forward import PARTS, signals
+from .effects import write_down
 from .machines import Machine
 from .plan import SETUPS, Floats, Ints, Plan, frozen, frozen_ints, joints_at
 from .session import Session, Setting
@@ -67,23 +66,15 @@ def continue_session(
     places = np.concatenate(places)[: setups - known] * bool(np.any(misplaced))
     setting = replace(setting, misplaced=frozen(np.concatenate((misplaced, places))))
 
-    read = _really_read(session, plan)
-    machine, gauge, effects = session.machine, session.gauge, session.effects
-    added = zeros[read.zero] + contact_shift(read, effects)
-    state = state_with(session.offsets, effects)
-    surface = signals(read, machine, state[None])[0] + added
-    state[PARTS["leg_length"]] += setting.legs
-    touched = signals(read, machine, state[None], None, setting.misplaced)[0] + added
-    noisy = (1.0 + setting.scale) * touched + rng.normal(scale=gauge.noise, size=plan.count)
-    shown = np.round(noisy / gauge.resolution) * gauge.resolution
+    read, gauge = _really_read(session, plan), session.gauge
+    joined = replace(session, plan=plan, zeros=frozen(zeros), setting=setting)
     # What is read under another label is so already.
-    rest = tuple(effect for effect in effects if effect.id != "swapped_gauges")
-    clean, readings = (write_down(read, gauge, values, rest)[asked] for values in (surface, shown))
+    rest = tuple(effect for effect in session.effects if effect.id != "swapped_gauges")
+    clean, readings = (
+        write_down(read, gauge, values, rest)[asked] for values in joined.gauges_show(read, rng)
+    )
     return replace(
-        session,
-        plan=plan,
-        zeros=frozen(zeros),
-        setting=setting,
+        joined,
         clean=frozen(np.concatenate((session.clean, clean))),
         readings=frozen(np.concatenate((session.readings, np.round(readings, gauge.decimals)))),
     )

@@ -1,7 +1,8 @@
-"""A measured session with something hidden in it, drawn from a seed."""
+"""A measured session with something hidden in it, drawn from a seed; and its file."""
 
 import zlib
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from .effects import (
 from .forward import MACHINE_CAUSES, PARTS, Disturbance, signals
 from .machines import PLACEMENT, SCALE, TOLERANCES, Gauge, Machine
 from .outside import OUTSIDE
-from .plan import Floats, Plan, frozen, standard_plan
+from .plan import AXIS_NAMES, Floats, Plan, frozen, standard_plan
 
 PAIR_MEASUREMENT = (
     "misread",
@@ -89,6 +90,18 @@ class Session:
         """Row name in tables: `healthy`, an id, `id+id`, or `outside:name`."""
         return f"outside:{self.outside}" if self.outside else "+".join(self.causes) or "healthy"
 
+    def gauges_show(self, plan: Plan, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Without noise, rounding and what the setting does, and with them, each (N,) [mm]."""
+        state = state_with(self.offsets, self.effects)
+        added = self.zeros[plan.zero] + contact_shift(plan, self.effects)
+        surface = signals(plan, self.machine, state[None], self.disturbance)[0] + added
+        state[PARTS["leg_length"]] += self.setting.legs
+        misplaced = self.setting.misplaced
+        touched = signals(plan, self.machine, state[None], self.disturbance, misplaced)[0] + added
+        noise = rng.normal(scale=self.gauge.noise, size=plan.count)
+        noisy = (1.0 + self.setting.scale) * touched + noise
+        return surface, np.round(noisy / self.gauge.resolution) * self.gauge.resolution
+
     def truth(self) -> dict[str, object]:
         """The hidden truth, ready for JSON."""
         return {
@@ -134,27 +147,18 @@ def measure(
         scale: enlarges the outside effect.
         setting: exact if None.
     """
-    setting = setting or Setting.exact()
     zeros = rng.uniform(-0.25, 0.25, size=6) * gauge.range
     disturbance = OUTSIDE[outside](plan, gauge, rng, scale) if outside else None
-    state = state_with(offsets, effects)
-    added = zeros[plan.setup] + contact_shift(plan, effects)
-    surface = signals(plan, machine, state[None], disturbance)[0] + added
-    state[PARTS["leg_length"]] += setting.legs
-    touched = signals(plan, machine, state[None], disturbance, setting.misplaced)[0] + added
-    noisy = (1.0 + setting.scale) * touched + rng.normal(scale=gauge.noise, size=plan.count)
-    shown = np.round(noisy / gauge.resolution) * gauge.resolution
+    nothing = frozen(np.zeros(0))
+    begun = Session(
+        machine, gauge, plan, frozen(offsets), frozen(zeros), effects, outside, disturbance,
+        setting or Setting.exact(), nothing, nothing,
+    )  # fmt: skip
+    surface, shown = begun.gauges_show(plan, rng)
     effects = tuple(_settle_blunder(effect, shown, gauge) for effect in effects)
-    return Session(
-        machine=machine,
-        gauge=gauge,
-        plan=plan,
-        offsets=frozen(offsets),
-        zeros=frozen(zeros),
+    return replace(
+        begun,
         effects=effects,
-        outside=outside,
-        disturbance=disturbance,
-        setting=setting,
         clean=frozen(write_down(plan, gauge, surface, effects)),
         readings=frozen(np.round(write_down(plan, gauge, shown, effects), gauge.decimals)),
     )
@@ -233,3 +237,34 @@ def second_session(session: Session, seed: int) -> Session:
         rng,
         setting=setting,
     )
+
+
+HEADER = "seq,cycle,minutes,leg,direction,posture,reading_mm"
+SITTINGS = "gauge_at,part,bar,entered"
+
+
+def readings_csv(session: Session) -> str:
+    """One reading per row, in the order of time; no word of the truth."""
+    plan, places = session.plan, session.gauge.decimals
+    rows = [
+        f"{n + 1},{plan.cycle[n]},{plan.minutes[n]:.2f},{AXIS_NAMES[plan.leg[n]]},"
+        f"{AXIS_NAMES[plan.direction[n]]},{plan.posture[n]},{session.readings[n]:.{places}f}"
+        for n in range(plan.count)
+    ]
+    header = HEADER
+    if plan.part.any() or plan.entered.any() or plan.turned.any() or np.any(plan.gauge_at != 0.5):
+        header = f"{HEADER},{SITTINGS}"
+        rows = [f"{row},{_sitting(plan, n)}" for n, row in enumerate(rows)]
+    return "\n".join((header, *rows)) + "\n"
+
+
+def _sitting(plan: Plan, n: int) -> str:
+    bar = "turned" if plan.turned[n] else ""
+    entered = " ".join(f"{offset:.6f}" for offset in plan.entered[n])
+    return f"{plan.gauge_at[n]:.6f},{plan.part[n] + 1},{bar},{entered}"
+
+
+def write_readings(session: Session, path: Path) -> Path:
+    """Write the record and return its path."""
+    path.write_text(readings_csv(session), encoding="utf-8")
+    return path
