@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -175,6 +176,9 @@ def test_a_perfect_machine_reads_the_bed_the_probe_and_the_clock() -> None:
     z = touches(V400, Truth(bed=bed, tilt=tilt, drift=0.11), x, y, block, hours)
     wanted = 10.0 + 0.05 + 0.2 * x * y**2 / 150.0**3 - 0.07 * x**2 / 150.0**2 + 0.11 * hours
     np.testing.assert_allclose(z, wanted, atol=1e-9)
+    # Carriages that truly stand higher lift the tool: it has to go down further.
+    z = touches(V400, Truth(endstops=frozen([0.3] * 3)), *np.zeros((4, 1)))
+    np.testing.assert_allclose(z, [-0.3], atol=1e-9)
 
 
 def test_lost_motion_leaves_a_carriage_behind() -> None:
@@ -193,12 +197,6 @@ def test_lost_motion_leaves_a_carriage_behind() -> None:
     assert np.abs(up - down).min() > 0.004
 
 
-def test_higher_endstops_lower_the_reading() -> None:
-    """Carriages that truly stand higher lift the tool: it has to go down further."""
-    z = touches(V400, Truth(endstops=frozen([0.3] * 3)), *np.zeros((4, 1)))
-    np.testing.assert_allclose(z, [-0.3], atol=1e-9)
-
-
 def test_distances_on_a_print() -> None:
     first, second = np.array([[5.0, 0.0, 0.0]]), np.array([[69.0, 48.0, 0.0]])
     np.testing.assert_allclose(distances(V400, Truth(), first, second), [80.0], atol=1e-9)
@@ -211,20 +209,6 @@ def test_distances_on_a_print() -> None:
     apart = distances(V400, still, first, second)
     np.testing.assert_allclose(apart, [np.linalg.norm(ends[1] - ends[0])], atol=1e-8)
     assert abs(apart[0] - 80.0) > 0.05
-
-
-def test_texture_has_its_size_and_length() -> None:
-    """400 waves, 60 beds: the standard error of each is about 2 % and 0.02."""
-    rng = np.random.default_rng(7)
-    here, there = np.zeros((2, 60)), np.zeros((2, 60))
-    for n in range(60):
-        bed = Surface(150.0, {}, texture(rng, 0.02, 30.0))
-        at = rng.uniform(-100, 100, size=(2, 500))
-        here[:, n] = np.std(bed.height(*at)), 0.0
-        near = bed.height(*at), bed.height(at[0] + 30.0, at[1])
-        there[:, n] = np.corrcoef(*near)[0, 1], 0.0
-    assert here[0].mean() == pytest.approx(0.02, rel=0.1)
-    assert there[0].mean() == pytest.approx(np.exp(-0.5), abs=0.08)
 
 
 @pytest.mark.parametrize("places", [7, 13, 25, 41, 121, 400])
@@ -252,12 +236,6 @@ def test_noise_and_rounding_of_a_touch() -> None:
     )
 
 
-def test_the_same_arguments_give_the_same_session_and_other_seeds_another() -> None:
-    first, again = (make_delta_session(3, V400, ("tower_lean",)) for _ in range(2))
-    np.testing.assert_array_equal(first.readings, again.readings)
-    assert (first.readings != make_delta_session(4, V400, ("tower_lean",)).readings).all()
-
-
 @pytest.mark.parametrize("cause", TOLERANCES)
 def test_each_cause_shows_in_the_touches(cause: str) -> None:
     layout = Layout(41, (0.0, 40.0), pace=0.5)
@@ -278,7 +256,10 @@ def test_each_cause_shows_in_the_touches(cause: str) -> None:
     assert session.label == cause
 
 
-def test_unknown_causes_are_refused() -> None:
+def test_sessions_come_from_their_arguments_alone() -> None:
+    first, again = (make_delta_session(3, V400, ("tower_lean",)) for _ in range(2))
+    np.testing.assert_array_equal(first.readings, again.readings)
+    assert (first.readings != make_delta_session(4, V400, ("tower_lean",)).readings).all()
     with pytest.raises(KeyError, match="wobble"):
         make_delta_session(1, V400, ("wobble",))
 
@@ -308,11 +289,18 @@ def test_the_machine_file_states_the_machine() -> None:
     assert stated["tolerances"] == TOLERANCES
 
 
-def test_grain_is_forgotten_over_its_length() -> None:
+@pytest.mark.parametrize(
+    ("shape", "kept"),
+    [(grain, lambda away: np.exp(-away)), (texture, lambda away: np.exp(-0.5 * away**2))],
+    ids=["grain", "texture"],
+)
+def test_a_bed_is_forgotten_over_its_length(
+    shape: Callable[..., Floats], kept: Callable[[Floats], Floats]
+) -> None:
     """The correlation of 400 drawn beds at distances of half, one and two lengths."""
     rng, length = np.random.default_rng(21), 20.0
     away = np.array([0.0, 10.0, 20.0, 40.0])
-    beds = [Surface(150.0, {}, grain(rng, 0.02, length)) for _ in range(400)]
+    beds = [Surface(150.0, {}, shape(rng, 0.02, length)) for _ in range(400)]
     heights = np.array([bed.height(30.0 + away, 0.0 * away) for bed in beds])
     found = heights.T @ heights[:, 0] / len(beds) / 0.02**2
-    np.testing.assert_allclose(found, np.exp(-away / length), atol=0.2)
+    np.testing.assert_allclose(found, kept(away / length), atol=0.2)
