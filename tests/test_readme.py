@@ -32,7 +32,7 @@ def test_a_newcomer_reads_it_to_its_end() -> None:
     assert len(TEXT.splitlines()) <= 150
 
 
-def test_every_room_of_the_house_is_named() -> None:
+def test_every_folder_of_the_package_is_named() -> None:
     rooms = {path.name for path in (ROOT / "orthoglide_cal").iterdir() if path.is_dir()}
     for room in rooms - {"__pycache__"}:
         assert re.search(rf"\b{room}\b", ROOMS), room
