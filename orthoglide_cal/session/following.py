@@ -16,8 +16,6 @@ from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import UsageError, visible
 from orthoglide_cal.files import (
     Conditions,
-    FileText,
-    GaugeIdentity,
     ReadingRow,
     differing,
     input_from_document,
@@ -28,7 +26,7 @@ from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import AXES, Floats, Model, Readings, Series
 from orthoglide_cal.model.protocols import PlannedReading
 from orthoglide_cal.planning import Option, ranked
-from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
+from orthoglide_cal.planning.steps import NOTHING_ENTERED, planned_readings
 from orthoglide_cal.session.events import Following
 
 TICK_MIN = 1e-4  # to which times are written
@@ -36,7 +34,7 @@ _ORIGIN = "goes_on_from"
 
 
 @dataclass(frozen=True, eq=False)
-class First:
+class PriorReadings:
     """The n readings that were there before a session began; part of it in every result."""
 
     following: Following
@@ -65,10 +63,6 @@ class First:
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of a session, in the order of time."""
         return [self._rows[index] for index in self.readings.plan.in_time.tolist()]
-
-    def gauges(self, known: set[str]) -> list[GaugeIdentity]:
-        """Gauges of the first readings beside those `known` by their label."""
-        return [each for each in self.conditions.gauges if each.id not in known]
 
     @property
     def environment(self) -> dict[str, str]:
@@ -105,14 +99,8 @@ class First:
     def label(self, series: Series) -> str | None:
         """What the gauge is called that read this leg and direction last; None if nobody said."""
         plan = self.readings.plan
-        return next(
-            (
-                self._rows[index].gauge
-                for index in reversed(plan.in_time.tolist())
-                if plan.series[index] == series
-            ),
-            None,
-        )
+        mine = [i for i in plan.in_time.tolist() if plan.series[i] == series]
+        return self._rows[mine[-1]].gauge if mine else None
 
     def is_turned(self, leg: int) -> bool:
         """Whether the bar of a leg was turned when it was read last."""
@@ -121,19 +109,16 @@ class First:
         return bool(mine.size and plan.turned[mine[-1]])
 
     @cached_property
-    def _repeats(self) -> Counter[PlannedReading]:
+    def repeats(self) -> Counter[PlannedReading]:
+        """How often each reading was taken."""
         return Counter(planned_readings(self.readings.plan))
-
-    def cycle(self, step: SessionStep) -> int:
-        """The repeat that a step is among all readings of its kind, from 1."""
-        return self._repeats[step.cell] + step.cycle
 
 
 @dataclass(frozen=True, eq=False)
 class Recommendation:
     """What is measured next beside readings that there are, and on which machine."""
 
-    first: First
+    first: PriorReadings
     model: Model
     options: tuple[Option, ...]  # best first
     choice: int | None  # which of them the operator wants, from 1
@@ -224,7 +209,15 @@ def recommended(
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
-    model = _machine_of(data, given, otherwise)
+    own = input_from_document(data, None, otherwise)
+    names = differing(own.model, given) if given and own.is_session else []
+    if names:
+        raise UsageError(
+            f"{path} was measured on another machine than that of --machine: they differ in"
+            f" {', '.join(names)}.",
+            "Leave out --machine to go on with the machine of the session.",
+        )
+    model = input_from_document(data, given, otherwise).model if given else own.model
     first = first_of(
         Following(data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED), model
     )
@@ -260,22 +253,7 @@ def _left_entered(readings: Readings) -> Floats:
     return np.asarray(readings.plan.stood[readings.plan.in_time[-1]])
 
 
-def _machine_of(data: FileText, given: Model | None, otherwise: Callable[[], Model]) -> Model:
-    """The machine of a session, or of a table's judge. Raises UsageError for another machine."""
-    own = input_from_document(data, None, otherwise)
-    if given is None:
-        return own.model
-    names = differing(own.model, given) if own.is_session else []
-    if names:
-        raise UsageError(
-            f"{data.path} was measured on another machine than that of --machine: they differ in"
-            f" {', '.join(names)}.",
-            "Leave out --machine to go on with the machine of the session.",
-        )
-    return input_from_document(data, given, otherwise).model
-
-
-def first_of(following: Following, model: Model) -> First:
+def first_of(following: Following, model: Model) -> PriorReadings:
     """The readings that a session goes on from, read from their text.
 
     Raises:
@@ -288,4 +266,4 @@ def first_of(following: Following, model: Model) -> First:
             f"{following.data.path} holds differences; new readings cannot be joined to them.",
             "Give the file of the raw readings, if you have it.",
         )
-    return First(following, given.measured, given.conditions, given.is_session)
+    return PriorReadings(following, given.measured, given.conditions, given.is_session)

@@ -28,10 +28,10 @@ from orthoglide_cal.model import (
     places_of,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned
-from orthoglide_cal.session.following import First
+from orthoglide_cal.session.following import PriorReadings
 from orthoglide_cal.session.state import Accepted, State
 from orthoglide_cal.words import Unit
 
@@ -45,7 +45,7 @@ class Setting:
 
     model: Model
     steps: tuple[SessionStep, ...]  # all of them, number k at index k − 1
-    first: First | None = None  # the readings that it goes on from
+    first: PriorReadings | None = None  # the readings that it goes on from
 
     @property
     def machine(self) -> Orthoglide:
@@ -66,24 +66,13 @@ class Setting:
         short = np.subtract(step.planned.entered, active, dtype=np.float64)
         return np.asarray(short.round(9))
 
-    @cached_property
-    def _repeats(self) -> Counter[tuple[object, PlannedReading]]:
-        return Counter((step.setup, step.cell) for step in self.steps)
-
     def cycles_of(self, step: SessionStep) -> tuple[bool, int]:
         """Whether a step closes its set-up at the isotropic posture, and how many cycles it has."""
-        here = self._repeats[step.setup, step.cell]
-        moved = max(
-            (
-                count
-                for (setup, cell), count in self._repeats.items()
-                if setup == step.setup and cell.displacement != 0.0
-            ),
-            default=here,
-        )
-        if step.displacement_mm != 0.0 or here != moved + 1:
-            return False, here
-        return step.cycle > moved, moved
+        repeats = Counter(each.cell for each in self.steps if each.setup == step.setup)
+        here = repeats[step.cell]
+        moved = [count for cell, count in repeats.items() if cell.displacement != 0.0]
+        closes = step.displacement_mm == 0.0 and here == max(moved, default=here) + 1
+        return closes and step.cycle == here, here - closes
 
     @cached_property
     def plan(self) -> GaugePlan:
@@ -138,27 +127,28 @@ class ReadingsSoFar:
 
     def moved_before(self, step: SessionStep, rank: int) -> int | None:
         """The step at which the stand of this gauge was moved last up to record `rank`."""
-        at = [
-            number
-            for number, moment in self.state.moved
-            if moment <= rank and self.setting.steps[number - 1].zero == step.zero
-        ]
-        return at[-1] if at else None
+        steps, at = self.setting.steps, None
+        for number, moment in self.state.moved:
+            if moment <= rank and steps[number - 1].zero == step.zero:
+                at = number
+        return at
 
     @cached_property
     def doubted(self) -> tuple[bool, ...]:
         """For each reading whether it was kept although it does not fit: it proves nothing."""
-        return tuple(self._is_doubted(item) for item in self.state.accepted.values())
+        steps = self.setting.steps
 
-    def _is_doubted(self, item: Accepted) -> bool:
-        take, steps = item.take, self.setting.steps
-        if not isinstance(take, Questioned) or not take.doubt.compares:
-            return False
-        # A reading that showed that its stand was moved is right: only the zero before it is not.
-        if (take.step, item.rank) in self.state.moved:
-            return False
-        # A doubt about an earlier set-up says nothing of this one.
-        return take.about is None or steps[take.about - 1].setup == steps[take.step - 1].setup
+        def is_doubted(item: Accepted) -> bool:
+            take = item.take
+            if not isinstance(take, Questioned) or not take.doubt.compares:
+                return False
+            # A reading that showed that its stand was moved is right: only the zero before is not.
+            if (take.step, item.rank) in self.state.moved:
+                return False
+            # A doubt about an earlier set-up says nothing of this one.
+            return take.about is None or steps[take.about - 1].setup == steps[take.step - 1].setup
+
+        return tuple(is_doubted(item) for item in self.state.accepted.values())
 
     @property
     def settled(self) -> set[tuple[Doubt, int | None]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import GaugeIdentity, ReadingRow, Session, row_at, session_text
 from orthoglide_cal.session.events import Arrived, Questioned
-from orthoglide_cal.session.following import First
+from orthoglide_cal.session.following import PriorReadings
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.state import State
 
@@ -49,9 +49,10 @@ def new_session(given: Path | None, folder: Path) -> Path:
     """
     if given is None:
         waiting = unfinished(folder)
+        names = ", ".join(path.name for path in waiting)
         if waiting:
             raise UsageError(
-                f"There is an unfinished session here: {_names(waiting)}.",
+                f"There is an unfinished session here: {names}.",
                 "Go on with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
         path, number = folder / "session.yaml", 1
@@ -83,9 +84,10 @@ def resumed_session(given: Path | None, folder: Path) -> Path:
             "There is no unfinished session in this folder.",
             "Name its file: orthocal measure NAME.yaml --resume",
         )
+    names = ", ".join(path.name for path in waiting)
     if len(waiting) > 1:
         raise UsageError(
-            f"There are {len(waiting)} unfinished sessions here: {_names(waiting)}.",
+            f"There are {len(waiting)} unfinished sessions here: {names}.",
             "Name one: orthocal measure NAME.yaml --resume",
         )
     return waiting[0].with_suffix(".yaml")
@@ -97,10 +99,6 @@ def unfinished(folder: Path) -> list[Path]:
     return sorted(path for path in journals if not path.with_suffix(".yaml").exists())
 
 
-def _names(paths: list[Path]) -> str:
-    return ", ".join(path.name for path in paths)
-
-
 def session_values(so_far: ReadingsSoFar) -> Session:
     """The session file's content; the same records always give the same."""
     state, setting, first = so_far.state, so_far.setting, so_far.setting.first
@@ -110,12 +108,13 @@ def session_values(so_far: ReadingsSoFar) -> Session:
         GaugeIdentity(id=gauge.id, certificate=gauge.certificate, resolution_mm=resolution)
         for gauge in opened.gauges
     ]
+    before = first.conditions.gauges if first else ()
     accepted = zip(state.accepted.values(), so_far.labels, strict=True)
     return Session(
         machine=setting.model,
         protocol=opened.protocol.value,
         operator=opened.operator or (first.conditions.operator if first else None),
-        gauges=(*gauges, *(first.gauges({gauge.id for gauge in gauges}) if first else ())),
+        gauges=(*gauges, *(each for each in before if each.id not in {g.id for g in gauges})),
         started=(first.conditions.started if first else None) or opened.at,
         finished=state.ended.at if state.ended else None,
         environment=_environment(state, first),
@@ -146,7 +145,7 @@ def written_before(so_far: ReadingsSoFar) -> set[bytes]:
 def _place(setting: Setting, number: int) -> ReadingRow:
     """What a step reads."""
     step = setting.steps[number - 1]
-    cycle = setting.first.cycle(step) if setting.first else step.cycle
+    cycle = step.cycle + (setting.first.repeats[step.cell] if setting.first else 0)
     row = row_at(setting.plan, number - 1, str(step.posture))
     return row.model_copy(update={"cycle": cycle})
 
@@ -174,7 +173,7 @@ def _note(state: State, take: Arrived) -> str | None:
     return "; ".join(remarks) or None
 
 
-def _environment(state: State, first: First | None) -> dict[str, str]:
+def _environment(state: State, first: PriorReadings | None) -> dict[str, str]:
     opened = state.opened
     said = first.environment if first else {}
     said["readings_from"] = ", ".join(state.source)

@@ -8,17 +8,19 @@ import pytest
 
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.asking import (
+    AFTER_A_DRIVE_S,
     ALONE_S,
     ANSWER_S,
+    BETWEEN_GAUGES_S,
     POLL_S,
     RECONNECT_S,
+    STREAM,
     Asker,
     Line,
     Style,
     Typed,
     Unasked,
 )
-from orthoglide_cal.session.dead_time import AFTER_A_DRIVE_S, BETWEEN_GAUGES_S, STREAM
 from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
 
 from .virtual import Screen, a_dialogue, steps_of

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.session.dead_time import (
+from orthoglide_cal.session.asking import (
     AFTER_A_DRIVE_S,
     BETWEEN_GAUGES_S,
     BY_HAND_S,
