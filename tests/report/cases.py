@@ -11,6 +11,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files import Check
 from orthoglide_cal.model import Gauge, Model
+from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.paper.tables import table_5
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report.case import Case
@@ -33,7 +34,7 @@ def changed(
     model: Model,
     name: str | None = None,
     gauge: Gauge | None = None,
-    offsets_mm: tuple[float, float, float] | None = None,
+    offsets_mm: JointOffsets | None = None,
 ) -> Model:
     """The model of a machine with another name, gauge or active offsets."""
     new = {"name": name, "gauge": gauge, "offsets_mm": offsets_mm}
@@ -65,7 +66,7 @@ def verified() -> Document:
 def solved() -> Document:
     """Readings with a hostile name, of a machine with a hostile name and active offsets."""
     harmful = cases.hostile().given
-    model = changed(harmful.model, name=HOSTILE[3], offsets_mm=(0.25, -1.5, 0.0))
+    model = changed(harmful.model, name=HOSTILE[3], offsets_mm=JointOffsets(0.25, -1.5, 0.0))
     return solution_document(case_of(replace(harmful, model=model)), details=True)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.model import Model
+from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
 from orthoglide_cal.report.case import Case
@@ -33,7 +34,9 @@ def export(case: Case) -> Export:
 def released() -> Export:
     """The healthy session on a machine with offsets already active."""
     healthy = cases.healthy().given
-    return export(case_of(replace(healthy, model=changed(NOMINAL, offsets_mm=(0.1, -0.2, 0.3)))))
+    return export(
+        case_of(replace(healthy, model=changed(NOMINAL, offsets_mm=JointOffsets(0.1, -0.2, 0.3))))
+    )
 
 
 def changes(found: Export) -> list[float]:
@@ -115,6 +118,6 @@ def test_the_command_to_verify_keeps_the_machine_file(released: Export, name: st
 
 
 def test_previous_offsets_keep_their_digits() -> None:
-    model: Model = changed(NOMINAL, offsets_mm=(0.12345, 0.0, 0.0))
+    model: Model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, 0.0, 0.0))
     text = controller.as_linuxcnc(export(case_of(given(session(TRUE, 3), model))))
     assert "previous +0.12345" in text
