@@ -349,11 +349,11 @@ def _write(path: Path, text: str, name: str, overwrite: bool) -> None:
     tell(f"{name} written to {path}")
 
 
-def print_json(value: Mapping[str, Any]) -> None:
+def print_json(value: Mapping[str, object]) -> None:
     """One JSON object on one line of standard output; NaN is refused."""
-    from orthoglide_cal.report.json import json_line
+    import json
 
-    print(json_line(value), flush=True)
+    print(json.dumps(value, allow_nan=False, ensure_ascii=False), flush=True)
 
 
 def output() -> Console:

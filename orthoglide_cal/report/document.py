@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 from orthoglide_cal.report.escape import Html
 
@@ -221,5 +220,5 @@ class Document:
         page: makes what all other renderers show.
     """
 
-    data: Callable[[], Mapping[str, Any]]
+    data: Callable[[], Mapping[str, object]]
     page: Callable[[], Page]

@@ -14,7 +14,6 @@ import pytest
 from orthoglide_cal.files import read_input
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.html import html
-from orthoglide_cal.report.json import json_line
 from tests.machines import SAMPLES
 from tests.printer_files import OFF, printer_cfg
 from tests.report.cases import documents, report_of
@@ -62,7 +61,7 @@ def written(page: str) -> Iterator[tuple[str, str]]:
 
 
 def missing(document: Document) -> list[str]:
-    known = set(numbers_in(json.loads(json_line(document.data()))))
+    known = set(numbers_in(json.loads(json.dumps(document.data(), allow_nan=False))))
     faults = []
     for number, around in written(html(document.page())):
         digits, _, unit = number.lstrip("+-−").partition(" ")

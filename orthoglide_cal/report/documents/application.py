@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 from orthoglide_cal.errors import command
 from orthoglide_cal.model import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import measure_again
-from orthoglide_cal.report.json import SCHEMA_VERSION, by_axis
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import signed
 
@@ -19,17 +17,17 @@ def application_document(found: Application, session: str) -> doc.Document:
     return doc.Document(partial(_data, found), partial(_page, found, session))
 
 
-def _data(found: Application) -> dict[str, Any]:
+def _data(found: Application) -> dict[str, object]:
     """What changes in the machine file; lengths in mm."""
     entry = found.entry
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "machine_file": found.file.document.path,
         "machine": found.file.model.machine.name,
         "undone": found.undone,
         "date": entry.date,
-        "before": by_axis(found.before_mm),
-        "after": by_axis(found.after_mm),
+        "before": dict(zip(AXES, found.before_mm, strict=True)),
+        "after": dict(zip(AXES, found.after_mm, strict=True)),
         "data_sha256": entry.data_sha256,
     }
 

@@ -7,7 +7,6 @@ parameters with their uncertainty, as found and as left. Behind it stands what t
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
@@ -48,7 +47,6 @@ from orthoglide_cal.report.facts import (
     owner_facts,
     scope,
 )
-from orthoglide_cal.report.json import fields_of
 from orthoglide_cal.results import Answer, FoundCause, Identity, Workspace
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import (
@@ -80,7 +78,7 @@ def calibration_document(
     )
 
 
-def report_data(case: Case, identity: Identity, left: Verification | None) -> dict[str, Any]:
+def report_data(case: Case, identity: Identity, left: Verification | None) -> dict[str, object]:
     """The answer, and what only a report says; lengths in mm."""
     given, answer = case.given.conditions, case.answer
     return {
@@ -88,13 +86,9 @@ def report_data(case: Case, identity: Identity, left: Verification | None) -> di
         "identity": identity.model_dump(mode="json"),
         "machine": machine_values(case.given.model),
         "conditions": {
-            **fields_of(given, "protocol", "operator", "started", "finished", "temperature_c"),
+            **vars(given),
             "environment": dict(given.environment),
-            "gauges": [
-                {"id": gauge.id, **fields_of(gauge, "certificate", "resolution_mm")}
-                for gauge in given.gauges
-            ],
-            **fields_of(given, "retaken", "skipped"),
+            "gauges": [gauge.model_dump(mode="json") for gauge in given.gauges],
             "notes": [{"line": line, "note": note} for line, note in given.notes],
         },
         "answer": answer.model_dump(mode="json"),

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UnusableResultError, file_words
 from orthoglide_cal.files import Check
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.facts import data_words
-from orthoglide_cal.report.json import SCHEMA_VERSION, fields_of
 from orthoglide_cal.words import counted, plain
 
 if TYPE_CHECKING:
@@ -32,10 +31,10 @@ def _check_page(check: Check, refused: UnusableResultError | None) -> doc.Page:
     return doc.Page("Validation", title=None, sections=(doc.Section(None, (listing,)),))
 
 
-def check_data(check: Check, refused: UnusableResultError | None) -> dict[str, Any]:
+def check_data(check: Check, refused: UnusableResultError | None) -> dict[str, object]:
     """The object of `validate --json`; fields that are not known are null."""
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "input": {
             "path": check.path,
             "sha256": check.source.sha256 if check.source else None,
@@ -45,7 +44,7 @@ def check_data(check: Check, refused: UnusableResultError | None) -> dict[str, A
         "machine": check.name,
         "valid": check.valid,
         "problems": [
-            fields_of(problem, "line", "column", "value", "what", "remedy")
+            {name: getattr(problem, name) for name in ("line", "column", "value", "what", "remedy")}
             for problem in check.problems
         ],
         "remarks": list(check.remarks),
@@ -98,19 +97,22 @@ def _paper_page(found: Reproduction) -> doc.Page:
     )
 
 
-def paper_data(found: Reproduction) -> dict[str, Any]:
+def paper_data(found: Reproduction) -> dict[str, object]:
     """One table; None where nothing was printed or nothing can be computed."""
     return {
-        "schema_version": SCHEMA_VERSION,
-        **fields_of(found, "table", "title", "columns"),
+        "schema_version": 1,
+        "table": found.table,
+        "title": found.title,
+        "columns": found.columns,
         "rows": [
             {
-                **fields_of(row, "name", "published", "computed", "allowed"),
+                **vars(row),
                 "reproduced": None if row.computed is None else row.reproduced,
             }
             for row in found.rows
         ],
-        **fields_of(found, "reproduced", "notes"),
+        "reproduced": found.reproduced,
+        "notes": found.notes,
     }
 
 

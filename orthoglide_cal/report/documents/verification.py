@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.model import DataKind
@@ -34,7 +33,7 @@ def verification_document(found: Verification, identity: Identity) -> doc.Docume
     return doc.Document(partial(_data, found, identity), partial(_page, found, identity))
 
 
-def _data(found: Verification, identity: Identity) -> dict[str, Any]:
+def _data(found: Verification, identity: Identity) -> dict[str, object]:
     issued = identity.issued.isoformat(timespec="seconds")
     return {**found.model_dump(mode="json"), "number": identity.number, "issued": issued}
 
