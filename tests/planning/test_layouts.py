@@ -206,7 +206,7 @@ def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
 
 
 def test_where_nothing_tells_the_best_is_named() -> None:
-    rough = V400_MODEL.machine.changed(texture_mm=0.2)
+    rough = V400_MODEL.machine.changed(probe=V400_MODEL.machine.probe.changed(texture_mm=0.2))
     design = measurement_plan(Model(rough), Wanted()).design
     assert design is not None
     assert not design.reached
@@ -226,8 +226,8 @@ def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
 
 
 def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
-    gauge = V400_MODEL.machine.gauge.changed(repeatability_mm=2.0)
-    coarse = measurement_plan(Model(V400_MODEL.machine.changed(gauge=gauge)), Wanted())
+    gauge = V400_MODEL.machine.probe.changed(repeatability_mm=2.0)
+    coarse = measurement_plan(Model(V400_MODEL.machine.changed(probe=gauge)), Wanted())
 
     def undetermined(plan: MeasurementPlan) -> set[str]:
         return {
