@@ -18,6 +18,7 @@ ROOMS = (
 ONLY_FOR = {"paper": {"cli", "report"}}
 PRINTING = {"cli"}
 SEEDING = {"cli", "session"}
+MOST_ANY = 75  # mentions of `Any`
 
 
 def name_of(path: Path) -> str:
@@ -85,6 +86,26 @@ def test_no_imports_run_in_a_circle() -> None:
         knows = {name: others - free for name, others in knows.items() if name not in free}
     faults = [f"{name} knows {', '.join(sorted(others))}" for name, others in knows.items()]
     assert not faults, listed(faults)
+
+
+def test_no_class_name_stands_twice() -> None:
+    defined: dict[str, list[str]] = {}
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                defined.setdefault(node.name, []).append(f"{name}:{node.lineno}: {node.name}")
+    faults = [place for places in defined.values() if len(places) > 1 for place in places]
+    assert not faults, listed(faults)
+
+
+def test_hardly_anything_is_of_any_type() -> None:
+    found = [
+        f"{name}:{node.lineno}"
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name) and node.id == "Any"
+    ]
+    assert len(found) <= MOST_ANY, listed(found)
 
 
 def test_imports_are_absolute() -> None:

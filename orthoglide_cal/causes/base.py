@@ -10,13 +10,13 @@ import functools
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan
+from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
@@ -57,8 +57,8 @@ class PatternCause(Cause):
         theta: Numbers,
         place: Place,
         where: Numbers,
-        plan: Any,
-        machine: Any,
+        plan: AnyPlan,
+        machine: Machine,
     ) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
         if self.stage is not Stage.CONTACT:

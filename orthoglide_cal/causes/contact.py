@@ -117,7 +117,7 @@ class StandShift(PatternCause):
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The first reading after the knock."""
-        return f"from {plan.words(machine, place.index[0])} on"
+        return f"from {machine.reading_words(plan, place.index[0])} on"
 
     def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
         """1 from the place on, within its set-up."""

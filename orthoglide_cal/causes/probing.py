@@ -8,6 +8,7 @@ import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Numbers
 from orthoglide_cal.model.probe_plan import ProbePlan
 
@@ -29,10 +30,10 @@ class _Surface(Cause):
         place: Place,
         where: Numbers,
         plan: ProbePlan,
-        machine: LinearDelta,
+        machine: Machine,
     ) -> Numbers:
         """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
-        x, y = where[..., 0] / machine.bed_radius_mm, where[..., 1] / machine.bed_radius_mm
+        x, y, _ = np.moveaxis(where / LinearDelta.require(machine).bed_radius_mm, -1, 0)
         terms = (
             theta[..., k, None] * x ** name.count("x") * y ** name.count("y")
             for k, name in enumerate(self.names)
@@ -92,7 +93,7 @@ class ProbeDrift(Cause):
         place: Place,
         where: Numbers,
         plan: ProbePlan,
-        machine: LinearDelta,
+        machine: Machine,
     ) -> Numbers:
         """Reading += rate · hours; theta (..., 1) [mm/h]."""
         return heights + ~plan.distance * theta * plan.hours

@@ -52,7 +52,7 @@ class Misread(PatternCause):
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The reading."""
-        return plan.words(machine, place.index[0])
+        return machine.reading_words(plan, place.index[0])
 
     def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
         """1 at the reading."""
@@ -99,7 +99,7 @@ class GaugeSlip(PatternCause):
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         """The reading, or the first of several."""
-        reading = plan.words(machine, place.index[0])
+        reading = machine.reading_words(plan, place.index[0])
         return f"from {reading} on" if place.index[1] else reading
 
     def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:

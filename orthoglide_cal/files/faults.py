@@ -50,7 +50,7 @@ _QUOTED = re.compile("'([^']*)'")
 _STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")
 
 
-class Place(NamedTuple):
+class FaultPlace(NamedTuple):
     """Where a fault is: line from 1, column header or dotted path, and the text there."""
 
     line: int
@@ -99,7 +99,7 @@ class Faults:
         self,
         error: ValidationError,
         schema: object,
-        place: Callable[[Steps], Place],
+        place: Callable[[Steps], FaultPlace],
         words: Mapping[str, tuple[str, str]] = {},
     ) -> None:
         """Note everything that pydantic found.

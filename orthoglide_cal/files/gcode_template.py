@@ -14,7 +14,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults, Place, nearest
+from orthoglide_cal.files.faults import FaultPlace, Faults, nearest
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import Positive, Schema
 
@@ -35,7 +35,7 @@ _MODES: tuple[tuple[tuple[str, ...], Mapping[str, str]], ...] = (
 )
 
 
-class Values(StrEnum):
+class PostureValues(StrEnum):
     """What the numbers behind the axis words are."""
 
     JOINTS = "joints"
@@ -73,7 +73,7 @@ class Template(Schema):
     after: tuple[str, ...]
     semicolon: bool
     axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")
-    values: Annotated[Values, BeforeValidator(str.lower)] = Values.JOINTS
+    values: Annotated[PostureValues, BeforeValidator(str.lower)] = PostureValues.JOINTS
     pause: Annotated[str, AfterValidator(_pause)] = "M0"
     feed: Positive = 1000.0
     slow: Positive = 100.0
@@ -94,7 +94,7 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
     parts: tuple[list[str], list[str]] = ([], [])
     known = [name for name, field in Template.model_fields.items() if not field.is_required()]
     settings: dict[str, str] = {}
-    places: dict[str | int, Place] = {}
+    places: dict[str | int, FaultPlace] = {}
     markers: list[bool] = []
     modes: dict[int, tuple[int, str]] = {}
     for line, text in enumerate(document.text.rstrip("\n").split("\n"), start=1):
@@ -110,7 +110,7 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
                 faults.add("This setting stands here twice.", "Take one out.", line=line, value=key)
             elif name in known:
                 settings[name] = " ".join(value.split())
-                places[name] = Place(line, None, value.strip())
+                places[name] = FaultPlace(line, None, value.strip())
             elif name != _NOTE:
                 near = nearest(name, (*known, _NOTE, _MARKER))
                 faults.add("This is no setting.", f"{near}{_PRINT}", line=line, value=name)

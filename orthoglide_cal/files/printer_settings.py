@@ -41,7 +41,7 @@ class Value:
         return " ".join(text for _, text in self.texts)
 
 
-class _Lines:
+class _SettingLines:
     """Lines of one part of the file to options."""
 
     def __init__(self, faults: Faults, matters: Callable[[str], bool]) -> None:
@@ -102,7 +102,7 @@ class Settings:
 
     def __init__(self, document: FileText, matters: Callable[[str], bool]) -> None:
         faults = Faults(document.path)
-        own, saved = _Lines(faults, matters), _Lines(faults, matters)
+        own, saved = _SettingLines(faults, matters), _SettingLines(faults, matters)
         for line, text in enumerate(document.text.split("\n"), start=1):
             if text.startswith(_SAVED):
                 saved.take(line, text.removeprefix(_SAVED))

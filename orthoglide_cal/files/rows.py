@@ -26,7 +26,7 @@ from pydantic import (
 )
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults, Place, Steps
+from orthoglide_cal.files.faults import FaultPlace, Faults, Steps
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model import AXES, DIFFERENCES, DataKind, Posture
 from orthoglide_cal.schema import Count, Moment, Schema, parse_count, yaml_number
@@ -54,14 +54,14 @@ class Record:
     lines: Mapping[str, int] = field(default_factory=dict)
     prefix: str = ""
 
-    def place(self, path: Steps) -> Place:
+    def place(self, path: Steps) -> FaultPlace:
         """Where the cell of a column stands, which `path` begins with."""
         column = str(path[0])
         inches = f"{column.removesuffix('_mm')}_in"
         if column not in self.cells and inches in self.cells:
             column = inches
         line = self.lines.get(column, self.line)
-        return Place(line, self.prefix + column, self.cells.get(column))
+        return FaultPlace(line, self.prefix + column, self.cells.get(column))
 
 
 @dataclass

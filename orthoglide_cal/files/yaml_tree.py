@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults, Place, Steps, dotted
+from orthoglide_cal.files.faults import FaultPlace, Faults, Steps, dotted
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, check_size, has_control
 
 _DEPTH = 20
@@ -36,7 +36,7 @@ class Tree:
     value: Any = None
     lines: dict[Steps, int] = field(default_factory=dict, repr=False)
 
-    def place(self, path: Steps) -> Place:
+    def place(self, path: Steps) -> FaultPlace:
         """Where the node at `path` stands; of one that is missing, where its parent does."""
         value, there = self.value, path
         while there and there not in self.lines:
@@ -44,7 +44,7 @@ class Tree:
         for step in there:
             value = value[step]
         text = value if there == path and isinstance(value, str) else None
-        return Place(self.lines.get(there, 1), dotted(path), text)
+        return FaultPlace(self.lines.get(there, 1), dotted(path), text)
 
 
 @dataclass

@@ -12,13 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, ReadOnly
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, ReadOnly
 from orthoglide_cal.model.real import Command
 
 
@@ -139,19 +139,19 @@ class Cause:
         """Number of its parameters, nuisance ones included."""
         return len(self.names) + len(self.nuisance)
 
-    def places(self, plan: Any, machine: Any) -> tuple[Place, ...]:
+    def places(self, plan: AnyPlan, machine: Machine) -> tuple[Place, ...]:
         """Where it may act on these readings; the whole machine by default."""
         return (EVERYWHERE,)
 
-    def label(self, place: Place, plan: Any, machine: Machine) -> str:
+    def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
         """A place in words; empty for the whole machine."""
         return ""
 
-    def spoiled(self, place: Place, plan: Any) -> Ints:
+    def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
         """Indices of the readings that it spoils at a place; none for the whole machine."""
         return np.zeros(0, dtype=np.intp)
 
-    def to_read_again(self, plan: Any, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
         """Indices of the readings that taking again would mend; () if that mends nothing."""
         return ()
 
@@ -196,14 +196,14 @@ class Cause:
         theta: Numbers,
         place: Place,
         where: Numbers,
-        plan: Any,
-        machine: Any,
+        plan: AnyPlan,
+        machine: Machine,
     ) -> Numbers:
         """Gauge positions (..., n) [mm]; `where` as in `GaugeResponse`."""
         return heights
 
     def inverted(
-        self, readings: Floats, theta: Floats, place: Place, plan: Any, machine: Machine
+        self, readings: Floats, theta: Floats, place: Place, plan: AnyPlan, machine: Machine
     ) -> Floats:
         """Readings (n,) as they would be without a fault of the contact or the record [mm].
 
@@ -212,7 +212,7 @@ class Cause:
         return readings
 
     def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: Any, machine: Machine
+        self, readings: Numbers, theta: Numbers, place: Place, plan: AnyPlan, machine: Machine
     ) -> Numbers:
         """What was written down (..., n) [mm]."""
         return readings

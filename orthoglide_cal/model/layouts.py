@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import AnyPlan, Floats
 from orthoglide_cal.model.probe_plan import ProbePlan
 
 # Pace assumed where nobody measured the time: a touch, and putting a block under the probe [min].
@@ -45,7 +45,7 @@ class Layout(NamedTuple):
 
     name: str
     what: str
-    plan: Any
+    plan: AnyPlan
     minutes: float
     cycles: int = 1
     gauge_moves: int = 0

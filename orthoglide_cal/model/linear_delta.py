@@ -302,6 +302,14 @@ class LinearDelta(Machine):
             readings = np.where(plan.distance, apart - wanted, readings)
         return GaugeResponse(readings, first, None)
 
+    def reading_words(self, plan: ProbePlan, index: int) -> str:
+        """Such as "x 12.5, y -30 mm (touch 12)"."""
+        # Without a negative zero.
+        x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
+        number = int(np.sum(plan.order <= plan.order[index]))
+        what = "distance" if plan.distance[index] else "touch"
+        return f"x {x}, y {y} mm ({what} {number})"
+
     def uncertain(
         self, plan: ProbePlan, predict: Callable[[ProbePlan], Floats]
     ) -> Iterator[Influence]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
+from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
@@ -19,7 +19,7 @@ from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.layouts import Layout
-from orthoglide_cal.model.plan import Floats, Numbers
+from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import Vocabulary
@@ -259,7 +259,7 @@ class Machine(Schema):
         """
         raise NotImplementedError
 
-    def command(self, plan: Any) -> Command:
+    def command(self, plan: AnyPlan) -> Command:
         """Where the controller sends the carriages for each reading of a plan.
 
         Raises:
@@ -268,10 +268,14 @@ class Machine(Schema):
         raise NotImplementedError
 
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: Any, strict: bool, derivative: bool
+        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool
     ) -> GaugeResponse:
         """What gauges or probes are pushed to, and its derivative where that is asked for and
         known in closed form; arguments and errors as of `simulate`."""
+        raise NotImplementedError
+
+    def reading_words(self, plan: AnyPlan, index: int) -> str:
+        """One reading of a plan in words."""
         raise NotImplementedError
 
     def recalibrated(self, after: Machine) -> bool:
@@ -279,7 +283,7 @@ class Machine(Schema):
         was homed anew: what the real ones exceed them by is then unknown again."""
         return False
 
-    def further(self, plan: Any) -> Iterator[tuple[str, Any, float]]:
+    def further(self, plan: AnyPlan) -> Iterator[tuple[str, AnyPlan, float]]:
         """What can be measured next besides its protocols: in words, its plan, its minutes."""
         return iter(())
 
@@ -291,11 +295,11 @@ class Machine(Schema):
         """Ways to measure that distinguish its rivals more or less, quickest first."""
         return ()
 
-    def local_shape(self, plan: Any) -> Influence | None:
+    def local_shape(self, plan: AnyPlan) -> Influence | None:
         """What neighbouring readings share, and what nobody calls an error; None for nothing."""
         return None
 
-    def uncertain(self, plan: Any, predict: Callable[[Any], Floats]) -> Iterator[Influence]:
+    def uncertain(self, plan: AnyPlan, predict: Callable[[AnyPlan], Floats]) -> Iterator[Influence]:
         """What nobody knows exactly of the gauges or of what they touch.
 
         Args:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.plan import Floats, Ints, ReadOnly, View
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, ReadOnly, View
 from orthoglide_cal.model.readings import Posture, Series
 
 
@@ -112,7 +112,7 @@ class Readings(ReadOnly):
         remarks: what the reader wants the user to know (unknown columns, assumed times).
     """
 
-    plan: Any
+    plan: AnyPlan
     value: Floats
     cycle: Ints
     posture: tuple[str, ...]

@@ -18,14 +18,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.machine import JointOffsets, Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Floats, Numbers, Plan
+from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan
 from orthoglide_cal.model.real import RealMachine
 
 
@@ -189,7 +188,7 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
 
 
 def _simulate(
-    model: Model, parameters: Numbers, plan: Any, strict: bool, derivative: bool = False
+    model: Model, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool = False
 ) -> tuple[Numbers, Floats | None]:
     """Readings; if it is wanted and known in closed form, their derivative by the parameters."""
     machine = model.machine

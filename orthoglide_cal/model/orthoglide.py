@@ -30,7 +30,7 @@ from orthoglide_cal.model.kinematics import (
 )
 from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, part_words
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import OFFSETS
 from orthoglide_cal.schema import Number, told
@@ -300,6 +300,16 @@ class Orthoglide(Machine):
         if derivative and real.still:
             jacobian = behind_batch(self.touched_derivative(points, plan, moments, fraction), 2)
         return GaugeResponse(behind_batch(heights, 1), behind_batch(fraction, 1), jacobian)
+
+    def reading_words(self, plan: GaugePlan, index: int) -> str:
+        """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
+        moved = float(plan.displacement[index])
+        posture = self.posture_at(moved) or f"{moved:g} mm"
+        alike = (plan.setup == plan.setup[index]) & (plan.displacement == moved)
+        cycle = int(np.sum(alike & (plan.order <= plan.order[index])))
+        number = int(np.sum(plan.order <= plan.order[index]))
+        where = f"{plan.series[index].words}, {posture}, cycle {cycle}"
+        return f"{where}{part_words(plan, int(plan.part[index]))} (reading {number})"
 
     def uncertain(
         self, plan: GaugePlan, predict: Callable[[GaugePlan], Floats]

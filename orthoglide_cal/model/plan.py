@@ -14,13 +14,15 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
+# A plan of whatever kind: which one only its machine, and the causes of that kind, know.
+AnyPlan = Any
 
 
 class View(StrEnum):
@@ -30,7 +32,7 @@ class View(StrEnum):
     BED = "bed"
 
 
-def read_only(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
+def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
     """A private copy of `values` that nobody can write to."""
     array = np.array(values, dtype=dtype)
     array.setflags(write=False)
@@ -47,7 +49,7 @@ class ReadOnly:
 
 
 # Of the arrays of a plan; all others hold whole numbers.
-_DTYPES: Mapping[str, Any] = MappingProxyType(
+_DTYPES: Mapping[str, type] = MappingProxyType(
     dict.fromkeys(
         ("displacement", "gauge_at", "hours", "entered", "place", "other", "surface", "weight"),
         np.float64,
@@ -81,7 +83,7 @@ class Plan:
     def __post_init__(self) -> None:
         n = np.shape(self.order)
         for item in fields(self):
-            array = np.asarray(getattr(self, item.name), _DTYPES.get(item.name, np.intp))
+            array: Numbers = np.asarray(getattr(self, item.name), _DTYPES.get(item.name, np.intp))
             shape = (*n, self.rows[item.name]) if item.name in self.rows else n
             if item.default_factory is not MISSING and array.ndim < len(shape):
                 array = np.broadcast_to(array, shape)
@@ -168,10 +170,6 @@ class Plan:
         Args:
             ordered: whether the order in time is known.
         """
-        raise NotImplementedError
-
-    def words(self, machine: Any, index: int) -> str:
-        """One reading in words."""
         raise NotImplementedError
 
 

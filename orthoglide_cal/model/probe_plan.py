@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -119,14 +118,6 @@ class ProbePlan(Plan):
             steady = touch[:, None] * np.stack((np.ones(len(self)), self.hours), axis=1)
             wander -= steady @ np.linalg.lstsq(steady, wander)[0]
             yield "readings that wander with time", wander
-
-    def words(self, machine: Any, index: int) -> str:
-        """One reading: "x 12.5, y -30 mm (touch 12)"."""
-        # Without a negative zero.
-        x, y, _ = (f"{value:g}" for value in (self.place[index].round(2) + 0.0).tolist())
-        number = int(np.sum(self.order <= self.order[index]))
-        what = "distance" if self.distance[index] else "touch"
-        return f"x {x}, y {y} mm ({what} {number})"
 
 
 def texture(place: Floats) -> Floats:

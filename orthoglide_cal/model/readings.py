@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -209,16 +209,6 @@ class GaugePlan(Plan):
         for leg in np.unique(self.leg):
             own = np.flatnonzero(self.leg == leg)
             yield f"more scatter on leg {AXES[leg]}", np.eye(len(self))[:, own]
-
-    def words(self, machine: Any, index: int) -> str:
-        """One reading: "leg x, direction y, min, cycle 2 (reading 12)"."""
-        moved = float(self.displacement[index])
-        posture = machine.posture_at(moved) or f"{moved:g} mm"
-        alike = (self.setup == self.setup[index]) & (self.displacement == moved)
-        cycle = int(np.sum(alike & (self.order <= self.order[index])))
-        number = int(np.sum(self.order <= self.order[index]))
-        where = f"{self.series[index].words}, {posture}, cycle {cycle}"
-        return f"{where}{part_words(self, int(self.part[index]))} (reading {number})"
 
     @cached_property
     def series(self) -> tuple[Series, ...]:

@@ -25,9 +25,10 @@ from orthoglide_cal.estimation.solution import budget_of_readings
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.layouts import Layout
+from orthoglide_cal.model.plan import AnyPlan
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.model.workspace import workspace_error
-from orthoglide_cal.planning.separation import AnyPlan, separations
+from orthoglide_cal.planning.separation import separations
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
     MeasuringProtocol,

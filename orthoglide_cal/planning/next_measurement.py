@@ -51,10 +51,9 @@ from orthoglide_cal.model import (
     without_zeros,
 )
 from orthoglide_cal.model.influence import Origin
-from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.model.plan import AnyPlan, Bools
 from orthoglide_cal.planning.forecast import ARRAYS, Minutes, estimator_for, lengths
 from orthoglide_cal.planning.options import Option, further, joined, options
-from orthoglide_cal.planning.separation import AnyPlan
 from orthoglide_cal.schema import Schema
 
 # Explanations nearer than this to each other under every option cannot be distinguished [σ].

@@ -23,6 +23,7 @@ from orthoglide_cal.model import (
     other_axes,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.plan import AnyPlan
 from orthoglide_cal.model.protocols import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
@@ -30,7 +31,6 @@ from orthoglide_cal.model.protocols import (
     plan_of,
 )
 from orthoglide_cal.planning.bar import bar_warning, places, reach_mm, worst_touch
-from orthoglide_cal.planning.separation import AnyPlan
 from orthoglide_cal.planning.steps import (
     NOTHING_ENTERED,
     MeasuringProtocol,

@@ -13,7 +13,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,9 +31,8 @@ from orthoglide_cal.model import (
     zero_free,
 )
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.plan import AnyPlan
 
-# Of any kind of machine: each cause and estimator reads what its own has.
-AnyPlan = Any
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0
 

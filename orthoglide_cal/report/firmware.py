@@ -39,7 +39,7 @@ _NOWHERE = "it has no setting for that: correct the fault"
 
 
 @dataclass(frozen=True)
-class Values:
+class FirmwareValues:
     """The numbers of a firmware.
 
     Attributes:
@@ -62,7 +62,7 @@ class Values:
         return len({round(arm, DECIMALS) for arm in self.arms}) == 1
 
 
-def values_of(export: Export) -> Values:
+def values_of(export: Export) -> FirmwareValues:
     """What is to be entered; arms that were accepted as longer are entered as they are."""
     model, answer = export.case.given.model, export.case.answer
     machine = LinearDelta.require(model.machine)
@@ -74,7 +74,7 @@ def values_of(export: Export) -> Values:
             arms += effect.theta
     # The carriages stay where they are; longer arms let the nozzle down.
     lower = np.sqrt(arms**2 - radius**2) - np.sqrt(nominal**2 - radius**2)
-    return Values(
+    return FirmwareValues(
         tuple(arms.tolist()),
         radius,
         (angle_a, angle_b, machine.tower_angles_deg[2]),
@@ -83,7 +83,7 @@ def values_of(export: Export) -> Values:
     )
 
 
-def klipper(values: Values) -> Iterator[str]:
+def klipper(values: FirmwareValues) -> Iterator[str]:
     """Lines of the SAVE_CONFIG block of printer.cfg."""
     yield "# In printer.cfg, at its end: put these in place of the same lines of the SAVE_CONFIG"
     yield "# block. Paste nothing else there: every line of it begins with #*#."
@@ -101,7 +101,7 @@ def klipper(values: Values) -> Iterator[str]:
         yield f"#*# position_endstop = {endstop}"
 
 
-def reprapfirmware(values: Values) -> Iterator[str]:
+def reprapfirmware(values: FirmwareValues) -> Iterator[str]:
     """M665 and M666 of config.g; towers a, b, c are X, Y, Z."""
     yield "; In config.g, in place of its M665 and M666; if config-override.g has them, too, delete"
     yield "; them there. Then restart, home (G28), and make a new height map (G29)."
@@ -117,7 +117,7 @@ def reprapfirmware(values: Values) -> Iterator[str]:
         yield "; Three lengths after L need RepRapFirmware 2.03 or newer."
 
 
-def marlin(values: Values) -> Iterator[str]:
+def marlin(values: FirmwareValues) -> Iterator[str]:
     """M665 and M666, saved with M500; towers a, b, c are X, Y, Z."""
     yield "; Send these lines, then home (G28) and make a new mesh (G29). If Marlin knows a Z"
     yield "; offset of the probe (M851), add it to H with its sign: it takes it off again."
@@ -139,7 +139,7 @@ def marlin(values: Values) -> Iterator[str]:
         yield "; leave A, B and C out; the difference of the arms is not entered."
 
 
-def _trims(values: Values) -> list[float]:
+def _trims(values: FirmwareValues) -> list[float]:
     return [angle - usual for angle, usual in zip(values.angles, TOWERS, strict=True)]
 
 
@@ -152,7 +152,7 @@ def _number(value: float) -> str:
 
 
 # Format → the name of the firmware, its lines, and what begins a comment.
-FIRMWARES: Mapping[str, tuple[str, Callable[[Values], Iterator[str]], str]] = {
+FIRMWARES: Mapping[str, tuple[str, Callable[[FirmwareValues], Iterator[str]], str]] = {
     "klipper": ("Klipper", klipper, "#"),
     "reprapfirmware": ("RepRapFirmware", reprapfirmware, ";"),
     "marlin": ("Marlin", marlin, ";"),

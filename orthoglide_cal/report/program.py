@@ -6,7 +6,7 @@ import re
 import textwrap
 from collections.abc import Iterator
 
-from orthoglide_cal.files.gcode_template import Template, Values
+from orthoglide_cal.files.gcode_template import PostureValues, Template
 from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.program import Block, Point, PostureProgram
@@ -105,11 +105,11 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
     """What the numbers are, and what the approach means."""
     home, names = short(program.home_mm, _DECIMALS), " ".join(template.axes)
     meaning = {
-        Values.JOINTS: f"joint positions as the controller shows them: all {home} at the"
+        PostureValues.JOINTS: f"joint positions as the controller shows them: all {home} at the"
         " isotropic posture",
-        Values.DISPLACEMENTS: f"displacements of the carriages from the isotropic posture, where"
+        PostureValues.DISPLACEMENTS: f"displacements of the carriages from the isotropic posture, where"
         f" the joint positions are {home}",
-        Values.TOOL: "tool positions: all 0 at the isotropic posture",
+        PostureValues.TOOL: "tool positions: all 0 at the isotropic posture",
     }
     said = (
         f"For {program.machine.name}: {counted(len(program.blocks), 'posture')}, each a"
@@ -171,9 +171,9 @@ def _block_lines(block: Block, program: PostureProgram, template: Template) -> I
 def _move(point: Point, feed: float, program: PostureProgram, template: Template) -> str:
     """A straight move, e.g. "G1 X309.25 Y309.25 Z309.25 F1000"."""
     values = {
-        Values.JOINTS: point.joints,
-        Values.DISPLACEMENTS: point.joints - program.home_mm,
-        Values.TOOL: point.tool,
+        PostureValues.JOINTS: point.joints,
+        PostureValues.DISPLACEMENTS: point.joints - program.home_mm,
+        PostureValues.TOOL: point.tool,
     }[template.values]
     words = (
         f"{axis}{plain(value, _DECIMALS)}"

@@ -93,7 +93,7 @@ class Show(Protocol):
     def __call__(self, text: str, style: Style = Style.PLAIN, end: str = "\n") -> None: ...
 
 
-class Typed(NamedTuple):
+class TypedLine(NamedTuple):
     """An answer from the keyboard."""
 
     text: str
@@ -216,7 +216,7 @@ class Asker:
 
     def ask(
         self, prompt: Prompt, step: SessionStep | None = None, takes: int = 0
-    ) -> Typed | Heard | Unasked:
+    ) -> TypedLine | Heard | Unasked:
         """Show a prompt and wait for the answer.
 
         Args:
@@ -250,7 +250,7 @@ class Asker:
             pass
         return answer
 
-    def _look(self, gauge: LiveGauge | None) -> Typed | Heard | Unasked | None:
+    def _look(self, gauge: LiveGauge | None) -> TypedLine | Heard | Unasked | None:
         """One look at the keyboard, then at the gauge, if it is asked."""
         if self.keyboard.disturbed():
             self._end_line()
@@ -266,7 +266,7 @@ class Asker:
                 return self._stream(self._keys)
             if text or gauge is None:
                 self._answered = (line.ended, self._keys)
-                return Typed(text)
+                return TypedLine(text)
             self._asked = self.clock()
         if self._sending is not None and self._sending.is_quiet(self.clock()):
             self._sending.unasked, self._sending = 0, None

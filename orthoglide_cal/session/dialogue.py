@@ -14,7 +14,7 @@ from orthoglide_cal.files import session_text, write_session
 from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
-from orthoglide_cal.session.asking import Asker, Style, Typed, Unasked
+from orthoglide_cal.session.asking import Asker, Style, TypedLine, Unasked
 from orthoglide_cal.session.checks import Question, judge
 from orthoglide_cal.session.events import Doubt, Event, Questioned
 from orthoglide_cal.session.gauges.interface import Heard, Token
@@ -195,7 +195,7 @@ class Dialogue:
             return f"{wording.wrapped(asked, columns)}\n{keys}"
 
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
-        word = answer.text.lower() if isinstance(answer, Typed) else None
+        word = answer.text.lower() if isinstance(answer, TypedLine) else None
         if word in ("k", "y", "keep", "yes"):
             self._keep(pending)
         elif word == "m" and may_move:
@@ -214,7 +214,7 @@ class Dialogue:
         answer = self.asker.ask(lambda columns: prompt)
         if isinstance(answer, Unasked):
             self._take_back(answer)
-        text = _clean(answer.text) if isinstance(answer, Typed) else ""
+        text = _clean(answer.text) if isinstance(answer, TypedLine) else ""
         if text == "q":
             raise Quit
         if text == "?":
@@ -224,7 +224,7 @@ class Dialogue:
 
     # ---- readings
 
-    def _receive(self, answer: Typed | Heard | Unasked, step: SessionStep) -> None:
+    def _receive(self, answer: TypedLine | Heard | Unasked, step: SessionStep) -> None:
         """Take an answer for a reading or a key."""
         if isinstance(answer, Unasked):
             self._take_back(answer)

@@ -31,7 +31,7 @@ from orthoglide_cal.planning.steps import (
 )
 from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import wording
-from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style, Typed
+from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import (
     PLANNED_VERSION,
@@ -206,7 +206,7 @@ def _confirmed(
             asker.say(wording.PROTOTYPE, Style.BAD)
         asker.say(wording.CONFIRM_NEXT if found else wording.CONFIRM, Style.QUESTION)
         answer = asker.ask(lambda columns: _HOLDS)
-        text = answer.text.lower() if isinstance(answer, Typed) else ""
+        text = answer.text.lower() if isinstance(answer, TypedLine) else ""
         if text in ("", "y", "yes"):
             return (found.model if found else model), found
         if text in ("n", "no", "q"):

@@ -417,8 +417,8 @@ def test_cells_are_patches_of_the_bed() -> None:
 def test_a_reading_in_words_has_its_place_and_number() -> None:
     plan = standard_plan()
     x, y = plan.place[11, :2].round(2)
-    assert plan.words(PRINTER, 11) == f"x {x:g}, y {y:g} mm (touch 12)"
-    assert plan.words(PRINTER, 80).endswith("mm (distance 81)")
+    assert PRINTER.reading_words(plan, 11) == f"x {x:g}, y {y:g} mm (touch 12)"
+    assert PRINTER.reading_words(plan, 80).endswith("mm (distance 81)")
 
 
 def test_local_shape_is_shared_by_neighbours() -> None:

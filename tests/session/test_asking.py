@@ -18,7 +18,7 @@ from orthoglide_cal.session.asking import (
     Asker,
     Line,
     Style,
-    Typed,
+    TypedLine,
     Unasked,
 )
 from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
@@ -122,14 +122,14 @@ def at(
 
 def test_the_prompt_alone_is_shown_and_the_keyboard_looked_at_in_turn() -> None:
     asker, screen, scene = at((1.0, None, []), (1.0, "-0.64 ", []))
-    assert asker.ask(prompt, STEP, 2) == Typed("-0.64")
+    assert asker.ask(prompt, STEP, 2) == TypedLine("-0.64")
     assert scene.log == ["catch up", "begin 1 2", f"read {POLL_S}", f"read {POLL_S}"]
     assert screen.shown == [(PROMPT, Style.PROMPT)]
 
 
 def test_where_words_are_asked_the_gauge_is_not_heard() -> None:
     asker, _, scene = at((9.0, None, [READ]), (1.0, "", [READ]))
-    assert asker.ask(words) == Typed("")
+    assert asker.ask(words) == TypedLine("")
     assert scene.returns == [False]  # only to forget what it said before
 
 
@@ -192,7 +192,7 @@ def test_a_lost_gauge_is_tried_again_now_and_then_until_it_is_back() -> None:
 
 def test_keys_work_while_the_gauge_is_lost() -> None:
     asker, _, scene = at((0.1, None, None), (0.1, "", None), (0.1, "q", None))
-    assert asker.ask(prompt, STEP) == Typed("q")
+    assert asker.ask(prompt, STEP) == TypedLine("q")
     assert scene.returns == [False, False]
 
 
@@ -205,9 +205,9 @@ def test_a_line_in_the_dead_time_is_said_and_not_taken(driving: bool, second: st
     dead = AFTER_A_DRIVE_S if driving else BETWEEN_GAUGES_S
     looks = ((9.0, "-0.64", []), (0.97 * dead, second, []), (1.03 * BETWEEN_GAUGES_S, "0.5", []))
     asker, screen, _ = at(*looks, gauge=False)
-    assert asker.ask(prompt, STEP) == Typed("-0.64")
+    assert asker.ask(prompt, STEP) == TypedLine("-0.64")
     asker.rest(driving)
-    assert asker.ask(prompt, STEP) == Typed("0.5")
+    assert asker.ask(prompt, STEP) == TypedLine("0.5")
     said = [text for text, style in screen.shown if style is Style.ASIDE]
     assert said == [f"ignored: {second or 'Return'} arrived {0.97 * dead:.2f} s after the last one"]
     assert screen.text.endswith(f"{PLACE}\n{PROMPT}")  # shown again
@@ -218,20 +218,20 @@ def test_after_the_dead_time_a_line_is_taken() -> None:
         asker, _, _ = at((9.0, "-0.64", []), (1.03 * dead, "-0.64", []), gauge=False)
         asker.ask(prompt, STEP)
         asker.rest(driving)
-        assert asker.ask(prompt, STEP) == Typed("-0.64")
+        assert asker.ask(prompt, STEP) == TypedLine("-0.64")
 
 
 def test_an_answer_that_was_no_reading_begins_no_dead_time() -> None:
     asker, _, _ = at((9.0, "t", []), (0.1, "-0.64", []), gauge=False)
     asker.ask(prompt, STEP)
-    assert asker.ask(prompt, STEP) == Typed("-0.64")
+    assert asker.ask(prompt, STEP) == TypedLine("-0.64")
 
 
 def test_lines_from_a_pipe_and_from_a_simulated_gauge_are_never_too_soon() -> None:
     asker, _, _ = at((0.0, "1", []), (0.0, "2", []), live=False, gauge=False)
-    assert asker.ask(prompt, STEP) == Typed("1")
+    assert asker.ask(prompt, STEP) == TypedLine("1")
     asker.rest(driving=True)
-    assert asker.ask(prompt, STEP) == Typed("2")
+    assert asker.ask(prompt, STEP) == TypedLine("2")
     scene = Scene([(0.0, "", [READ]), (0.0, "", [READ])])
     asker = Asker(scene, Screen(), Gauge(scene, reads_itself=True), scene.clock)
     for _ in range(2):
@@ -303,13 +303,13 @@ def test_keys_work_while_a_gauge_sends_by_itself() -> None:
     flood = [(0.1, None, [READ])] * 12
     asker, _, _ = at((9.0, None, []), *flood, (0.05, "q", [READ]))
     assert asker.ask(prompt, STEP) == Unasked(0)
-    assert asker.ask(prompt, STEP) == Typed("q")
+    assert asker.ask(prompt, STEP) == TypedLine("q")
 
 
 def test_return_on_a_silent_gauge_says_what_to_check() -> None:
     soon = 0.6 * ANSWER_S
     asker, screen, _ = at((9.0, "", []), (soon, None, []), (soon, None, []), (soon, "q", []))
-    assert asker.ask(prompt, STEP) == Typed("q")
+    assert asker.ask(prompt, STEP) == TypedLine("q")
     assert screen.text.count("Is it on?") == 1
     asker, screen, _ = at((9.0, "", []), (soon, None, [READ]), *[ALONE] * 2)
     assert asker.ask(prompt, STEP) == READ
@@ -347,4 +347,4 @@ def test_a_gauge_that_reads_itself_goes_on_behind_the_end_of_a_pipe() -> None:
     gauge.poll = lambda asked: [READ] if asked else []  # type: ignore[method-assign]
     asker = Asker(scene, Screen(), gauge, scene.clock)
     assert asker.ask(prompt, STEP) == READ
-    assert asker.ask(words) == Typed("")
+    assert asker.ask(words) == TypedLine("")
