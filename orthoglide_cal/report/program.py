@@ -107,8 +107,8 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
     meaning = {
         PostureValues.JOINTS: f"joint positions as the controller shows them: all {home} at the"
         " isotropic posture",
-        PostureValues.DISPLACEMENTS: f"displacements of the carriages from the isotropic posture, where"
-        f" the joint positions are {home}",
+        PostureValues.DISPLACEMENTS: f"displacements of the carriages from the isotropic posture,"
+        f" where the joint positions are {home}",
         PostureValues.TOOL: "tool positions: all 0 at the isotropic posture",
     }
     said = (
