@@ -31,7 +31,7 @@ from orthoglide_cal.planning.steps import (
 )
 from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import wording
-from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style
+from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style, TypedLine
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import (
     PLANNED_VERSION,
