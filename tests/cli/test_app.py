@@ -319,16 +319,19 @@ def test_a_file_name_is_shown_and_never_obeyed(command: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("how", ["option", "before the command", "environment"])
-def test_no_colour_means_no_escape_codes(how: str) -> None:
+def test_no_colour_means_no_escape_codes(how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = {
         "option": ("solve", SIX, "--no-color"),
         "before the command": ("--no-color", "solve", SIX),
         "environment": ("solve", SIX),
     }[how]
-    forced = {"FORCE_COLOR": "1", "TERM": "xterm-256color"}
-    quiet = {**forced, "NO_COLOR": "1"} if how == "environment" else forced
-    assert "\x1b" not in process(*arguments, environment=quiet).stdout
-    assert "\x1b" in process("solve", SIX, environment={**forced, "NO_COLOR": ""}).stdout
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert "\x1b" in run("solve", SIX).stdout
+    if how == "environment":
+        monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b" not in run(*arguments).stdout
 
 
 def test_a_terminal_without_greek_letters_gets_question_marks() -> None:

@@ -122,8 +122,9 @@ def test_text_puts_the_sigmas_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])
-def test_text_fits_80_columns(file: str) -> None:
-    shown = process("solve", file, environment={"COLUMNS": "80"}).stdout
+def test_text_fits_80_columns(file: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = run("solve", file).stdout
     # What is to be typed stays on one line.
     assert max(len(line) for line in shown.splitlines() if "orthocal " not in line) <= 80
 
