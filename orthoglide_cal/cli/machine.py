@@ -84,31 +84,31 @@ def new(
     """Make a machine file: asks what the options leave open."""
     from orthoglide_cal.files import write_text
 
-    # What each option gives, by the key that has it on this or that kind of machine.
-    given = {
-        ("name",): name,
-        ("leg_length_mm", "arm_length_mm"): leg_length,
-        ("parallelogram_width_mm",): width,
-        ("tool_offset_mm",): tool_offset,
-        ("joint_limits_mm",): list(limits) if limits else None,
-        ("workspace_mm",): workspace,
-        ("gauge.resolution_mm", "probe.resolution_mm"): resolution,
-        ("gauge.range_mm",): range_,
-        ("gauge.revolution_mm",): revolution,
-        ("gauge.repeatability_mm", "probe.repeatability_mm"): repeatability,
-        ("delta_radius_mm",): radius,
-        ("bed_radius_mm",): bed_radius,
-        ("endstops_mm",): endstop,
+    # Each option with the keys that it gives, on machines of this or that kind.
+    given: dict[str, tuple[Any, ...]] = {
+        "--name": (name, "name"),
+        "--leg-length": (leg_length, "leg_length_mm", "arm_length_mm"),
+        "--width": (width, "parallelogram_width_mm"),
+        "--tool-offset": (tool_offset, "tool_offset_mm"),
+        "--limits": (list(limits) if limits else None, "joint_limits_mm"),
+        "--workspace": (workspace, "workspace_mm"),
+        "--resolution": (resolution, "gauge.resolution_mm", "probe.resolution_mm"),
+        "--range": (range_, "gauge.range_mm"),
+        "--revolution": (revolution, "gauge.revolution_mm"),
+        "--repeatability": (repeatability, "gauge.repeatability_mm", "probe.repeatability_mm"),
+        "--radius": (radius, "delta_radius_mm"),
+        "--bed-radius": (bed_radius, "bed_radius_mm"),
+        "--endstop": (endstop, "endstops_mm"),
     }
     kind = kind or "orthoglide"
     answers: dict[str, Any] = {"kind": kind}
     asked = _asked_for(kind)
-    for keys, value in given.items():
+    for option, (value, *keys) in given.items():
         own = [key for key in keys if key in asked]
         if value is not None and not own:
             raise UsageError(
-                f"A machine of kind {kind} has no {keys[0]}.",
-                "Leave that option out; --help lists what there is.",
+                f"{option} is not for a machine of kind {kind}.",
+                "Leave it out; --help lists what there is.",
             )
         answers |= {} if value is None else {own[0]: value}
     answers |= dict(map(_tolerance, tolerance or ()))
