@@ -1,5 +1,3 @@
 """The command line: each file reads, calls one function, shows. Only this room prints or exits."""
 
 from orthoglide_cal.cli.app import main
-
-__all__ = ["main"]

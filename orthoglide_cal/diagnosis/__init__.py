@@ -2,5 +2,3 @@
 
 from orthoglide_cal.diagnosis.diagnose import diagnose, extend
 from orthoglide_cal.diagnosis.result import Diagnosis, Explanation, NamedCause, Verdict
-
-__all__ = ["Diagnosis", "Explanation", "NamedCause", "Verdict", "diagnose", "extend"]

@@ -11,21 +11,3 @@ from orthoglide_cal.estimation.methods import (
 )
 from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise, stays
 from orthoglide_cal.estimation.solution import Solution, solve
-
-__all__ = [
-    "Fit",
-    "Known",
-    "Method",
-    "Posed",
-    "Problem",
-    "PromisedDifference",
-    "Solution",
-    "fit_offsets",
-    "pose",
-    "pose_differences",
-    "pose_plan",
-    "promise",
-    "solve",
-    "stays",
-    "usable_methods",
-]

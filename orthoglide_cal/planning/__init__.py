@@ -7,5 +7,3 @@ from orthoglide_cal.planning.next_measurement import (
     ranked,
 )
 from orthoglide_cal.planning.options import Option, joined
-
-__all__ = ["NextMeasurement", "Option", "RankedMeasurement", "best_next", "joined", "ranked"]

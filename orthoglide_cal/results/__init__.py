@@ -14,25 +14,3 @@ from orthoglide_cal.results.answer import (
 from orthoglide_cal.results.application import Application, Recording, apply, recording, take_back
 from orthoglide_cal.results.identity import Identity, identify
 from orthoglide_cal.results.making import answer_to, budget_lines, remainder
-
-__all__ = [
-    "Answer",
-    "Application",
-    "BudgetLine",
-    "BudgetTotal",
-    "CheckReading",
-    "FoundCause",
-    "Identity",
-    "Parameter",
-    "Recording",
-    "Release",
-    "Remedy",
-    "Workspace",
-    "answer_to",
-    "apply",
-    "budget_lines",
-    "identify",
-    "recording",
-    "remainder",
-    "take_back",
-]

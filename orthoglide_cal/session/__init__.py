@@ -6,15 +6,3 @@ from orthoglide_cal.session.events import GaugeLabel
 from orthoglide_cal.session.opening import Request, open_session
 from orthoglide_cal.session.record import unfinished
 from orthoglide_cal.words import Unit
-
-__all__ = [
-    "Dialogue",
-    "GaugeLabel",
-    "Quit",
-    "Request",
-    "Show",
-    "Style",
-    "Unit",
-    "open_session",
-    "unfinished",
-]

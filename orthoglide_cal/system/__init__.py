@@ -2,5 +2,3 @@
 
 from orthoglide_cal.system.chosen import SYSTEM
 from orthoglide_cal.system.interface import Terminal
-
-__all__ = ["SYSTEM", "Terminal"]
