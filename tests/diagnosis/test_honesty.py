@@ -63,8 +63,8 @@ def test_an_accepted_cause_stays_as_uncertain_as_it_was_found() -> None:
         readings, model = known(session)
         extended = extend(readings, model, "axis_squareness", ON)
         later = known(truth.second_session(session, seed))[0]
-        interval = solve(later, extended).interval_mm
-        solved.append((interval[:, 0] < session.offsets) & (session.offsets < interval[:, 1]))
+        solution = solve(later, extended)
+        solved.append(np.abs(solution.offsets_mm - session.offsets) < solution.expanded_mm)
         found = diagnose(later, extended)
         assert found.verdict == "consistent"
         diagnosed.append(np.abs(found.offsets_mm - session.offsets) < 1.96 * found.std_mm)

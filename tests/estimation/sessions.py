@@ -93,12 +93,12 @@ def merged(*plans: GaugePlan) -> GaugePlan:
 
 @dataclass(frozen=True, eq=False)
 class Many:
-    """Sessions of one plan, solved as `solve` does each: fit (m, …), std (m, 3), 95 % (m, 3, 2)."""
+    """Sessions of one plan, solved as `solve` does each: fit (m, …), u and U (m, 3)."""
 
     fit: Fit
     sigma_mm: Floats
     std_mm: Floats
-    interval_mm: Floats
+    expanded_mm: Floats
 
 
 def solve_many(model: Model, plan: GaugePlan, values: Floats, kind: DataKind) -> Many:
@@ -122,6 +122,4 @@ def solve_many(model: Model, plan: GaugePlan, values: Floats, kind: DataKind) ->
     slope = problem.predict_with_jacobian(fit.offsets_mm)[1]
     variances = np.diagonal(unit_covariance(problem, slope), axis1=-2, axis2=-1)
     std = sigma[:, None] * np.sqrt(variances)
-    reach = half_width(dof) * std
-    ends = np.stack((fit.offsets_mm - reach, fit.offsets_mm + reach), axis=-1)
-    return Many(fit, sigma, std, ends)
+    return Many(fit, sigma, std, half_width(dof) * std)

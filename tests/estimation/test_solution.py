@@ -39,7 +39,6 @@ def test_it_is_an_optimum_by_the_problem_that_it_holds(data: Measured, method: s
     assert solution.converged
     assert 0.0 <= solution.remaining <= OPTIMAL
     assert solution.model is NOMINAL
-    assert solution.machine == PROTOTYPE.name
     assert (solution.iterations == 0) == Method(method).linear
 
 
