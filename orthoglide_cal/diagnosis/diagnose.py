@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
@@ -28,6 +28,11 @@ from orthoglide_cal.model import Effect, Floats, Measured, Model
 
 # A held-out error counts as lower if it falls below this share of the one before.
 LOWER = 0.98
+RECALIBRATED = (
+    "The machine was calibrated anew before the held-out readings: with and without the extension"
+    " its calibrated parameters are fitted to them, and the extension is carried over unchanged."
+    " A hold-out with the calibrated parameters left free is what a recalibrated machine allows."
+)
 
 
 def diagnose(
@@ -79,6 +84,9 @@ def diagnose(
                 other = found.scaled(factor).judgement
                 changes[name] = other.verdict, other.accepted
         offsets, covariance = found.offsets
+        posterior = found.posterior
+        tried = {Explanation(ids): value for ids, value in posterior.listed.items()}
+        tried |= {Explanation(pattern=what): value for what, value in posterior.unlisted.items()}
         return Diagnosis(
             measured=measured,
             model=model,
@@ -98,8 +106,12 @@ def diagnose(
                 accepted.effects,
             ),
             sensitivity=changes,
-            ranking=_ranking(found),
-            notes=(*_notes(found, measured), *_of_holdout(anew), *_of_local_shape(found)),
+            ranking=dict(sorted(tried.items(), key=lambda item: -item[1])),
+            notes=(
+                *_notes(found, measured),
+                *((RECALIBRATED,) if anew else ()),
+                *_of_local_shape(found),
+            ),
         )
 
 
@@ -274,23 +286,6 @@ def _predicted(
         if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
             residual = white.relabelled(residual, cause, place) / cause.unit_mm(place)
     return measured.value - white.plain(residual)[white.in_file]
-
-
-def _ranking(found: Assessment) -> Mapping[Explanation, float]:
-    posterior = found.posterior
-    tried = {Explanation(ids): value for ids, value in posterior.listed.items()}
-    tried |= {Explanation(pattern=what): value for what, value in posterior.unlisted.items()}
-    return dict(sorted(tried.items(), key=lambda item: -item[1]))
-
-
-def _of_holdout(anew: bool) -> Iterator[str]:
-    if anew:
-        yield (
-            "The machine was calibrated anew before the held-out readings: with and without the"
-            " extension its calibrated parameters are fitted to them, and the extension is carried"
-            " over unchanged. A hold-out with the calibrated parameters left free is what a"
-            " recalibrated machine allows."
-        )
 
 
 def _of_local_shape(found: Assessment) -> Iterator[str]:

@@ -95,7 +95,7 @@ class NoiseGrid(ReadOnly):
             rough=None if self.rough is None else np.tile(self.rough, len(factors)),
         )
 
-    def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Density:
+    def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:
         """Density of residuals under the same columns at several sizes.
 
         Args:
@@ -123,28 +123,8 @@ def log_mean(values: Floats) -> float:
     return float(log_sum(values)) - math.log(values.size)
 
 
-class Density:
-    """Density of residuals under B for each σ of a grid; leading axes of B are many B at once."""
-
-    def log_density(self, residuals: Floats) -> Floats:
-        """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""
-        raise NotImplementedError
-
-    def by_noise(self, residual: Floats) -> Floats:
-        """The same of one residual (k,), shape (..., g)."""
-        return np.asarray(self.log_density(residual[:, None])[..., 0])
-
-    def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
-        """How columns c of (k, q) weigh and match one residual (k,).
-
-        Returns:
-            cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., g, q).
-        """
-        raise NotImplementedError
-
-
-class Gaussian(Density):
-    """With noise that no two data share.
+class Gaussian:
+    """Density of residuals under B for each σ of a grid, of noise that no two data share.
 
     Args:
         columns: B, shape (..., k, r), scaled by the plausible sizes [mm]; a column of zeros
@@ -164,12 +144,20 @@ class Gaussian(Density):
         self._log_share = share - 0.5 * log_det
 
     def log_density(self, residuals: Floats) -> Floats:
-        """As of `Density`."""
+        """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""
         quadratic = self._quadratic(residuals, self._inside(residuals))
         return np.asarray(self._log_share[..., None] - 0.5 * quadratic)
 
+    def by_noise(self, residual: Floats) -> Floats:
+        """The same of one residual (k,), shape (..., g)."""
+        return np.asarray(self.log_density(residual[:, None])[..., 0])
+
     def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
-        """As of `Density`."""
+        """How columns c of (k, q) weigh and match one residual (k,).
+
+        Returns:
+            cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., g, q).
+        """
         inside = self._inside(patterns)
         outside = (np.swapaxes(patterns, -1, -2) @ residual)[..., None, :]
         match = (outside - self._shrink @ (inside * self._inside(residual[:, None]))) / self._sigma2
@@ -184,8 +172,8 @@ class Gaussian(Density):
         return np.asarray((outside - self._shrink @ inside**2) / self._sigma2)
 
 
-class Patchy(Density):
-    """With noise that differs from datum to datum: S = diag(σ² + rough²·spectrum) + B Bᵀ.
+class Patchy(Gaussian):
+    """The same of noise that differs from datum to datum: S = diag(σ² + rough²·spectrum) + B Bᵀ.
 
     By the lemma of Woodbury, with M = I + Bᵀ D⁻¹ B for the diagonal D.
 
@@ -211,13 +199,13 @@ class Patchy(Density):
         self._log_share = share - 0.5 * (log_det + np.log(variance).sum(axis=-1))
 
     def log_density(self, residuals: Floats) -> Floats:
-        """As of `Density`."""
+        """As of `Gaussian`."""
         inside = self._inside(residuals)
         quadratic = self._weight @ residuals**2 - (inside**2).sum(axis=-2)
         return np.asarray(self._log_share[..., None] - 0.5 * quadratic)
 
     def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
-        """As of `Density`."""
+        """As of `Gaussian`."""
         weighed, power, match = self._weight * residual, [], []
         own = self._inside(residual[:, None])
         for g, weight in enumerate(self._weight):

@@ -392,39 +392,18 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = Fa
     if free:
         extended = replace(later.problem, model=later.problem.model.extended(lasting))
         offsets = fit_offsets(extended, later.data).offsets_mm
-    predicted, spread = foretell(later, fit, offsets, lasting, fitted=free)
-    error = later.data - predicted
-    slope = later.linearised((offsets, lasting))[0][1][:, : offsets.size]
-    slope, scaled_error = whiten(fit.sigma**2 * np.eye(len(later)) + spread, slope, error)
+    ((predicted, jacobian),) = later.linearised((offsets, lasting))
+    columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
+    width, error = offsets.size, later.data - predicted
+    if free:
+        columns, joint = columns[:, width:], joint[width:, width:]
+    spread = fit.sigma**2 * np.eye(len(later)) + columns @ joint @ columns.T
+    by_offsets, scaled_error = whiten(spread, jacobian[:, :width], error)
     if free:
         # What a fit to these errors leaves, of as many as it leaves free.
-        scaled_error = unexplained(slope, scaled_error)
-        scaled_error *= np.sqrt(error.size / max(error.size - offsets.size, 1))
+        scaled_error = unexplained(by_offsets, scaled_error)
+        scaled_error *= np.sqrt(error.size / max(error.size - width, 1))
     return HeldOut(rms(error if later.raw else later.root @ error), rms(scaled_error))
-
-
-def foretell(
-    later: Whitened,
-    fit: Fitted,
-    offsets: Floats,
-    effects: Sequence[Effect],
-    fitted: bool = False,
-) -> tuple[Floats, Floats]:
-    """What a fit to some data says of others, shape (k,), and its covariance but for noise, (k, k).
-
-    Args:
-        later: the other data, with stands put there anew; their values play no part.
-        fit: to the first data.
-        offsets: those at the time of the other data, shape (3,) [mm].
-        effects: of the fit, those that are expected again and not known exactly.
-        fitted: True if the offsets are those of the other data, not of the first.
-    """
-    ((predicted, slopes),) = later.linearised((offsets, effects))
-    columns, joint = known_then(fit, effects, slopes, later.uncertain(offsets), stands=0)
-    if fitted:
-        width = offsets.size
-        columns, joint = columns[:, width:], joint[width:, width:]
-    return predicted, columns @ joint @ columns.T
 
 
 def known_then(

@@ -20,7 +20,6 @@ from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.model import (
-    DataKind,
     Differences,
     Effect,
     Estimate,
@@ -28,7 +27,6 @@ from orthoglide_cal.model import (
     Measured,
     Model,
     ReadOnly,
-    Source,
 )
 from orthoglide_cal.model.influence import Origin
 
@@ -171,31 +169,6 @@ class Diagnosis(ReadOnly):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property
-    def source(self) -> Source:
-        """The data's path and digest."""
-        return self.measured.source
-
-    @property
-    def kind(self) -> DataKind:
-        """What was measured."""
-        return self.measured.kind
-
-    @property
-    def count(self) -> int:
-        """Number of readings (or differences)."""
-        return len(self.measured)
-
-    @property
-    def measured_mm(self) -> Floats:
-        """The readings (or differences), shape (n,)."""
-        return self.measured.value
-
-    @property
-    def machine(self) -> str:
-        """Name of the machine."""
-        return self.model.machine.name
-
-    @property
     def put_right(self) -> Measured:
         """The data without the named faults that belong to this session alone.
 
@@ -286,7 +259,7 @@ class Diagnosis(ReadOnly):
     @property
     def left_mm(self) -> float:
         """What the calibrated parameters alone leave, r.m.s. as the pages show it."""
-        return rms(self.measured.weight * (self.measured_mm - self.nominal_mm))
+        return rms(self.measured.weight * (self.measured.value - self.nominal_mm))
 
     @property
     def expected_mm(self) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids, ids_of
-from orthoglide_cal.diagnosis.evidence import Density, NoiseGrid, log_mean, log_sum
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_mean, log_sum
 from orthoglide_cal.diagnosis.explanations import Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
@@ -183,7 +183,7 @@ def scaled(at: Linearised, columns: Floats, base: Sequence[Cause], scale: float 
     return np.hstack([columns * at.sizes(base, scale), at.seen])
 
 
-def density_of(at: Linearised, columns: Sequence[Floats], bases: Bases) -> Density:
+def density_of(at: Linearised, columns: Sequence[Floats], bases: Bases) -> Gaussian:
     """Densities under many bases at every scale, leading axes (b, s).
 
     Args:

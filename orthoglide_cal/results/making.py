@@ -233,7 +233,7 @@ def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
         return model
     day = datetime.now(UTC).date().isoformat()
     return model.extended(
-        cause.effect.accepted(day, diagnosis.source.sha256)
+        cause.effect.accepted(day, diagnosis.measured.source.sha256)
         for cause in diagnosis.causes
         if cause.in_machine and cause.effect.cause.lasting
     )

@@ -131,7 +131,7 @@ def _ambiguous(
     advice = [cause.advice for cause in diagnosis.causes] or [vocabulary.more]
     if following is not None:
         advice = [following.option.what]
-    if diagnosis.kind is DataKind.READINGS and diagnosis.spare <= 0:
+    if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append("They are so few that nearly anything fits.")
         advice = [vocabulary.more]
     remedies = tuple(Remedy(sentence=each) for each in dict.fromkeys(advice))

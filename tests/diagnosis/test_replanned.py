@@ -41,7 +41,7 @@ def test_a_missing_reading_does_not_hide_them(seed: int, gauge: truth.Gauge) -> 
     # One reading in sixty moves the offsets by a fraction of their uncertainty.
     assert np.all(np.abs(found.offsets_mm - whole.offsets_mm) < whole.std_mm)
     assert found.causes[0].heldout_after_mm == pytest.approx(gauge.sigma, rel=0.4)
-    left = found.measured_mm - found.explained_mm
+    left = found.measured.value - found.explained_mm
     assert np.sqrt(np.mean(left**2)) < 1.3 * gauge.sigma
 
 

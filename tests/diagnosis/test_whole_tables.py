@@ -118,7 +118,7 @@ def test_a_wrong_unit_is_named(mistake: str, gauge: truth.Gauge) -> None:
         assert [(cause.id, cause.where) for cause in found.causes] == [("wrong_unit", mistake)]
         assert np.all(off(found, session) < 4.5)
         assert found.remaining < 0.5
-        left = (found.measured_mm - found.explained_mm) / per_mm
+        left = (found.measured.value - found.explained_mm) / per_mm
         assert np.sqrt(np.mean(left**2)) < 1.3 * gauge.sigma
         # In mm without the cause, too; the offsets are then so wrong that more may be left.
         (cause,) = found.causes
