@@ -53,9 +53,9 @@ class TestAccept:
             done = CliRunner().invoke(
                 app, ["solve", str(readings), "--machine", str(model), "--json"]
             )
-            assert done.exit_code == 0
-            solution = json.loads(done.stdout)
-            offsets = np.array([solution["offsets_mm"][axis] for axis in "xyz"])
+            answer = json.loads(done.stdout)
+            parameters = (answer["alone"] or answer)["parameters"]
+            offsets = np.array([each["found"] for each in parameters])
             errors.append(np.abs(offsets - session.offsets).max())
         assert errors[0] > 0.03 > 0.015 > errors[1]
 
@@ -90,7 +90,7 @@ class TestAccept:
         ran = diagnose(GAP, "--accept", cause, "--output", target)
         assert ran.code == 4
         assert "measurement" in ran.err
-        assert "Named" in ran.out
+        assert "Cause found" in ran.out
         assert not target.exists()
 
     @pytest.mark.parametrize(
