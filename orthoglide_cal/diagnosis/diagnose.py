@@ -135,7 +135,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
     if not cause.lasting:
         raise UnusableResultError(
             f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
-            "Mend it, and measure again.",
+            "Correct it, and measure again.",
         )
     if not cause.possible(model.machine):
         raise UnusableResultError(
@@ -314,10 +314,7 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
     judgement, causes = found.judgement, [effect.cause for effect in found.accepted.effects]
     listed, unlisted = found.posterior.listed, found.posterior.unlisted
     if judgement.verdict is Verdict.CONSISTENT and judgement.ambiguous_with:
-        notes.append(
-            "Of plausible size yet too small to be seen in these readings:"
-            f" {', '.join(judgement.ambiguous_with)}."
-        )
+        notes.append(f"Not excluded: {', '.join(judgement.ambiguous_with)}.")
     if judgement.verdict is Verdict.UNEXPLAINED:
         pattern = max(unlisted, key=unlisted.__getitem__)
         notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
@@ -325,19 +322,19 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         best = found.posterior.best
         if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
             notes.append(
-                f"{' with '.join(best)} would follow it, too, but two causes follow nearly any"
+                f"{' with '.join(best)} would also follow it, but two causes follow nearly any"
                 f" pattern. To check them, repeat with {vocabulary.further}."
             )
     for more in (ids for ids in found.posterior.rivals() if set(judgement.accepted) < set(ids)):
         if judgement.accepted:
             rest = "+".join(id for id in more if id not in judgement.accepted)
-            notes.append(f"Whether {rest} acts beside it these readings cannot tell.")
+            notes.append(f"These readings cannot show whether {rest} is also present.")
     for part in (ids for ids in listed if ids and set(ids) < set(judgement.accepted)):
         if listed[part] >= DISMISSED * listed[judgement.accepted]:
             rest = "+".join(id for id in judgement.accepted if id not in part)
             notes.append(
-                f"{part[0]} alone is possible, too (probability {listed[part]:.2g}): whether {rest}"
-                " acts beside it is not certain."
+                f"{part[0]} alone is also possible (probability {listed[part]:.2g}): it is not"
+                f" certain that {rest} is present."
             )
     if causes and not raw:
         unknowns = sum(len(cause.names) for cause in causes)
@@ -347,5 +344,5 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
             " not on the data alone. Raw readings, with more postures, carry more."
         )
     if raw and any(isinstance(c, PatternCause) for c in causes):
-        notes.append("A fault of the measurement is mended by measuring, not by the controller.")
+        notes.append("Correct a fault of the measurement by measuring anew, not in the controller.")
     return tuple(notes)

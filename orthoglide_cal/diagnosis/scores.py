@@ -382,7 +382,8 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
         .reshape(len(NOISIER), -1),
         1,
     )
-    what = "every reading scatters more than the gauge's stated noise"
+    instrument = at.white.machine.vocabulary.noise
+    what = f"every reading scatters more than the {instrument}'s stated noise"
     noisier = stated * NOISIER[np.argmax(logs)]
     found.append(Unlisted(what, share, log_mean(logs), np.zeros((len(at.white), 0)), noisier))
     return [*found, *_several_wrong(at, offsets, share)]

@@ -259,9 +259,9 @@ class Solution(ReadOnly):
         noise, beside = self.model.machine.vocabulary.noise, self.model.machine.vocabulary.also
         if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
             return (
-                "There are no spare readings: whether the model fits this machine cannot be told,"
-                f" and the intervals rest on the {noise}'s stated noise ({self.sigma_stated_mm:.2g}"
-                " mm)."
+                "There are no spare readings: these data cannot show whether the model fits, and"
+                f" the intervals rest on the {noise}'s stated noise"
+                f" ({self.sigma_stated_mm:.2g} mm)."
             )
         sizes = (
             f"one reading scatters by {self.sigma_residuals_mm:.2g} mm against"
@@ -275,9 +275,9 @@ class Solution(ReadOnly):
         if self.lack_of_fit_p < UNUSUAL:
             return (
                 f"The residuals are larger than usual for this {noise}'s noise{beside}, not large"
-                f" enough to call the model wrong ({sizes}; a chance below 1 % of larger ones)."
+                f" enough to call the model wrong ({sizes}; p < 0.01)."
             )
-        chance = f"a chance of {100.0 * self.lack_of_fit_p:.0f} % of larger ones"
+        chance = f"p = {self.lack_of_fit_p:.2g}"
         return (
             f"The residuals are what this {noise}'s noise{beside} would give ({sizes}; {chance})."
         )

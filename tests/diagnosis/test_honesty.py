@@ -143,8 +143,8 @@ def test_a_second_cause_that_may_be_chance_is_said_to_be_open() -> None:
     alone, both = (("stand_shift",), ("encoder_scale", "stand_shift"))
     assert 0.01 < found.ranking[Explanation(alone)] < 0.5 * found.ranking[Explanation(both)]
     (note,) = [note for note in found.notes if "alone" in note]
-    assert note.startswith("stand_shift alone is possible, too")
-    assert "whether encoder_scale acts beside it" in note
+    assert note.startswith("stand_shift alone is also possible")
+    assert "that encoder_scale is present" in note
     clear = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("gauge_slip", "axis_gap"))
     assert not [note for note in diagnose(*known(clear)).notes if "alone" in note]
 

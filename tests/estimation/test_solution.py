@@ -135,9 +135,9 @@ def test_a_bent_machine_is_called_one_that_the_model_leaves_out() -> None:
     ("chance", "suspicious", "words"),
     [
         (0.00099, True, "larger than this gauge's noise"),
-        (0.00101, False, "below 1 %"),
-        (0.0101, False, "a chance of 1 %"),
-        (0.37, False, "a chance of 37 %"),
+        (0.00101, False, "p < 0.01"),
+        (0.0101, False, "p = 0.01)"),
+        (0.37, False, "p = 0.37"),
     ],
 )
 def test_the_judgement_goes_by_the_chance(chance: float, suspicious: bool, words: str) -> None:
