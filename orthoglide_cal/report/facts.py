@@ -43,7 +43,7 @@ def scope(machine: Machine) -> str:
     return (
         f"This report holds for the machine and the {words.instruments} that it names, as they were"
         f" when they were measured, and for the {words.positions} and conditions stated in it; for"
-        " nothing else. It is complete only up to its last line."
+        " nothing else. It is valid only with all its pages."
     )
 
 
