@@ -64,9 +64,9 @@ def test_solving_loads_no_optimiser_and_no_plots() -> None:
 
 
 def test_version_is_one_line_and_quick() -> None:
-    """Best of three under a second of processor time, where about 0.15 s are usual."""
-    times = []
-    for _ in range(3):
+    """Best of three at most under a second of processor time, where about 0.15 s are usual."""
+    times = [2.0]
+    while min(times) >= 1.0 and len(times) < 4:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         shown = process("--version")
         after = resource.getrusage(resource.RUSAGE_CHILDREN)

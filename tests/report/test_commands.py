@@ -185,7 +185,7 @@ def test_export_table_needs_an_accepted_cause(healthy: Path, tmp_path: Path):
 
 def test_report_is_quick_and_no_command_loads_a_plotting_library(healthy: Path, tmp_path: Path):
     """Under two seconds of processor time for the whole process, whatever else runs beside it, the
-    best of five; a plotting library or template engine is never loaded."""
+    best of five at most; a plotting library or template engine is never loaded."""
     script = (
         "import sys; from orthoglide_cal.cli import main\n"
         "try:\n    main()\n"
@@ -194,6 +194,8 @@ def test_report_is_quick_and_no_command_loads_a_plotting_library(healthy: Path, 
     )
     best = float("inf")
     for k in range(5):
+        if best < 2.0:
+            break
         started = _used()
         done = subprocess.run(
             [sys.executable, "-c", script, "report", healthy, "--html", tmp_path / f"{k}.html"],
