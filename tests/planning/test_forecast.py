@@ -93,13 +93,13 @@ def test_predicted_noise_is_what_monte_carlo_finds(
 def test_the_expected_uncertainty_is_what_solve_gives(
     model: Model, protocol: MeasuringProtocol, name: str
 ) -> None:
-    """The mean of 150 sessions. With 35 degrees of freedom or more U scatters by 12 % at most, its
-    mean by 1 %: a sixth of what is allowed where noise is all.
+    """The mean of 60 sessions. With 35 degrees of freedom or more U scatters by 12 % at most, its
+    mean by 1.6 %: a quarter of what is allowed where noise is all.
     """
     for machine, within in ((model, 0.02), (sure(model), 0.06)):
         found = forecast(machine, protocol, 3, Method(name))
         rng, reach = np.random.default_rng(7), []
-        for _ in range(150):
+        for _ in range(60):
             offsets = rng.normal(0.0, OFFSET_MM, 3)
             session = synthetic_session(machine, found.plan, offsets, rng)
             reach.append(solve(session, machine, name).expanded_mm)
@@ -109,15 +109,15 @@ def test_the_expected_uncertainty_is_what_solve_gives(
 @pytest.mark.parametrize("cycles", [1, 10])
 @pytest.mark.parametrize("hidden", [truth.PROTOTYPE, truth.LARGE], ids=lambda machine: machine.name)
 def test_the_offsets_are_as_far_off_as_was_forecast(hidden: truth.Machine, cycles: int) -> None:
-    """Whole u against 200 machines of the independent truth, whose legs, gauge places and gauge
-    scales are off. Their r.m.s. error has a standard error of 2.9 %; 10 % is 3.4 of them.
+    """Whole u against 100 machines of the independent truth, whose legs, gauge places and gauge
+    scales are off. Their r.m.s. error has a standard error of 4.1 %; 15 % is 3.7 of them.
     """
     model = model_of(hidden, truth.DIAL)
     found, errors = forecast(model, DOUBLE, cycles), []
-    for seed in range(200):
+    for seed in range(100):
         session = truth.make_session(12_000_000 + seed, hidden, truth.DIAL, cycles=cycles)
         errors.append(solve(readings_of(session), model).offsets_mm - session.offsets)
-    assert rms(found.budget.std_mm) == pytest.approx(rms(np.array(errors)), rel=0.1)
+    assert rms(found.budget.std_mm) == pytest.approx(rms(np.array(errors)), rel=0.15)
 
 
 def test_what_the_command_prints_is_hardly_more() -> None:
