@@ -28,10 +28,7 @@ def start() -> None:
         known = "none in this folder" if path is None else str(path)
         if path:
             model = common.read_machine_file(path).model
-            size = f"L = {model.orthoglide.leg_length_mm:g} mm"
-            if model.machine.absolute:
-                size = model.machine.geometry_words
-            known += f": {model.machine.name}, {size}"
+            known += f": {model.machine.name}, {model.machine.geometry_words}"
     except OrthocalError as error:
         known = str(error)
     facts: list[tuple[str, doc.Blank]] = [("Machine file", doc.Given(known))]
@@ -41,16 +38,12 @@ def start() -> None:
     if sessions:
         others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
         facts.append(("Last session", doc.Given(f"{sessions[-1].path}{others}")))
-    steps = _next(model, sessions, waiting, printers)
-    section = doc.Section("What to type next", (doc.Instructions(steps),))
-    page = doc.Page(
-        kind="orthocal",
-        title="calibration of a linear delta by its own probe"
-        if printers and not sessions
-        else "calibration of an Orthoglide with a dial indicator",
-        facts=doc.Facts(tuple(facts)),
-        sections=(section,),
-    )
+    title = "calibration of an Orthoglide with a dial indicator"
+    if printers and not sessions:
+        title = "calibration of a linear delta by its own probe"
+    steps = doc.Instructions(_next(model, sessions, waiting, printers))
+    section = doc.Section("What to type next", (steps,))
+    page = doc.Page("orthocal", title, facts=doc.Facts(tuple(facts)), sections=(section,))
     common.deliver(doc.Document(dict, lambda: page))
     common.tell("All commands: orthocal --help")
 
@@ -71,7 +64,13 @@ def _next(
         return (Instruction("Go on measuring.", command("measure", name, options="--resume")),)
     if not sessions:
         if model.machine.probes if model else printers:
-            return _probed(str(printers[-1]) if printers else "printer.cfg")
+            printer = str(printers[-1]) if printers else "printer.cfg"
+            mesh = command("diagnose", printer, options="--data mesh")
+            return (
+                Instruction("How to probe it, and what to bring.", "orthocal guide delta"),
+                Instruction("See the parameters.", command("solve", printer)),
+                Instruction("Ask whether the model is right.", mesh),
+            )
         first = () if model else (Instruction("Say what machine it is.", "orthocal machine new"),)
         practice = command("measure", "practice.yaml", options="--gauge simulated")
         return (
@@ -97,20 +96,6 @@ def _next(
     )
 
 
-def _probed(printer: str) -> tuple[doc.Instruction, ...]:
-    """What comes next with a machine that measures itself."""
-    from orthoglide_cal.report.document import Instruction
-
-    return (
-        Instruction("How to probe it, and what to bring.", "orthocal guide delta"),
-        Instruction("See the parameters.", command("solve", printer)),
-        Instruction(
-            "Ask whether the model is right.",
-            command("diagnose", printer, options="--data mesh"),
-        ),
-    )
-
-
 def _applied(machine: Machine | None, sessions: list[FoundSession]) -> str | None:
     """The session of this folder whose offsets were entered last."""
     from orthoglide_cal.files.text import read_document
@@ -118,9 +103,7 @@ def _applied(machine: Machine | None, sessions: list[FoundSession]) -> str | Non
     if machine is None or not machine.history:
         return None
     wanted = machine.history[-1].data_sha256
-    found = (
-        str(each.path)
-        for each in reversed(sessions)
-        if read_document(str(each.path)).sha256 == wanted
-    )
-    return next(found, None)
+    for each in reversed(sessions):
+        if read_document(str(each.path)).sha256 == wanted:
+            return str(each.path)
+    return None

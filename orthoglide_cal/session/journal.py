@@ -105,10 +105,10 @@ class Journal:
         self._repaired = not (recovered.lost or recovered.open_line)
 
     @classmethod
-    def create(cls, path: Path, opened: Opened, *more: Event) -> Journal:
+    def create(cls, path: Path, *events: Event) -> Journal:
         """A new journal of these records, all or none. Raises UsageError if the file exists."""
         text, checksum = b"", START
-        for event in (opened, *more):
+        for event in events:
             line, checksum = encode(event, checksum)
             text += line
         write_text(path, text.decode())

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.files import (
@@ -30,24 +29,16 @@ from orthoglide_cal.planning.steps import (
     steps_of,
 )
 from orthoglide_cal.schema import parse_number
-from orthoglide_cal.session import wording
+from orthoglide_cal.session import events, record, wording
 from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style, TypedLine
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import (
-    PLANNED_VERSION,
-    VERSION,
-    GaugeLabel,
-    Opened,
-    Planned,
-    Reopened,
-)
+from orthoglide_cal.session.events import Event, GaugeLabel, Opened, Planned
 from orthoglide_cal.session.following import Recommendation, first_of, recommended
 from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.serial_line import SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.session.record import journal_path, new_session, resumed_session, session_path
 from orthoglide_cal.session.state import State, replay
 from orthoglide_cal.words import Unit
 
@@ -104,10 +95,10 @@ def open_session(
     serial = _serial_gauge(request.source)
     _check_options(request)
     if request.resume:
-        path = resumed_session(request.path, folder)
-        journal = Journal.resume(journal_path(path))
+        path = record.resumed_session(request.path, folder)
+        journal = Journal.resume(record.journal_path(path))
     else:
-        path = new_session(request.path, folder)
+        path = record.new_session(request.path, folder)
         # A gauge that is not there leaves no file behind, nor does a machine that is another one.
         if serial:
             serial.open()
@@ -117,7 +108,9 @@ def open_session(
             known = request.model, request.otherwise
             found = recommended(request.following, *known, keeper, choice, stands)
         model, found = _confirmed(request, Asker(keyboard, show), found)
-        journal = Journal.create(journal_path(path), *_first_records(request, model, now(), found))
+        journal = Journal.create(
+            record.journal_path(path), *_first_records(request, model, now(), found)
+        )
     try:
         state = replay(journal.recovered.events)
         setting = _setting(request, journal, state)
@@ -135,7 +128,7 @@ def open_session(
                 asker.say(setting.first.following.words, Style.TITLE)
         dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
         if request.source and request.source != state.source and state.ended is None:
-            dialogue.write(Reopened(at=now(), source=request.source))
+            dialogue.write(events.Reopened(at=now(), source=request.source))
         return dialogue
     except BaseException:
         journal.close()
@@ -148,7 +141,10 @@ def _check_options(request: Request) -> None:
         if request.choice is not None:
             raise UsageError("--choice is of a recommendation.", "Name its data: --then FILE")
         return
-    if request.path and session_path(request.path).resolve() == Path(request.following).resolve():
+    if (
+        request.path
+        and record.session_path(request.path).resolve() == Path(request.following).resolve()
+    ):
         raise UsageError(
             f"{request.following} is never changed: it cannot be the new session, too.",
             "Name another file for the session that will hold both.",
@@ -237,7 +233,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
 
 def _first_records(
     request: Request, model: Model, at: str, found: Recommendation | None
-) -> tuple[Opened, *tuple[Planned, ...]]:
+) -> list[Event]:
     """The first records of a new session; what the command line leaves open is standard."""
     hidden = found.seed if found else None  # of the gauge that gave the first readings
     source = request.source or ((TYPED,) if hidden is None else (SIMULATED,))
@@ -249,35 +245,31 @@ def _first_records(
         )
     if request.seed is not None and not simulated:
         raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
+    seed = next((s for s in (hidden, request.seed) if s is not None), secrets.randbelow(1_000_000))
     protocol, cycles = request.protocol or MeasuringProtocol.DOUBLE, request.cycles or CYCLES
     stands = 1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2
-    order, following = request.order or Order.PAPER, found.first.following if found else None
-    steps: tuple[SessionStep, ...] = ()
+    order, steps = request.order or Order.PAPER, tuple[SessionStep, ...]()
     if found:
         steps = steps_of(found.option.plan, model.orthoglide, order, stands)
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:
         steps = sequence(model.orthoglide, protocol, cycles, order, stands)
-    seed = secrets.randbelow(1_000_000) if request.seed is None else request.seed
-    seed = seed if hidden is None else hidden
     opened = Opened(
-        at=at, version=PLANNED_VERSION if steps else VERSION, protocol=protocol,
+        at=at, version=events.PLANNED_VERSION if steps else events.VERSION, protocol=protocol,
         machine=machine_text(model), cycles=cycles, order=order, stands=stands,
         source=source, seed=seed if simulated else None, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
-    if not steps:
-        return (opened,)
-    return opened, Planned(
-        at=at, readings=tuple(step.planned for step in steps), following=following
-    )
+    readings, following = (step.planned for step in steps), found.first.following if found else None
+    planned = Planned(at=at, readings=tuple(readings), following=following)
+    return [opened, planned] if steps else [opened]
 
 
 def _setting(request: Request, journal: Journal, state: State) -> Setting:
     """What the session is measured with. Raises InputError, UsageError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model, first = machine_from_text(opened.machine, path), None
-    if opened.version == VERSION:
+    if opened.version == events.VERSION:
         steps = sequence(
             model.orthoglide, opened.protocol, opened.cycles, opened.order, opened.stands
         )
@@ -341,7 +333,7 @@ def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
         )
 
 
-def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
+def _flat(value: object, prefix: str = "") -> dict[str, object]:
     """Nested groups as dotted names."""
     if isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
         value = dict(enumerate(value))
