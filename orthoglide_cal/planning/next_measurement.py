@@ -37,7 +37,6 @@ from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import UNSEEN, as_read
 from orthoglide_cal.diagnosis.fit import Fitted, known_then
 from orthoglide_cal.estimation.accuracy import half_width
-from orthoglide_cal.estimation.budget import Contribution
 from orthoglide_cal.estimation.gaussian import predict, root_of, whiten
 from orthoglide_cal.estimation.influences import held, influences
 from orthoglide_cal.model import (
@@ -46,11 +45,8 @@ from orthoglide_cal.model import (
     Readings,
     ReadOnly,
     differentiate,
-    simulate,
-    simulate_with_jacobian,
     without_zeros,
 )
-from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.model.plan import AnyPlan, Bools
 from orthoglide_cal.planning.forecast import ARRAYS, Minutes, estimator_for, lengths
 from orthoglide_cal.planning.options import Option, further, joined, options
@@ -122,12 +118,9 @@ class Predictions(ReadOnly):
     covariance: Floats
     offsets: Floats
 
-    def halves(self) -> tuple[Predictions, Predictions]:
-        """The first half of the explanations, and the second."""
-        half = len(self.mean) // 2
-        parts = (slice(half), slice(half, None))
-        one, two = (Predictions(self.mean[p], self.covariance[p], self.offsets[p]) for p in parts)
-        return one, two
+    def of(self, some: slice) -> Predictions:
+        """Those of some of the explanations."""
+        return Predictions(self.mean[some], self.covariance[some], self.offsets[some])
 
 
 # `plan FILE` asks for all, and so does the calibration that it shows as well.
@@ -150,16 +143,19 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     shares = np.array([share for share, _ in likeliest])
     fits = [fit for _, fit in likeliest]
     ids = [_ids(fit, again=first is None) for fit in fits]
-    others = _others(fits, ids) & (diagnosis.verdict is Verdict.AMBIGUOUS)
+    # Whether two explanations are different answers: other causes, another remedy, (f, f).
+    answers = [(frozenset(own), fit.remedy) for fit, own in zip(fits, ids, strict=True)]
+    differ = [[all(map(ne, one, other)) for other in answers] for one in answers]
+    others = np.array(differ) & (diagnosis.verdict is Verdict.AMBIGUOUS)
     if first is not None:
         judged = predictions(model, first, choice, fits)
         odds, known = [_odds(each, each) for each in judged], shares
         apart = np.stack([_apart(each) for each in judged])
     else:
         both = predictions(model, first, choice, [*fits, *(fit.unread for fit in fits)])
-        halves = [each.halves() for each in both]
-        judged, known = [two for _, two in halves], np.ones_like(shares)
-        odds = [_odds(seen, alone) for seen, alone in halves]
+        seen, alone = slice(len(fits)), slice(len(fits), None)
+        judged, known = [each.of(alone) for each in both], np.ones_like(shares)
+        odds = [_odds(each.of(seen), each.of(alone)) for each in both]
         # Distances that change the log odds by as much.
         apart = np.stack([np.sqrt(np.maximum(mean + mean.T, 0.0)) for mean, _ in odds])
     # ln of how far below its bound a rival (second index) is beside the true one; one that may be
@@ -174,17 +170,22 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     within_now = sum(share * fit.joint_covariance() for share, fit in diagnosis.left_open) / total
     between = diagnosis.covariance_mm2 - within_now
     taken = 0.0 if first is None else _fixed(model, first, fits[0])
-    now = _reach(np.diag(diagnosis.covariance_mm2) + taken).max()
+    now = half_width(np.inf) * np.sqrt((np.diag(diagnosis.covariance_mm2) + taken).max())
     found = []
     for option, each, sigma, chance in zip(choice, judged, apart, chances.tolist(), strict=True):
         pair = _pair(told, sigma, ids)
         within = np.tensordot(shares / shares.sum(), each.offsets, axes=1)
         whole = option.plan if first is None else joined(first, option.plan)
         variance = np.diag(within + (1.0 - chance) * between) + _fixed(model, whole, fits[0])
-        reach = _reach(variance)
-        if first is not None and diagnosis.verdict is Verdict.NAMED:
-            reach = _as_entered(model, whole, fits[0], reach)
-        lacking = () if pair is None else _lacking(ids[pair[0]], ids[pair[1]])
+        reach = half_width(np.inf) * np.sqrt(np.maximum(variance, 0.0))
+        lacking: tuple[Ids, ...] = ()
+        if pair is not None:
+            one, two = ids[pair[0]], ids[pair[1]]
+            only = tuple(
+                tuple(id for id in mine if id not in other)
+                for mine, other in ((one, two), (two, one))
+            )
+            lacking = only if all(only) else (one, two)
         ranking = RankedMeasurement(
             option=option,
             expanded=reach,
@@ -214,23 +215,11 @@ def best_next(diagnosis: Diagnosis) -> RankedMeasurement | None:
     return first if first.separates else None
 
 
-def _reach(variance: Floats) -> Floats:
-    return np.asarray(half_width(np.inf) * np.sqrt(np.maximum(variance, 0.0)))
-
-
 def _apart(seen: Predictions) -> Floats:
     """Distances between all predictions, shape (f, f) [standard deviations]."""
     gap = seen.mean[:, None] - seen.mean
     (white,) = whiten(0.5 * (seen.covariance[:, None] + seen.covariance), gap[..., None])
     return np.asarray(np.sqrt((white[..., 0] ** 2).sum(axis=-1)))
-
-
-def _others(fits: Sequence[Fitted], ids: Sequence[Ids]) -> Bools:
-    """Whether two explanations are different answers: other causes, another remedy, (f, f)."""
-    answers = [(frozenset(own), fit.remedy) for fit, own in zip(fits, ids, strict=True)]
-    return np.array(
-        [[all(map(ne, one, other)) for other in answers] for one in answers], dtype=np.bool_
-    )
 
 
 def _odds(seen: Predictions, judged: Predictions) -> tuple[Floats, Floats]:
@@ -265,35 +254,6 @@ def _chance(mean: Floats, std: Floats, shares: Floats, spare: Floats, others: Bo
     return float(shares @ dismissed / shares.sum())
 
 
-def _as_entered(model: Model, plan: AnyPlan, fit: Fitted, reach: Floats) -> Floats:
-    """U (p,) [mm] of the offsets that are entered where causes are named.
-
-    Causes that move them by less than their own uncertainty do not bar the offsets alone, and are
-    then a part of it.
-
-    Args:
-        model: the machine.
-        plan: of all readings.
-        fit: of the named causes.
-        reach: U of the offsets with those causes, shape (p,) [mm].
-    """
-    if any(effect.covariance is None for effect in fit.effects):
-        return reach  # exchanged labels or signs spoil the offsets altogether
-    moved = simulate(model.extended(fit.effects), fit.offsets, plan)
-    plain, slope = simulate_with_jacobian(model, fit.offsets, plan)
-    estimator = estimator_for(model, plan, influences(model, fit.offsets, plan))
-    shift = estimator @ (moved - plain)
-    if np.any(np.abs(shift) > reach):
-        return reach
-    # What the offsets cannot take up of it looks like scatter.
-    left = without_zeros(plan, moved - plain - slope @ shift)
-    dof = len(plan) - plan.setups - len(shift)
-    scatter = left @ left / dof * estimator @ estimator.T
-    beyond = Contribution.beyond(Origin.EXPLANATIONS, np.outer(shift, shift) - scatter)
-    more = np.diag(scatter + beyond.covariance_mm2)
-    return np.asarray(np.sqrt(reach**2 + half_width(np.inf) ** 2 * more))
-
-
 def _fixed(model: Model, plan: AnyPlan, answer: Fitted) -> Floats:
     """What adds to the variance of each parameter that is taken as the controller has it, (p,).
 
@@ -321,15 +281,6 @@ def _pair(told: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, int] | N
         return None
     first, second = (able or pairs)[0]
     return first, second
-
-
-def _lacking(one: Ids, other: Ids) -> tuple[Ids, Ids]:
-    """Of two explanations the causes that the other lacks; all where one adds to the other."""
-    only = (
-        tuple(id for id in one if id not in other),
-        tuple(id for id in other if id not in one),
-    )
-    return (one, other) if () in only else only
 
 
 def _ids(fit: Fitted, again: bool) -> Ids:

@@ -32,12 +32,7 @@ from orthoglide_cal.planning.forecast import (
     session_of,
 )
 from orthoglide_cal.planning.next_measurement import RankedMeasurement
-from orthoglide_cal.planning.separation import (
-    TRACE_SIGMA,
-    SeparatedPair,
-    Separations,
-    separations,
-)
+from orthoglide_cal.planning.separation import SeparatedPair, Separations, separations
 from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
 
@@ -97,20 +92,6 @@ class Alternative:
     same_expanded: SessionForecast | None
 
 
-@dataclass(frozen=True)
-class SeparationLoss:
-    """What the best design shows less well than the usual protocol, for the same U.
-
-    Attributes:
-        causes: one that is to be seen, or two that are to be distinguished.
-        usual_sigma, best_sigma: how far they are apart [standard deviations].
-    """
-
-    causes: tuple[str, ...]
-    usual_sigma: float
-    best_sigma: float
-
-
 class BestDesign(SessionForecast):
     """The best session that is known: the fewest readings, or what distinguishes rivals.
 
@@ -119,7 +100,6 @@ class BestDesign(SessionForecast):
         reached: whether it does, `wanted_sigma` apart, or gives the U that was wanted.
         gauge_at, postures_mm: where its gauges stand along the leg, its postures.
         share_of_readings: for each of the usual protocol, for the same noise.
-        given_up: causes first, then pairs, largest loss first.
         places_mm: where a machine that measures itself goes.
     """
 
@@ -129,7 +109,6 @@ class BestDesign(SessionForecast):
     gauge_at: float | None = None
     postures_mm: tuple[float, ...] = ()
     share_of_readings: float | None = None
-    given_up: tuple[SeparationLoss, ...] = ()
     places_mm: tuple[dict[str, float], ...] = ()
 
 
@@ -254,13 +233,13 @@ def measurement_plan(
     return MeasurementPlan.of(
         chosen,
         forecast(model, protocol, MOST_CYCLES, stands=stands).floor,
-        _apart(model, protocol, cycles, stands),
+        separations(model, session_of(model, protocol, min(cycles, MOST_COMPARED), stands).plan),
         bar_warning=bar_warning(chosen.plan, model.orthoglide),
         gauges=stands,
         target=None if target is None else Target(target, reached, cycles if reached else None),
         by_cycles=tuple(forecast(model, protocol, n, stands=stands) for n in numbers),
         compare=compare,
-        design=_fewest_readings(model, cycles, stands, compare[-1]),
+        design=_fewest_readings(model, cycles, compare[-1]),
         next=following,
     )
 
@@ -300,43 +279,21 @@ def _compared(model: Model, chosen: SessionForecast, stands: int) -> Iterator[Al
             yield Alternative(protocol, method, fewest_moves(same, protocol), found)
 
 
-def _fewest_readings(model: Model, cycles: int, stands: int, way: Alternative) -> BestDesign:
+def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
     """The best design for the same U; with as many cycles where no number reaches it."""
     found, design = way.same_expanded or way.same_cycles, design_of(model.machine)
-    double = MeasuringProtocol.DOUBLE
-    usual, best = session_of(model, double, cycles).plan, design.plan(cycles)
-    lost = _given_up(
-        _apart(model, double, cycles, stands), _apart(model, way.protocol, found.cycles, stands)
-    )
+    usual, best = session_of(model, MeasuringProtocol.DOUBLE, cycles).plan, design.plan(cycles)
     return BestDesign(
         **_fields(found),
         reached=way.same_expanded is not None,
         gauge_at=design.gauge_at,
         postures_mm=design.displacements_mm,
         share_of_readings=readings_needed(model, best) / readings_needed(model, usual),
-        given_up=tuple(sorted(lost, key=lambda each: (len(each.causes), -each.usual_sigma))),
     )
 
 
 def _fields(found: SessionForecast) -> dict[str, Any]:
     return {name: getattr(found, name) for name in SessionForecast.model_fields}
-
-
-def _apart(model: Model, protocol: MeasuringProtocol, cycles: int, stands: int) -> Separations:
-    session = session_of(model, protocol, min(cycles, MOST_COMPARED), stands)
-    return separations(model, session.plan)
-
-
-def _given_up(usual: Separations, best: Separations) -> Iterator[SeparationLoss]:
-    """Causes that show less, and pairs that can no longer be distinguished."""
-    traces = zip(usual.causes, usual.trace.tolist(), best.trace.tolist(), strict=True)
-    for cause, before, after in traces:
-        if after < before and (cause.timed or after < TRACE_SIGMA <= before):
-            yield SeparationLoss((cause.id,), before, after)
-    left = {each.causes: each.sigma for each in best.pairs}
-    for pair in usual.pairs:
-        if left[pair.causes] < TRACE_SIGMA <= pair.sigma:
-            yield SeparationLoss(pair.causes, pair.sigma, left[pair.causes])
 
 
 def _of_layouts(

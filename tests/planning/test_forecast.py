@@ -128,7 +128,6 @@ def test_what_the_command_prints_is_hardly_more() -> None:
         offsets = rng.normal(0.0, OFFSET_MM, 3)
         session = synthetic_session(NOMINAL, found.plan, offsets, rng)
         reach.append([each.expanded for each in answer_to(given(session, NOMINAL)).parameters])
-    assert len(reach) >= 36
     assert found.budget.expanded_mm == pytest.approx(np.median(reach, axis=0), rel=0.05)
     assert np.all(found.budget.expanded_mm < 1.01 * np.median(reach, axis=0))
 

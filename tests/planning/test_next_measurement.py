@@ -280,7 +280,7 @@ def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
     measured = readings_of_touches(
         plan_of_session(session, session.readings), session.readings - session.block
     )
-    now = [each.expanded for each in answer_to(given(measured, model)).parameters]
+    now = np.array([each.expanded for each in answer_to(given(measured, model)).parameters])
     for following in ranked(diagnose(measured, model)):
         ratio = following.expanded / now
         assert np.all((ratio > 0.9) & (ratio < 1.05))
@@ -290,8 +290,8 @@ def printed_u(session: truth.Session) -> Floats:
     """U of the offsets that `solve` gives out, shape (3,) [mm]."""
     document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
     model = model_of(session.machine, session.gauge)
-    found = answer_to(input_from_document(document, model))
-    return np.array([each.expanded for each in found.parameters])
+    answer = answer_to(input_from_document(document, model))
+    return np.array([each.expanded for each in answer.parameters])
 
 
 def test_the_first_decides_and_the_last_does_not() -> None:

@@ -46,7 +46,6 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
-_SHOWN_LOSSES = 12
 _SHOWN_PAIRS = 4
 _SHOWN_NEXT = 6
 # Where the places to probe are written, unless somebody chose another name.
@@ -337,13 +336,6 @@ def _design(
         return doc.Section(f"To distinguish {pair}", tuple(blocks))
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
     reach = two_figures(max(best.expanded_mm.values()))
-    rows = tuple(
-        (" from ".join((*each.causes, "nothing")[:2]), *map(two_figures, sigmas))
-        for each in best.given_up[:_SHOWN_LOSSES]
-        for sigmas in [(each.usual_sigma, each.best_sigma)]
-    )
-    more = len(best.given_up) - len(rows)
-    caption = "In standard deviations, at usual sizes." + (f" {more} more pairs." if more else "")
     return doc.Section(
         "The fewest readings",
         (
@@ -359,7 +351,6 @@ def _design(
                 f"The plunger keeps {percent(MARGIN)} of the leg from both joints at every posture."
                 f" What is given up: {GIVES_UP}."
             ),
-            doc.Grid(("separation", "double", "best"), rows, caption=caption),
         ),
     )
 
