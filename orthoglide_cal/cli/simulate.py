@@ -130,7 +130,7 @@ def simulate(
     known = given_machine(machine) or folder_machine()
     nominal: Any = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
-    gauge = nominal.gauge.changed(**{k: v for k, v in given.items() if v is not None})
+    gauge = nominal.instrument.changed(**{k: v for k, v in given.items() if v is not None})
     rng = np.random.default_rng(chosen)
     yaml = target is not None and target.suffix.lower() in (".yaml", ".yml")
 

@@ -203,8 +203,8 @@ def test_it_fits_a_narrow_terminal_and_a_page(
     page = tmp_path / "plan.html"
     assert run("plan", "--html", str(page)).exit_code == 0
     text = page.read_text("utf-8")
-    assert '<rect x="' in text
-    assert "heat h5" in text
+    assert "█&lt;1" in text
+    assert "A axis_gap" in text
     assert run("plan", "--html", str(page)).exit_code == 2
     assert run("plan", "--html", str(page), "--overwrite").exit_code == 0
 
