@@ -25,7 +25,6 @@ from orthoglide_cal.files.printer_file import read_printer_file
 from orthoglide_cal.files.probe_readings import (
     PLACE_COLUMNS,
     known_printer,
-    machine_of_printer,
     printer_readings,
     probe_readings_from_table,
 )
@@ -290,7 +289,7 @@ def _printer(document: FileText, model: Model | None, stored: str | None = None)
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
     file = read_printer_file(document)
-    known = model or Model(machine_of_printer(file))
+    known = model or Model(file.machine)
     if not isinstance(known.machine, LinearDelta):
         raise UsageError(
             f"{document.path} is of a linear delta; the machine given is an {known.machine.kind}.",

@@ -11,18 +11,22 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, within
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats, Source
-from orthoglide_cal.model.linear_delta import TOWERS_TURN, counter_clockwise
-from orthoglide_cal.model.plan import Ints, ReadOnly
-
-Bools = NDArray[np.bool_]
+from orthoglide_cal.model.instrument import Probe
+from orthoglide_cal.model.linear_delta import (
+    TOWERS_TURN,
+    Endstops,
+    LinearDelta,
+    counter_clockwise,
+)
+from orthoglide_cal.model.plan import Bools, Ints, ReadOnly
 
 _TOWERS = ("stepper_a", "stepper_b", "stepper_c")
 _ANGLES = (210.0, 330.0, 90.0)  # of a file that states none
@@ -37,42 +41,28 @@ _NEEDED = {"printer", *_TOWERS, _CALIBRATION, "bed_mesh"}
 # Of [bed_mesh]: the place at which the height of the mesh is set to zero.
 _ZEROS = ("zero_reference_position", "relative_reference_index")
 
+# What no printer.cfg states: a probe repeats within a hundredth.
+REPEATABILITY_MM = 0.012
 _STEPS = 1e8
 _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
 
 
 @dataclass(frozen=True)
-class StoredHeights(ReadOnly):
-    """Touches of the bed by the probe, or by the nozzle on a feeler; n of them.
+class Stored(ReadOnly):
+    """Heights of the nozzle over the bed, or distances on a printed object; n of them.
 
     Attributes:
-        carriages: joint positions as indicated: heights of the carriage joints over the bed by the
-            parameters in force, shape (n, 3) [mm].
-        height: of the nozzle over the bed there, shape (n,) [mm]: the probe's offset, or a height
-            that was entered by hand.
-        manual: whether it was entered by hand, shape (n,).
-        line: in the file, shape (n,).
-    """
-
-    carriages: Floats
-    height: Floats
-    manual: Bools
-    line: Ints
-
-
-@dataclass(frozen=True)
-class StoredDistances(ReadOnly):
-    """Distances between two places on a printed object, as callipers showed them; n of them.
-
-    Attributes:
-        first, second: joint positions as indicated at the two places, shape (n, 3) [mm].
-        distance: shape (n,) [mm].
+        first, second: joint positions as indicated (heights of the carriage joints over the bed by
+            the parameters in force), shape (n, 3) [mm]; both ends of a distance, the same twice of
+            a height.
+        value: the probe's offset, a height that was entered by hand, or the distance that callipers
+            showed, shape (n,) [mm].
         line: in the file, shape (n,).
     """
 
     first: Floats
     second: Floats
-    distance: Floats
+    value: Floats
     line: Ints
 
 
@@ -106,12 +96,7 @@ class PrinterFile(ReadOnly):
     """What a printer.cfg states and stores of a linear delta.
 
     Attributes:
-        radius: of the towers about the centre [mm].
-        angles: of the towers, shape (3,) [deg].
-        arms: lengths, shape (3,) [mm].
-        endstops: nozzle's height over the bed when each carriage is at its endstop, shape (3,)
-            [mm].
-        print_radius: farthest place from the centre that is used [mm].
+        machine: with the parameters in force, and what is usual else.
         probe: what is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and
             the nozzle's height when the probe triggers.
         heights, distances, mesh: what is stored; None where there is nothing.
@@ -119,14 +104,10 @@ class PrinterFile(ReadOnly):
         remarks: what to know about it, but for its mesh.
     """
 
-    radius: float
-    angles: Floats
-    arms: Floats
-    endstops: Floats
-    print_radius: float
+    machine: LinearDelta
     probe: Floats
-    heights: StoredHeights | None
-    distances: StoredDistances | None
+    heights: Stored | None
+    distances: Stored | None
     mesh: StoredMesh | None
     source: Source
     remarks: tuple[str, ...]
@@ -153,15 +134,20 @@ def read_printer_file(document: FileText) -> PrinterFile:
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = [settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"]
     joints = _Joints(settings, radius, arms, endstops)
-    heights, distances = _heights(settings, joints), _distances(settings, joints)
+    heights = _calibration(settings, joints, ("height", "manual_height"), ("_pos", "_pos"))
+    distances = _calibration(settings, joints, ("distance",), ("_pos1", "_pos2"))
     mesh = _mesh(settings, sensor, probe)
     settings.faults.check()
     return PrinterFile(
-        radius=radius,
-        angles=np.array(angles),
-        arms=np.array(arms),
-        endstops=np.array(endstops),
-        print_radius=print_radius,
+        machine=LinearDelta.model_construct(
+            name=PurePath(document.path).name,
+            arm_length_mm=(arms[0], arms[1], arms[2]),
+            delta_radius_mm=radius,
+            tower_angles_deg=(angles[0], angles[1], angles[2]),
+            endstops_mm=Endstops(*endstops),
+            bed_radius_mm=print_radius,
+            probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
+        ),
         probe=np.array(probe),
         heights=heights,
         distances=distances,
@@ -264,26 +250,19 @@ def _stored(settings: Settings, name: str, ends: Sequence[str]) -> tuple[list[st
     return [stem for _, stem in sorted(found)], [found[key] for key in sorted(found)]
 
 
-def _heights(settings: Settings, joints: _Joints) -> StoredHeights | None:
-    stems, lines = _stored(settings, "height", ["_pos"])
-    by_hand, more = _stored(settings, "manual_height", ["_pos"])
-    height = [settings.number(_CALIBRATION, stem, math.nan) for stem in stems + by_hand]
-    carriages = [joints.at(stem, "_pos") for stem in stems + by_hand]
-    if settings.faults or not carriages:
-        return None
-    manual = [False] * len(stems) + [True] * len(by_hand)
-    return StoredHeights(
-        np.array(carriages), np.array(height), np.array(manual), np.array(lines + more)
-    )
-
-
-def _distances(settings: Settings, joints: _Joints) -> StoredDistances | None:
-    stems, lines = _stored(settings, "distance", ["_pos1", "_pos2"])
-    distance = [settings.number(_CALIBRATION, stem, math.nan, low=0.0) for stem in stems]
-    first, second = ([joints.at(stem, end) for stem in stems] for end in ("_pos1", "_pos2"))
+def _calibration(
+    settings: Settings, joints: _Joints, names: Sequence[str], ends: tuple[str, str]
+) -> Stored | None:
+    """What [delta_calibrate] stores under these names; None where it stores nothing."""
+    found = [_stored(settings, name, ends) for name in names]
+    stems = [stem for each, _ in found for stem in each]
+    low = 0.0 if names == ("distance",) else -LARGEST_MM
+    value = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in stems]
+    first, second = ([joints.at(stem, end) for stem in stems] for end in ends)
     if settings.faults or not stems:
         return None
-    return StoredDistances(np.array(first), np.array(second), np.array(distance), np.array(lines))
+    lines = [line for _, each in found for line in each]
+    return Stored(np.array(first), np.array(second), np.array(value), np.array(lines))
 
 
 def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | None:

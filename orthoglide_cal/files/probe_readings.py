@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import PurePath
-from typing import Any
 
 import numpy as np
 
@@ -16,17 +14,14 @@ from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import Excerpt, Floats, Ints, Machine, Readings
-from orthoglide_cal.model.instrument import Probe
 from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.layouts import MINUTES_PER_TOUCH
-from orthoglide_cal.model.linear_delta import Endstops, LinearDelta
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.touches import bed_readings
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = tuple(ProbeRow.model_fields)
-# What no printer.cfg states: a probe repeats within a hundredth.
-REPEATABILITY_MM = 0.012
 # A place farther out than so many radii of the bed is none of it.
 BEYOND = 1.2
 # A printer that was calibrated knows its heights to tenths, a calliper is read to hundredths: what
@@ -120,15 +115,6 @@ def touches_csv(readings: Readings) -> str:
     return "\n".join(("seq,minutes,x_mm,y_mm,z_mm,reading_mm", *rows)) + "\n"
 
 
-def machine_of_printer(file: PrinterFile) -> LinearDelta:
-    """The machine with the parameters that a printer.cfg has in force, and what is usual else."""
-    return LinearDelta.model_construct(
-        name=PurePath(file.source.path).name,
-        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
-        **_in_force(file),
-    )
-
-
 def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, tuple[str, ...]]:
     """A machine of which more is known, with the parameters that its printer.cfg has in force.
 
@@ -141,7 +127,8 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     Raises:
         UsageError: the two are not of one machine.
     """
-    machine = known.changed(**_in_force(file))
+    in_force = (*known.geometry_keys, "bed_radius_mm")
+    machine = known.changed(**{key: getattr(file.machine, key) for key in in_force})
     check_same_printer(known, machine)
     arms = np.array((known.arm_length_mm, machine.arm_length_mm))
     apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[_ARMS].size(known)
@@ -155,17 +142,6 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     )
     sizes = {**known.tolerances, _ARMS: round(math.hypot(size, apart), 3)}
     return machine.changed(tolerances=sizes), (remark,)
-
-
-def _in_force(file: PrinterFile) -> dict[str, Any]:
-    """Fields of the machine that a printer.cfg states."""
-    return {
-        "arm_length_mm": tuple(file.arms.tolist()),
-        "delta_radius_mm": file.radius,
-        "tower_angles_deg": tuple(file.angles.tolist()),
-        "endstops_mm": Endstops(*file.endstops.tolist()),
-        "bed_radius_mm": file.print_radius,
-    }
 
 
 def check_same_printer(before: Machine, after: Machine) -> None:
@@ -251,7 +227,7 @@ def _calibration(file: PrinterFile, machine: LinearDelta) -> Readings:
     def reached(carriages: Floats) -> Floats:
         return np.asarray(trilaterate(rails.carriages(carriages), rails.lengths, strict=False))
 
-    place, surface = reached(heights.carriages), heights.height
+    place, surface = reached(heights.first), heights.value
     _check_stored(
         file,
         heights.line,
@@ -276,16 +252,16 @@ def _calibration(file: PrinterFile, machine: LinearDelta) -> Readings:
         _check_stored(
             file,
             distances.line,
-            distances.distance - wanted,
+            distances.value - wanted,
             "The stored distance",
             "Measure it again on the printed object, and give it to DELTA_ANALYZE.",
         )
         place, other = np.vstack((place, first)), np.vstack((other, second))
-        value = np.concatenate((value, distances.distance - wanted))
+        value = np.concatenate((value, distances.value - wanted))
         line = np.concatenate((line, distances.line))
     words = f"{len(surface)} heights"
     if distances is not None:
-        words += f" and {len(distances.distance)} distances"
+        words += f" and {len(distances.value)} distances"
     source = replace(file.source, excerpt=Excerpt("calibration", words))
     plan = _plan(machine, place, surface, np.arange(len(place)), None, other)
     return bed_readings(plan, value, source, line, remarks=remarks)

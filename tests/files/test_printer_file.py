@@ -107,13 +107,13 @@ def line_of(text, start):
 
 def test_parameters_in_force_and_what_stands_for_those_not_given():
     found = read(GOOD)
-    assert (found.radius, found.print_radius) == (130.5, 110.0)
-    assert found.arms.tolist() == [250.25, 250.25, 250.75]
-    assert found.endstops.tolist() == [300.5, 300.5, 299.75]
-    assert found.angles.tolist() == [210.0, 329.5, 90.0]
+    assert (found.machine.delta_radius_mm, found.machine.bed_radius_mm) == (130.5, 110.0)
+    assert found.machine.arm_length_mm == (250.25, 250.25, 250.75)
+    assert found.machine.endstops_mm == (300.5, 300.5, 299.75)
+    assert found.machine.tower_angles_deg == (210.0, 329.5, 90.0)
     assert found.probe.tolist() == [2.0, -3.5, 1.5]
     assert found.remarks == ()
-    assert read(GOOD.replace("print_radius: 110\n", "")).print_radius == 130.5
+    assert read(GOOD.replace("print_radius: 110\n", "")).machine.bed_radius_mm == 130.5
 
 
 def test_steps_below_the_endstops_are_heights_of_the_carriages():
@@ -128,14 +128,13 @@ def test_steps_below_the_endstops_are_heights_of_the_carriages():
         return [top - count * way for top, count, way in zip(home, counts, step, strict=True)]
 
     heights = [at(100, 200, 300.5), at(-100, 0, 10), at(0, 0, 400)]
-    np.testing.assert_allclose(found.heights.carriages, heights, rtol=1e-14)
-    assert found.heights.height.tolist() == [1.5, 1.5, 0.1]
-    assert found.heights.manual.tolist() == [False, False, True]
+    np.testing.assert_allclose(found.heights.first, heights, rtol=1e-14)
+    assert found.heights.value.tolist() == [1.5, 1.5, 0.1]
     starts = ["#*# height0 ", "#*# height1 ", "#*# manual_height0 "]
     assert found.heights.line.tolist() == [line_of(GOOD, start) for start in starts]
     np.testing.assert_allclose(found.distances.first, [at(1000, 2000, 3000)], rtol=1e-14)
     np.testing.assert_allclose(found.distances.second, [at(0, 0, 80)], rtol=1e-14)
-    assert found.distances.distance.tolist() == [65.02]
+    assert found.distances.value.tolist() == [65.02]
     assert found.distances.line.tolist() == [line_of(GOOD, "#*# distance0 ")]
 
 
@@ -143,7 +142,7 @@ def test_full_steps_of_a_turn_may_be_stated():
     other = read(
         GOOD.replace("rotation_distance: 40", "rotation_distance: 80\nfull_steps_per_rotation: 400")
     )
-    np.testing.assert_array_equal(other.heights.carriages, read(GOOD).heights.carriages)
+    np.testing.assert_array_equal(other.heights.first, read(GOOD).heights.first)
 
 
 def test_points_beyond_the_mesh_radius_are_left_out():
@@ -228,8 +227,8 @@ def test_a_mesh_that_counts_from_one_of_its_places_does_not_tell_the_height(opti
 def test_what_was_saved_wins_and_the_difference_is_told():
     text = GOOD + "#*# [stepper_a]\n#*# arm_length = 251.125\n#*# angle = 210.25\n"
     found = read(text)
-    assert found.arms.tolist() == [251.125, 251.125, 250.75]
-    assert found.angles[0] == 210.25
+    assert found.machine.arm_length_mm == (251.125, 251.125, 250.75)
+    assert found.machine.tower_angles_deg[0] == 210.25
     above, saved = line_of(text, "arm_length: 250.25"), line_of(text, "#*# arm_length = 251.125")
     assert found.remarks == (
         f"Line {above}, arm_length of [stepper_a], was not used: line {saved}, which SAVE_CONFIG"
@@ -261,9 +260,8 @@ def test_what_was_saved_again_is_not_told():
 )  # fmt: skip
 def test_what_makes_no_difference(text):
     found, same = read(text), read(GOOD)
-    assert (found.radius, found.print_radius) == (same.radius, same.print_radius)
-    assert found.arms.tolist() == same.arms.tolist()
-    np.testing.assert_array_equal(found.heights.carriages, same.heights.carriages)
+    assert found.machine == same.machine
+    np.testing.assert_array_equal(found.heights.first, same.heights.first)
     np.testing.assert_array_equal(found.distances.first, same.distances.first)
     np.testing.assert_array_equal(found.mesh.height, same.mesh.height)
 

@@ -13,7 +13,8 @@ from orthoglide_cal.files import (
     read_input,
     read_machine_file,
 )
-from orthoglide_cal.files.probe_readings import MINUTES_PER_TOUCH, REPEATABILITY_MM
+from orthoglide_cal.files.printer_file import REPEATABILITY_MM
+from orthoglide_cal.files.probe_readings import MINUTES_PER_TOUCH
 from orthoglide_cal.model import Floats, Model, Readings
 from orthoglide_cal.model.instrument import CALLIPER_MM
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta
