@@ -48,7 +48,7 @@ _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
 
 
 @dataclass(frozen=True)
-class Stored(ReadOnly):
+class StoredCalibration(ReadOnly):
     """Heights of the nozzle over the bed, or distances on a printed object; n of them.
 
     Attributes:
@@ -106,8 +106,8 @@ class PrinterFile(ReadOnly):
 
     machine: LinearDelta
     probe: Floats
-    heights: Stored | None
-    distances: Stored | None
+    heights: StoredCalibration | None
+    distances: StoredCalibration | None
     mesh: StoredMesh | None
     source: Source
     remarks: tuple[str, ...]
@@ -252,7 +252,7 @@ def _stored(settings: Settings, name: str, ends: Sequence[str]) -> tuple[list[st
 
 def _calibration(
     settings: Settings, joints: _Joints, names: Sequence[str], ends: tuple[str, str]
-) -> Stored | None:
+) -> StoredCalibration | None:
     """What [delta_calibrate] stores under these names; None where it stores nothing."""
     found = [_stored(settings, name, ends) for name in names]
     stems = [stem for each, _ in found for stem in each]
@@ -262,7 +262,7 @@ def _calibration(
     if settings.faults or not stems:
         return None
     lines = [line for _, each in found for line in each]
-    return Stored(np.array(first), np.array(second), np.array(value), np.array(lines))
+    return StoredCalibration(np.array(first), np.array(second), np.array(value), np.array(lines))
 
 
 def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | None:
