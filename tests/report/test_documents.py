@@ -23,7 +23,7 @@ from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import verify
-from orthoglide_cal.words import difference_decimals, entered_decimals, signed, two_figures
+from orthoglide_cal.words import difference_decimals, signed, two_figures
 from tests.machines import ROOT, SAMPLES
 from tests.report.cases import documents, report_of
 from tests.results import cases
@@ -152,19 +152,6 @@ def test_what_was_applied_is_shown_to_its_last_digit() -> None:
     facts = verification_document(found, identify([], issued=cases.ISSUED)).page().facts
     assert facts is not None
     assert "-0.5304 +0.5900 -1.7600" in str(dict(facts.rows)["Applied"])
-
-
-@pytest.mark.parametrize(
-    ("expanded", "active", "decimals"),
-    [
-        ((0.0214, 0.5, 0.5), (0.0, 0.0, 0.0), 3),
-        ((0.44, 0.44, 0.44), (0.0, 0.0, 0.0), 3),
-        ((0.0077, 0.02, 0.02), (0.0, 0.0, 0.0), 4),
-        ((0.44, 0.44, 0.44), (0.12345, 0.0, 0.0), 5),
-    ],
-)
-def test_what_is_entered_has_enough_digits(expanded, active, decimals) -> None:
-    assert entered_decimals(expanded, active) == decimals
 
 
 def test_differences_have_the_gauges_digits() -> None:

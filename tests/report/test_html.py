@@ -92,6 +92,12 @@ def test_every_page_carries_number_and_count(made):
     assert (page.number or page.kind) in " ".join(outline.words)
 
 
+def test_captions_do_not_scroll_with_their_tables(made):
+    _, whole, _ = made
+    for scrolled in re.findall(r'<div class="scroll".*?</div>', whole, re.DOTALL):
+        assert "<p" not in scrolled
+
+
 def test_a_report_is_no_certificate(made):
     """Only a gauge has a certificate; the word "accredited" is nowhere."""
     name, _, outline = made

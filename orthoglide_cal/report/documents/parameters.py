@@ -91,9 +91,9 @@ def parameters_grid(case: Case) -> doc.Grid:
     if answer.release.usable and not answer.release.settled:
         columns["type in"] = [doc.Strong(plain(each.new(digits), digits)) for each in every]
     caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}."
-    return doc.Grid(
-        tuple(columns), tuple(zip(*columns.values(), strict=True)), caption=caption, tiles=True
-    )
+    rows = tuple(zip(*columns.values(), strict=True))
+    # From afar one reads what to type in, and nothing else.
+    return doc.Grid(tuple(columns), rows, caption=caption, tiles="type in" in columns)
 
 
 def alone_block(case: Case) -> tuple[doc.Block, ...]:
