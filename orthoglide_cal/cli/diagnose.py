@@ -53,6 +53,7 @@ def diagnose(
     from orthoglide_cal.results import answer_to
 
     _check_options(files, holdout, applied, accept, to)
+    full = details or json
 
     def judge(path: str) -> int:
         given = common.read_input(path, machine, data)
@@ -63,9 +64,9 @@ def diagnose(
             holdout=later.measured if later else None,
             applied=np.array(applied),
             then=later.model if later else None,
-            sensitivity=frozenset(diagnosis.Verdict) if details or json else (),
+            sensitivity=frozenset(diagnosis.Verdict) if full else (),
         )
-        found = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=details or json)
+        found = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full)
         common.deliver(diagnosis_document(Case(given, found, machine)), as_json=json)
         if accept is None:
             return 0

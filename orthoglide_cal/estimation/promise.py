@@ -77,10 +77,10 @@ def promise(
     """
     if all(kind is DataKind.READINGS for kind in measured.kinds):
         return ()  # no differences of the paper can be made of these data
-    posed, kept = (
-        pose_differences(data, known.model, table_kind(measured))
-        for data in (measured, right or measured)
-    )
+    kind = table_kind(measured)
+    posed = kept = pose_differences(measured, known.model, kind)
+    if right is not None and right is not measured:
+        kept = pose_differences(right, known.model, kind)
     problem = posed.problem
     after = known.offsets_mm - entered
     modelled, first = problem.predict_with_jacobian(known.offsets_mm)

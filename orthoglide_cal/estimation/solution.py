@@ -40,6 +40,7 @@ from orthoglide_cal.model import (
     simulate_with_jacobian,
     without_zeros,
 )
+from orthoglide_cal.model.gauge_doubts import Implausible
 from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.plan import read_only
@@ -204,12 +205,16 @@ class Solution(ReadOnly):
         """Root mean square of the residuals."""
         return self._fit[1]
 
+    @cached_property
+    def doubts(self) -> tuple[Implausible, ...]:
+        """What no such gauge can have shown."""
+        return gauge_doubts(self.measured, self.model.machine.instrument)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
         found, floor = self.sigma_residuals_mm, self.sigma_floor_mm
-        doubts = gauge_doubts(self.measured, self.model.machine.instrument)
-        said = (*(str(doubt) for doubt in doubts), *self.measured.remarks)
+        said = (*(str(doubt) for doubt in self.doubts), *self.measured.remarks)
         if found is None or found >= floor:
             return said
         limit = (

@@ -83,6 +83,7 @@ def answer_to(
     diagnosed: Diagnosis | None = None,
     holdout: str | None = None,
     details: bool = False,
+    promised: bool = True,
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
 
@@ -92,7 +93,8 @@ def answer_to(
         diagnosed: a diagnosis of it that was made already; it is made here if None.
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
-            sizes, the tool's error over the workspace, what would be worth measuring next.
+            sizes, and the tool's error over the workspace.
+        promised: also what will be measured after the parameters are entered.
 
     Raises:
         UsageError, InputError: as `solve`. A result that must not be used raises nothing: the
@@ -139,15 +141,14 @@ def answer_to(
     )
     parameters = tuple(_parameters(model, chosen, decimals, enter=decision.usable))
     entered = np.array([each.change(decimals) for each in parameters])
-    promised = promise(
-        measured, chosen.real, entered, chosen.noise, diagnosis.put_right if diagnosis else None
-    )
+    right = diagnosis.put_right if diagnosis else None
+    rows = promise(measured, chosen.real, entered, chosen.noise, right) if promised else ()
     dof = chosen.budget.dof
     after = solution.rms_after_mm
     if diagnosis is not None and named and found is not None:
         after = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     if decision.usable:
-        left = remainder(promised, chosen.real.model)
+        left = remainder(rows, chosen.real.model)
         told = (*((left,) if left else ()), *decision.cautions)
         decision = decision.changed(cautions=told)
     lines, total = budget_lines(chosen.budget)
@@ -180,17 +181,17 @@ def answer_to(
                 expected_mm=row.expected_mm,
                 expanded_mm=row.expanded_mm,
             )
-            for row in promised
+            for row in rows
         ),
-        as_found=_spread({row.difference.name: row.measured_mm for row in promised}),
-        expected=_spread({row.difference.name: row.expected_mm for row in promised}),
+        as_found=_spread({row.difference.name: row.measured_mm for row in rows}),
+        expected=_spread({row.difference.name: row.expected_mm for row in rows}),
         budget=lines,
         total=total,
-        remains=stays(promised),
+        remains=stays(rows),
         converged=solution.converged,
         residuals=tuple(_residuals(measured, solution, diagnosis)),
         undetermined=tuple(_undetermined(model, parameters)),
-        check=_check(given, solution, promised, chosen.budget.k),
+        check=_check(given, solution, rows, chosen.budget.k),
         workspace=_workspace(chosen, model) if details else None,
         holdout=holdout,
         warnings=solution.warnings,

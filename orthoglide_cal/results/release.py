@@ -9,7 +9,7 @@ import numpy as np
 from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
-from orthoglide_cal.model import DataKind, gauge_doubts
+from orthoglide_cal.model import DataKind
 from orthoglide_cal.planning import RankedMeasurement
 from orthoglide_cal.results.answer import Release, Remedy
 
@@ -90,7 +90,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
             " without them.",
             Remedy(sentence=vocabulary.more),
         )
-    for doubt in gauge_doubts(solution.measured, solution.model.machine.instrument):
+    for doubt in solution.doubts:
         yield doubt.what, Remedy(sentence=doubt.remedy)
     if diagnosis is None and solution.suspicious:
         yield solution.judgement, Remedy(sentence=vocabulary.more)
