@@ -24,8 +24,8 @@ from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
-from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Cause,
     DataKind,

@@ -9,5 +9,5 @@ from orthoglide_cal.estimation.methods import (
     pose_plan,
     usable_methods,
 )
-from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise, stays
+from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise, stays
 from orthoglide_cal.estimation.solution import Solution, solve

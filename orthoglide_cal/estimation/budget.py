@@ -7,20 +7,28 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.gaussian import root_of
-from orthoglide_cal.model import AXES, Floats, ReadOnly
+from orthoglide_cal.model import (
+    AXES,
+    Floats,
+    Model,
+    Plan,
+    ReadOnly,
+    carried_uncertainty,
+    differentiate,
+    simulate,
+)
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.instrument import Instrument
-
-# What another session draws anew: its readings, and where the stands are put.
 
 
 class Evaluation(StrEnum):
@@ -171,3 +179,48 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
     std = EXPANSION_PER_K * length_mm * kelvin / math.sqrt(3.0)
     covariance = np.full((len(AXES), len(AXES)), std**2)
     return (Contribution(Origin.TEMPERATURE, Evaluation.B, kelvin, "K", False, covariance),)
+
+
+# What readings hold besides noise that nobody knows exactly, and hardly any reading shows: sets of
+# unknowns of plausible size. They are unknowns of every fit, as the gauges' zeros are.
+
+
+def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
+    """All that act on these readings.
+
+    Args:
+        model: its machine and gauge give the sizes, its accepted causes their own uncertainty.
+        offsets: Δρ, shape (3,) [mm].
+        plan: n readings.
+    """
+    found = list(model.machine.uncertain(plan, lambda other: simulate(model, offsets, other)))
+    found += _of_causes(model.machine.unobservable, model, offsets, plan)
+    if model.accepted:
+        carried = carried_uncertainty(model, offsets, plan)
+        found += [
+            Influence(effect.cause.id, None, "", False, columns)
+            for effect, columns in zip(model.accepted, carried, strict=True)
+        ]
+    return tuple(found)
+
+
+def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
+    """What is taken as the controller has it, although nobody knows it exactly.
+
+    A diagnosis asks whether the readings speak against it; what is found of the parameters is as
+    unsure as it is, whatever they say. Arguments as of `influences`.
+    """
+    return tuple(_of_causes(model.machine.fixed_parameters, model, offsets, plan))
+
+
+def _of_causes(
+    ids: Iterable[str], model: Model, offsets: Floats, plan: Plan
+) -> Iterator[Influence]:
+    """Causes at their plausible size; not those that the model knows of."""
+    machine, known = model.machine, {effect.cause.id for effect in model.accepted}
+    for cause in (CAUSES[id] for id in ids if id not in known):
+        size = cause.size(machine)
+        if size > 0.0:
+            _, slopes = differentiate(model, offsets, plan, [cause.at(np.zeros(cause.unknowns))])
+            columns = slopes[:, offsets.size :] * cause.prior_std(machine)
+            yield Influence(cause.id, size, cause.unit, cause.assumed(machine), columns)

@@ -130,7 +130,7 @@ class Forecast:
         )
 
 
-class Outlook:
+class PlanForecast:
     """What is known of a plan's readings before the first is taken: computed once.
 
     Any of them, in the order in which they are taken, are then forecast by selection.

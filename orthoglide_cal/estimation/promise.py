@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width, rms
-from orthoglide_cal.estimation.influences import influences
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.methods import pose_differences, table_kind
 from orthoglide_cal.model import DataKind, Difference, Floats, Measured, Model, ReadOnly
 from orthoglide_cal.model.influence import Origin
@@ -39,7 +39,7 @@ class PromisedDifference:
 
 
 @dataclass(frozen=True, eq=False)
-class Known(ReadOnly):
+class OffsetEstimate(ReadOnly):
     """What is known of the machine when something is entered in its controller.
 
     Attributes:
@@ -55,7 +55,7 @@ class Known(ReadOnly):
 
 def promise(
     measured: Measured,
-    known: Known,
+    known: OffsetEstimate,
     entered: Floats,
     noise: Scatter,
     right: Measured | None = None,

@@ -21,11 +21,10 @@ from orthoglide_cal.estimation.accuracy import (
     sigma_rho,
     sum_of_squares,
 )
-from orthoglide_cal.estimation.budget import Budget, budget_of
-from orthoglide_cal.estimation.influences import held, influences
+from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
 from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, Problem, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose, pose_differences
-from orthoglide_cal.estimation.promise import Known, PromisedDifference, promise
+from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model import (
     Differences,
     Floats,
@@ -165,7 +164,7 @@ class Solution(ReadOnly):
 
         `right` as in `promise`.
         """
-        known = Known(self.model, self.offsets_mm, self.covariance_mm2)
+        known = OffsetEstimate(self.model, self.offsets_mm, self.covariance_mm2)
         change = self.offsets_mm if entered is None else entered
         return promise(self.measured, known, change, self.noise, right)
 
@@ -351,7 +350,7 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
             plan,
             gauge,
             scatter,
-            (*uncertain, *held(model, offsets, plan)),
+            (*uncertain, *fixed_influences(model, offsets, plan)),
         ),
         scatter=scatter,
         iterations=iterations,

@@ -19,8 +19,7 @@ from pydantic import ConfigDict, Field, PlainSerializer, computed_field
 
 from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
-from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.estimation.influences import held, influences
+from orthoglide_cal.estimation.budget import Budget, fixed_influences, influences
 from orthoglide_cal.estimation.solution import budget_of_readings
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.influence import Influence, Origin
@@ -216,7 +215,7 @@ def expected_budget(model: Model, plan: AnyPlan, method: Method = Method.READING
     estimator = estimator_for(model, plan, uncertain, method)
     dof = len(plan) - plan.setups - len(model.machine.parameter_names)
     scatter = Scatter(gauge.noise_mm, float(dof)) if dof > 0 else None
-    taken = held(model, np.zeros(len(model.machine.parameter_names)), plan)
+    taken = fixed_influences(model, np.zeros(len(model.machine.parameter_names)), plan)
     return budget_of_readings(estimator, plan, gauge, scatter, (*uncertain, *taken))
 
 

@@ -37,8 +37,8 @@ from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import UNSEEN, as_read
 from orthoglide_cal.diagnosis.fit import Fitted, known_then
 from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import predict, root_of, whiten
-from orthoglide_cal.estimation.influences import held, influences
 from orthoglide_cal.model import (
     Floats,
     Model,
@@ -260,7 +260,7 @@ def _fixed(model: Model, plan: AnyPlan, answer: Fitted) -> Floats:
     No reading tells it, so no diagnosis counts it either, unless it is the answer; `solve` does.
     """
     nominal = np.zeros(len(model.machine.parameter_names))
-    taken = held(model, nominal, plan)
+    taken = fixed_influences(model, nominal, plan)
     columns = [each.columns for each in taken if each.source not in _ids(answer, again=False)]
     if not columns:
         return nominal

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
-from orthoglide_cal.estimation.influences import influences
 from orthoglide_cal.model import (
     Cause,
     Floats,

@@ -22,7 +22,14 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, NamedCause, Verdict, diagnose
 from orthoglide_cal.errors import PostureError, UnusableResultError
-from orthoglide_cal.estimation import Known, PromisedDifference, Solution, promise, solve, stays
+from orthoglide_cal.estimation import (
+    OffsetEstimate,
+    PromisedDifference,
+    Solution,
+    promise,
+    solve,
+    stays,
+)
 from orthoglide_cal.estimation.accuracy import (
     CONFIDENCE,
     Scatter,
@@ -73,7 +80,7 @@ class _Found:
     values: Floats
     budget: Budget
     noise: Scatter
-    real: Known
+    real: OffsetEstimate
 
 
 def answer_to(
@@ -209,9 +216,11 @@ def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Fo
         warmth(given.conditions.mean_temperature_c, model.machine.expanding_mm)
     )
     if diagnosis is not None and diagnosis.verdict is Verdict.NAMED:
-        real = Known(with_causes(model, diagnosis), diagnosis.offsets_mm, diagnosis.covariance_mm2)
+        real = OffsetEstimate(
+            with_causes(model, diagnosis), diagnosis.offsets_mm, diagnosis.covariance_mm2
+        )
     else:
-        real = Known(model, solution.offsets_mm, solution.covariance_mm2)
+        real = OffsetEstimate(model, solution.offsets_mm, solution.covariance_mm2)
     return _Found(solution.offsets_mm, budget, solution.noise, real)
 
 
@@ -224,7 +233,7 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Fo
         warmth(given.conditions.mean_temperature_c, model.machine.expanding_mm)
     )
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    real = Known(model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
+    real = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
     return _Found(diagnosis.offsets_mm, budget, noise, real)
 
 

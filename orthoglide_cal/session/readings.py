@@ -14,7 +14,7 @@ import numpy as np
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
-from orthoglide_cal.estimation.forecast import PLACE, Forecast, Outlook
+from orthoglide_cal.estimation.forecast import PLACE, Forecast, PlanForecast
 from orthoglide_cal.model import (
     Contact,
     Floats,
@@ -88,13 +88,13 @@ class Setting:
         )
 
     @cached_property
-    def outlook(self) -> Outlook:
+    def outlook(self) -> PlanForecast:
         """Of 2·N readings: the steps', and the same with the gauges of each leg exchanged."""
         both = {f.name: np.concatenate([getattr(self.plan, f.name)] * 2) for f in fields(GaugePlan)}
         fixed = both["contact"] == Contact.FIXED
         fixed[: len(self.plan)] = False
         both["direction"][fixed] = (3 - both["leg"] - both["direction"])[fixed]
-        return Outlook(self.model, GaugePlan(**both))
+        return PlanForecast(self.model, GaugePlan(**both))
 
 
 @dataclass(frozen=True, eq=False)

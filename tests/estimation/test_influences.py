@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import Solution, solve
-from orthoglide_cal.estimation.influences import influences
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model import Effect, Floats, Gauge, Model, single_posture, without_zeros
 from orthoglide_cal.model.influence import Influence, Origin
 from tests import truth

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation import Known, promise, solve
+from orthoglide_cal.estimation import OffsetEstimate, promise, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.model import (
     AXES,
@@ -95,8 +95,8 @@ FORMS = ["six", "twelve", "single", "double-posture readings", "single-posture r
 forms = pytest.mark.parametrize("form", FORMS)
 
 
-def known(model: Model, offsets: Floats) -> Known:
-    return Known(model, offsets, 1e-5 * np.eye(3))
+def known(model: Model, offsets: Floats) -> OffsetEstimate:
+    return OffsetEstimate(model, offsets, 1e-5 * np.eye(3))
 
 
 def shown_as(form: str) -> DataKind:
@@ -183,7 +183,7 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
         column[when] = apart[0] - apart[1]
     rows = promise(
         differences(SIX, model),
-        Known(model, OFFSETS, 1e-16 * np.eye(3)),
+        OffsetEstimate(model, OFFSETS, 1e-16 * np.eye(3)),
         ENTERED,
         Scatter(1e-8, np.inf),
     )

@@ -5,7 +5,7 @@ import pytest
 
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.accuracy import rms
-from orthoglide_cal.estimation.influences import influences
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model import Floats, Model, Readings
 from orthoglide_cal.model.orthoglide import OFFSET_MM
 from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE

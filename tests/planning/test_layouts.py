@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
-from orthoglide_cal.estimation.influences import influences
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.layouts import mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta

@@ -17,7 +17,7 @@ from scipy.stats import t as student
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Known, promise, solve
+from orthoglide_cal.estimation import OffsetEstimate, promise, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.model import AXES, Entered, Model, Series, Source, simulate, single_posture
 from orthoglide_cal.model.machine import JointOffsets
@@ -165,7 +165,7 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
     check = answer.check
     assert check is not None
-    known = Known(
+    known = OffsetEstimate(
         making.with_causes(case.given.model, diagnosis),
         diagnosis.offsets_mm,
         diagnosis.covariance_mm2,

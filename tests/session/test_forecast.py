@@ -13,7 +13,7 @@ from orthoglide_cal.estimation.forecast import (
     UNKNOWN_MM,
     ZERO_MM,
     Forecast,
-    Outlook,
+    PlanForecast,
     misfit_mm,
 )
 from orthoglide_cal.model import Effect, GaugePlan, Model, simulate
@@ -29,7 +29,7 @@ def in_full(
     plan: GaugePlan, effects: tuple[Effect, ...] = (), fresh: np.ndarray | None = None
 ) -> Forecast:
     """The forecast of a whole plan."""
-    outlook = Outlook(NOMINAL.extended(effects), plan)
+    outlook = PlanForecast(NOMINAL.extended(effects), plan)
     return outlook.forecast(np.arange(len(plan)), plan.setup, plan.order, plan.hours, fresh=fresh)
 
 
@@ -91,9 +91,11 @@ def test_a_selection_is_the_forecast_of_that_part() -> None:
     whole = timed_plan()
     rows = rng.permutation(60)[:25]
     setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))
-    selected = Outlook(NOMINAL, whole).forecast(rows, setup, np.arange(25), hours, scatter_mm=0.02)
+    selected = PlanForecast(NOMINAL, whole).forecast(
+        rows, setup, np.arange(25), hours, scatter_mm=0.02
+    )
     alone = replace(whole.subset(rows), setup=setup, order=np.arange(25), hours=hours)
-    exact = Outlook(NOMINAL, alone).forecast(
+    exact = PlanForecast(NOMINAL, alone).forecast(
         np.arange(25), setup, np.arange(25), hours, scatter_mm=0.02
     )
     for name in ("base", "common", "cells", "misfits"):
@@ -109,7 +111,7 @@ def test_known_causes_are_expected_where_and_when_they_act(cause: str) -> None:
     order, hours = np.arange(8), np.linspace(0.1, 2.0, 8)
     whole = timed_plan()
     model = NOMINAL.extended([effect])
-    found = Outlook(model, whole).forecast(rows, whole.setup[rows], order, hours)
+    found = PlanForecast(model, whole).forecast(rows, whole.setup[rows], order, hours)
     alone = replace(whole.subset(rows), order=order, hours=hours)
     assert np.array_equal(found.base, simulate(model, np.zeros(3), alone))
     assert np.abs(found.base - simulate(NOMINAL, np.zeros(3), alone)).max() > 1e-3
@@ -215,7 +217,9 @@ def test_sizes_that_the_machine_file_does_not_give_are_those_of_its_kind() -> No
     silent = PROTOTYPE.changed(tolerances={})
     stated, assumed = (
         in_full(plan),
-        Outlook(Model(silent), plan).forecast(np.arange(60), plan.setup, plan.order, plan.hours),
+        PlanForecast(Model(silent), plan).forecast(
+            np.arange(60), plan.setup, plan.order, plan.hours
+        ),
     )
     assert np.array_equal(assumed.common, stated.common)
     assert np.array_equal(assumed.misfits, stated.misfits)
@@ -224,7 +228,7 @@ def test_sizes_that_the_machine_file_does_not_give_are_those_of_its_kind() -> No
 def test_a_machine_that_can_have_nothing_leaves_offsets_zeros_and_noise() -> None:
     sound = Model(PROTOTYPE.changed(tolerances=dict.fromkeys(CAUSES, 0.0)))
     plan, values = timed_plan(30), np.array(readings_of(steps_of()[:30], 4))
-    found = Outlook(sound, plan).forecast(np.arange(30), plan.setup, plan.order, plan.hours)
+    found = PlanForecast(sound, plan).forecast(np.arange(30), plan.setup, plan.order, plan.hours)
     assert not found.misfits.any()
     prediction = found.predict(values[:29], np.arange(29), 29)
     assert PROTOTYPE.gauge.noise_mm < float(prediction.std) < 2.0 * PROTOTYPE.gauge.noise_mm
