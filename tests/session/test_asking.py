@@ -1,8 +1,6 @@
 """One prompt, answered by keyboard or gauge; with a clock that only the test moves on."""
 
 from collections.abc import Iterable
-from contextlib import closing
-from pathlib import Path
 
 import pytest
 
@@ -23,7 +21,7 @@ from orthoglide_cal.session.asking import (
 )
 from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
 
-from .virtual import Screen, a_dialogue, steps_of
+from .virtual import Screen, steps_of
 
 STEP = steps_of()[0]
 PROMPT = "1. Gauge Y > "
@@ -149,12 +147,6 @@ def test_a_reading_is_shown_in_the_line_of_the_prompt(
     assert screen.text == f"{PROMPT}-0.64\n"
 
 
-def test_a_typed_line_from_a_pipe_is_shown_without_control_characters() -> None:
-    asker, screen, _ = at((0.1, "-0.6\x1b[A", []), live=False)
-    asker.ask(prompt, STEP)
-    assert screen.text == f"{PROMPT}-0.6⟨U+001B⟩[A\n"
-
-
 @pytest.mark.parametrize(
     "message", [ERROR, Heard(Token("0.41", 0.41), "plain:y", "That was gauge 2.")]
 )
@@ -211,14 +203,6 @@ def test_a_line_in_the_dead_time_is_said_and_not_taken(driving: bool, second: st
     said = [text for text, style in screen.shown if style is Style.ASIDE]
     assert said == [f"ignored: {second or 'Return'} arrived {0.97 * dead:.2f} s after the last one"]
     assert screen.text.endswith(f"{PLACE}\n{PROMPT}")  # shown again
-
-
-def test_after_the_dead_time_a_line_is_taken() -> None:
-    for driving, dead in ((False, BETWEEN_GAUGES_S), (True, AFTER_A_DRIVE_S)):
-        asker, _, _ = at((9.0, "-0.64", []), (1.03 * dead, "-0.64", []), gauge=False)
-        asker.ask(prompt, STEP)
-        asker.rest(driving)
-        assert asker.ask(prompt, STEP) == TypedLine("-0.64")
 
 
 def test_an_answer_that_was_no_reading_begins_no_dead_time() -> None:
@@ -321,17 +305,6 @@ def test_a_screen_that_changed_shows_the_place_and_what_was_typed_again() -> Non
     scene.resized, scene.partial = True, "-0.6"
     asker.ask(prompt, STEP)
     assert screen.text == f"{PROMPT}\n{PLACE}\n{PROMPT}-0.6"
-
-
-def test_a_second_press_leaves_the_session_as_it_was(tmp_path: Path) -> None:
-    waits = ((9.0, "-0.64"), (0.1, "-0.64"), (9.0, "0.41"), (1.0, "0.42"), (9.0, "-0.95"))
-    scene = Scene([(wait, line, []) for wait, line in waits])
-    dialogue, _, journal = a_dialogue(tmp_path / "s.journal", [])
-    dialogue.asker.keyboard, dialogue.asker.clock = scene, scene.clock
-    with closing(journal), pytest.raises(EOFError):
-        dialogue.run()
-    assert [item.take.value_mm for item in dialogue.state.accepted.values()] == [-0.64, 0.41, -0.95]
-    assert dialogue.state.count == 4
 
 
 @pytest.mark.parametrize(("live", "itself"), [(True, True), (False, False), (True, False)])

@@ -98,18 +98,6 @@ def reversed_in(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_opposite_sign_from_the_second_cycle_on(seed: int) -> None:
-    steps = steps_of()
-    at = index_of(steps, 1, 0, "iso", 2)
-    flipped = reversed_in(
-        steps, readings_of(steps, seed), lambda i, step: i >= at and step.series == (1, 0)
-    )
-    number, _, text = first_question(flipped, steps)
-    assert number == at + 1
-    assert "opposite sign" in text
-
-
-@pytest.mark.parametrize("seed", SEEDS)
 def test_a_gauge_with_the_opposite_sign_for_a_whole_leg(seed: int) -> None:
     """It can only show once the offsets are known and a second posture is read."""
     steps = steps_of()

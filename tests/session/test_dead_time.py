@@ -112,20 +112,6 @@ def test_a_gauge_in_continuous_output_stores_nothing(
     assert list(kept(tmp_path)) == [1]
 
 
-def test_what_is_typed_by_hand_counts_at_once(tmp_path: Path) -> None:
-    """A person who remembers both dials types the second number right after the first."""
-    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
-        for number, value in enumerate(FIRST[:2], start=1):
-            assert terminal.step() == number
-            time.sleep(0.4)
-            for key in (*value, "\r"):
-                terminal.type(key, end="")
-                time.sleep(1.5 * BY_HAND_S)
-            terminal.expect("saved")
-    assert kept(tmp_path) == {1: -0.64, 2: 0.41}
-    assert "ignored" not in terminal.seen
-
-
 def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Path) -> None:
     """ "-0.4" before the prompt and "1" after it are not the reading 1."""
     with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:

@@ -21,11 +21,9 @@ from orthoglide_cal.session.record import session_values
 
 from .virtual import (
     DOUBLE,
-    SINGLE,
     a_dialogue,
     answered,
     both_protocols,
-    content_without_times,
     offsets,
     opened,
     readings_of,
@@ -75,23 +73,6 @@ def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
     table, help_text = plain[-2:]
     assert 18 < len(table.splitlines()) <= 23
     assert 10 < len(help_text.splitlines()) <= 23
-
-
-def test_intervals_are_shown_once_determined_and_shrink(tmp_path: Path) -> None:
-    dialogue, screen = answered(tmp_path / "s.journal", typed(readings_of(steps_of(), 2)))
-    lines = [text for text, style in screen.shown if style is Style.DIM]
-    widths = np.array(
-        [[float(part.split()[0]) for part in line.split("+/-")[1:]] for line in lines]
-    )
-    assert widths.shape == (28, 3)  # after every posture but the first two
-    solution = dialogue.so_far.solution
-    assert solution is not None
-    assert widths[-1] == pytest.approx(solution.expanded_mm, abs=5.1e-4)
-    assert [float(part.split()[-1]) for part in lines[-1].split(" +/-")[:3]] == pytest.approx(
-        solution.offsets_mm, abs=5.1e-4
-    )
-    # At the end of each leg every interval is narrower than at the end of the leg before.
-    assert np.all(np.diff(widths[[7, 17, 27]], axis=0) < 0.0)
 
 
 def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> None:
@@ -147,17 +128,6 @@ def test_until_never_leaves_a_leg_out(tmp_path: Path) -> None:
     measured = {step.cell for step in dialogue.so_far.steps}
     assert measured == {step.cell for step in dialogue.setting.steps}
     assert len(dialogue.so_far.steps) < 60
-
-
-def test_the_record_is_the_same_however_often_it_was_interrupted(tmp_path: Path) -> None:
-    """The text of the session file, except for the times of day, in one go or in 17."""
-    lines, first = typed(readings_of(steps_of(SINGLE), 3)), opened(SINGLE)
-    whole, _ = answered(tmp_path / "a.journal", lines, first=first)
-    for at in range(0, len(lines), 2):
-        last, _ = answered(tmp_path / "b.journal", lines[at : at + 2], first=first)
-    assert last.state.ended is not None
-    assert content_without_times(last) == content_without_times(whole)
-    assert offsets(last).tolist() == offsets(whole).tolist()
 
 
 # ---- keys
@@ -249,18 +219,6 @@ def test_table_help_and_pause(tmp_path: Path) -> None:
     assert dialogue.state.count == 3
     dialogue, _ = answered(tmp_path / "s.journal", ["p", "", "-0.95"])
     assert (dialogue.state.count, list(values(dialogue))) == (6, [1, 2, 3])
-
-
-def test_quit_saves(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    dialogue, _, journal = a_dialogue(path, ["-0.64", "q"])
-    with closing(journal), pytest.raises(Quit):
-        dialogue.run()
-    again, screen, journal = a_dialogue(path, [])
-    with closing(journal):
-        again.greet()
-    assert again.state.accepted == dialogue.state.accepted
-    assert [style for _, style in screen.shown] == [Style.PLAIN, Style.GOOD]
 
 
 def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:

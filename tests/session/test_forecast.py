@@ -143,18 +143,6 @@ def test_likelihoods_are_those_of_scipy() -> None:
     assert model.log_likelihood(values[rows], rows) == pytest.approx(mean)
 
 
-def test_batches_are_the_same_as_one_by_one() -> None:
-    model, values = an_example()
-    past, new = np.arange(12), 13
-    many = np.stack((values, values[::-1], 2.0 * values))
-    together = model.predict(many[:, past], past, new)
-    for index, one in enumerate(many):
-        alone = model.predict(one[past], past, new)
-        assert together.mean[index] == pytest.approx(float(alone.mean))
-        assert together.std[index] == pytest.approx(float(alone.std))
-        assert together.tail(np.full(3, 0.3))[index] == pytest.approx(float(alone.tail(0.3)))
-
-
 def test_the_tail_is_that_of_a_mixture() -> None:
     model, values = an_example()
     past = np.arange(24)

@@ -94,17 +94,6 @@ def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> Non
     assert "Session complete: 16 readings" in done.stdout
 
 
-def test_resuming_a_finished_session_shows_it_again(tmp_path: Path) -> None:
-    options = ("--gauge", "simulated", "--seed", "1", "--protocol", "single", "--cycles", "1")
-    first = run_program(tmp_path, "s.yaml", *options)
-    assert first.returncode == 0
-    text = (tmp_path / "s.yaml").read_bytes()
-    again = run_program(tmp_path, "s.yaml", "--resume")
-    assert again.returncode == 0
-    assert "Session complete: 16 readings" in again.stdout
-    assert (tmp_path / "s.yaml").read_bytes() == text
-
-
 @pytest.mark.parametrize(
     ("options", "difference"),
     [
@@ -178,14 +167,6 @@ def test_nothing_to_resume(tmp_path: Path) -> None:
     code, said = refused(tmp_path, "s.yaml", "--resume")
     assert code == 2
     assert "no unfinished session" in said
-
-
-def test_a_damaged_journal_is_refused_with_its_line(tmp_path: Path) -> None:
-    data = begun(tmp_path)
-    (tmp_path / "s.journal").write_bytes(data.replace(b'"value_mm":-0.64', b'"value_mm":-0.65'))
-    code, said = refused(tmp_path, "s.yaml", "--resume")
-    assert code == 3
-    assert "s.journal, line 2" in said
 
 
 @pytest.mark.parametrize(

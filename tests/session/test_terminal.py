@@ -111,13 +111,6 @@ def test_a_wedge_may_end_its_number_with_return_or_tab(tmp_path: Path) -> None:
             terminal.expect(f"saved {float(value):+.3f}".replace("+", r"\+"))
 
 
-def test_backspace_edits_the_line(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml") as terminal:
-        assert terminal.step() == 1
-        terminal.type("0.13\x7f2")
-        terminal.expect(r"saved \+0\.120")
-
-
 # ---- interruptions
 
 
