@@ -22,39 +22,9 @@ ROUNDING = 1e-9
 PLACE_STEP = 0.05
 
 
-class WorstTouch(NamedTuple):
-    """The reading whose plunger comes nearest to an end of its bar, or beyond it.
-
-    Attributes:
-        leg: that is touched.
-        displacement_mm: of its carriage.
-        at: place along the leg, from carriage joint (0) to tool (1).
-    """
-
-    leg: int
-    displacement_mm: float
-    at: float
-
-    @property
-    def keeps(self) -> float:
-        """Distance from the nearer joint as a share of the leg; negative off the bar."""
-        return min(self.at, 1.0 - self.at)
-
-
 def keeps_off(touched: Floats) -> np.ndarray:
     """Where plungers that touch legs there come too near to a joint; any shape."""
     return np.asarray((touched < MARGIN - ROUNDING) | (touched > 1.0 - MARGIN + ROUNDING))
-
-
-def worst_touch(plan: GaugePlan, machine: Orthoglide) -> WorstTouch | None:
-    """The touch nearest to a joint; None if no gauge stands fixed in space."""
-    rows = np.flatnonzero(plan.contact == Contact.FIXED)
-    if not rows.size:
-        return None
-    at = plan.gauge_at[rows] + plan.displacement[rows] / machine.leg_length_mm
-    worst = int(np.argmin(np.minimum(at, 1.0 - at)))
-    row = int(rows[worst])
-    return WorstTouch(int(plan.leg[row]), float(plan.displacement[row]), float(at[worst]))
 
 
 def reach_mm(machine: Orthoglide, gauge_at: float) -> tuple[float, float]:
@@ -85,41 +55,42 @@ class BarWarning(NamedTuple):
     """Plungers that leave their bar, or come near its end.
 
     Attributes:
-        what: is wrong, in a sentence.
-        remedy: how to mend it.
+        lines: what is wrong, and the remedy, a sentence each.
         leaves: whether one leaves the bar.
     """
 
-    what: str
-    remedy: str
+    lines: tuple[str, str]
     leaves: bool
-
-    @property
-    def lines(self) -> tuple[str, str]:
-        """Both sentences."""
-        return self.what, self.remedy
 
 
 def bar_warning(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
-    """What is wrong with the touches of a plan; None if nothing is."""
-    worst = worst_touch(plan, machine)
-    if worst is None or worst.keeps >= MARGIN - ROUNDING:
+    """What is wrong where plungers touch their bars; None if nothing is, or no gauge is fixed."""
+    rows = np.flatnonzero(plan.contact == Contact.FIXED)
+    if not rows.size:
         return None
-    where = f"with carriage {AXES[worst.leg]} at {worst.displacement_mm:+g} mm"
-    if worst.keeps < 0.0:
-        end = "carriage joint" if worst.at < 0.5 else "tool"
-        beyond = -worst.keeps * machine.leg_length_mm
-        what = f"The plunger leaves the bar: {where} the gauge is {beyond:.3g} mm beyond the {end}."
+    at = plan.gauge_at[rows] + plan.displacement[rows] / machine.leg_length_mm
+    # From the nearer joint, as a share of the leg; negative off the bar.
+    keeps = np.minimum(at, 1.0 - at)
+    worst = int(np.argmin(keeps))
+    if keeps[worst] >= MARGIN - ROUNDING:
+        return None
+    row, left = rows[worst], float(keeps[worst]) * machine.leg_length_mm
+    where = f"with carriage {AXES[plan.leg[row]]} at {plan.displacement[row]:+g} mm"
+    if left < 0.0:
+        end = "carriage joint" if at[worst] < 0.5 else "tool"
+        what = f"The plunger leaves the bar: {where} the gauge is {-left:.3g} mm beyond the {end}."
     else:
-        left = worst.keeps * machine.leg_length_mm
         what = f"The plunger comes near the end of the bar: {left:.3g} mm from it {where}."
-    low, high = reach_mm(machine, 0.5)
-    smaller = (
-        f"make joint_limits_mm in the machine file smaller: [{_inwards(low)}, {_inwards(high)}]"
-        " is safe with the gauges half-way."
+    # In whole millimetres that are no farther out, if there are any.
+    low, high = (
+        math.trunc(limit + math.copysign(ROUNDING, limit)) or limit
+        for limit in reach_mm(machine, 0.5)
     )
-    remedy = f"Measure with --design best, whose postures and gauge place fit; or {smaller}"
-    return BarWarning(what, remedy, worst.keeps < 0.0)
+    remedy = (
+        "Measure with --design best, whose postures and gauge place fit; or make joint_limits_mm in"
+        f" the machine file smaller: [{low:g}, {high:g}] is safe with the gauges half-way."
+    )
+    return BarWarning((what, remedy), left < 0.0)
 
 
 def require_on_bar(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
@@ -132,8 +103,3 @@ def require_on_bar(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
     if warning is not None and warning.leaves:
         raise PostureError(*warning.lines)
     return warning
-
-
-def _inwards(limit: float) -> str:
-    """A limit in whole millimetres that are no farther out, if it has any."""
-    return f"{math.trunc(limit + math.copysign(ROUNDING, limit)) or limit:g}"

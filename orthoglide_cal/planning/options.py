@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from orthoglide_cal.model.protocols import (
     PlannedReading,
     plan_of,
 )
-from orthoglide_cal.planning.bar import bar_warning, places, reach_mm, worst_touch
+from orthoglide_cal.planning.bar import bar_warning, places, reach_mm
 from orthoglide_cal.planning.steps import (
     NOTHING_ENTERED,
     MeasuringProtocol,
@@ -116,30 +115,18 @@ def further(first: AnyPlan | None, model: Model) -> tuple[Option, ...]:
     return tuple(found)
 
 
-class _Walk(NamedTuple):
-    """Postures of one leg.
-
-    Attributes:
-        words: in words.
-        stops: one cycle of displacements [mm]; the isotropic posture closes the last.
-    """
-
-    words: str
-    stops: tuple[float, ...]
-
-    def cycles(self, times: int = 1) -> tuple[float, ...]:
-        """So many cycles, and the closing posture."""
-        return (*(self.stops * times), self.stops[0])
+# Postures of one leg in words, and one cycle of displacements [mm]; the first closes the last.
+_Walk = tuple[str, tuple[float, ...]]
 
 
-def _walks(machine: Orthoglide, gauge_at: float) -> tuple[_Walk, ...]:
+def _walks(machine: Orthoglide, gauge_at: float) -> tuple[_Walk, _Walk, _Walk]:
     """Ways through the postures: to the joint limits, or as far as the plunger stays on the bar."""
     low, high = reach_mm(machine, gauge_at)
     least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
     return (
-        _Walk(f"iso, {most}, {least} and iso", (0.0, high, low)),
-        _Walk(f"iso, {least}, {most} and iso, each reached from the other side", (0.0, low, high)),
-        _Walk(
+        (f"iso, {most}, {least} and iso", (0.0, high, low)),
+        (f"iso, {least}, {most} and iso, each reached from the other side", (0.0, low, high)),
+        (
             f"up to {most} and down to {least}, half-way ({high / 2:g}, {low / 2:g} mm) both going"
             " and coming back",
             (0.0, high / 2, high, high / 2, 0.0, low / 2, low, low / 2),
@@ -153,36 +140,28 @@ def _going_on(here: _Stands, machine: Orthoglide) -> Iterator[Option]:
     still = f"Without touching the stands at leg {AXES[here.leg]}"
     last = float(here.first.displacement[here.first.in_time[-1]])
     again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
-    touched = worst_touch(here.option("", [last]).plan, machine)
-    if touched is None or touched.keeps >= 0.0:
+    warning = bar_warning(here.option("", [last]).plan, machine)
+    if warning is None or not warning.leaves:
         yield here.option(f"{still}, {again}.", [last])
         yield replace(here, wait=WAIT_MIN).option(
             f"{still}, {again} after a quarter of an hour.", [last]
         )
     for times, how_often in TIMES.items():
-        for walk in walks:
-            what = f"{still}, read {how_often}: {walk.words}."
-            yield here.option(what, walk.cycles(times))
-    for axis in other_axes(here.leg):
-        step = _step(machine, here.leg, axis, walks[0].stops)
-        if step is not None:
-            way = "short" if step > 0.0 else "too far"
-            short = [step * (k == axis) for k in range(3)]
-            yield replace(here, step=(short[0], short[1], short[2])).option(
-                f"{still}, drive as before but with carriage {AXES[axis]} {STEP_MM:g} mm {way},"
-                f" as the screen shows: {walks[0].words}.",
-                walks[0].cycles(),
-            )
-
-
-def _step(machine: Orthoglide, leg: int, axis: int, stops: Sequence[float]) -> float | None:
-    """How much short a carriage can be commanded at all stops of a leg [mm]; None if it cannot."""
+        for words, stops in walks:
+            yield here.option(f"{still}, read {how_often}: {words}.", (*stops * times, 0.0))
+    words, stops = walks[0]
     low, high = machine.joint_limits_mm
-    moved = Orthoglide.require(machine).joints_at(leg, np.array(stops))[:, axis] - machine.home_mm
-    for step in (STEP_MM, -STEP_MM):
-        if low <= (moved - step).min() and (moved - step).max() <= high:
-            return step
-    return None
+    for axis in other_axes(here.leg):
+        moved = machine.joints_at(here.leg, np.array(stops))[:, axis] - machine.home_mm
+        for step, way in ((STEP_MM, "short"), (-STEP_MM, "too far")):
+            if low <= (moved - step).min() and (moved - step).max() <= high:
+                short = step * np.eye(3)[axis]
+                yield replace(here, step=(short[0], short[1], short[2])).option(
+                    f"{still}, drive as before but with carriage {AXES[axis]} {STEP_MM:g} mm {way},"
+                    f" as the screen shows: {words}.",
+                    (*stops, 0.0),
+                )
+                break
 
 
 def _alone(machine: Orthoglide) -> Iterator[Option]:
@@ -207,7 +186,7 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
 def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     """With the stands set up afresh, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
-    usual = walks[0]
+    usual = walks[0][1]
     fixed = first.gauge_at[first.contact == Contact.FIXED]
     half_way = ", with the gauges half-way" if np.any(np.not_equal(fixed, HALF_WAY)) else ""
     checked = "labels and + sides checked"
@@ -215,23 +194,25 @@ def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     for times, how_often in TIMES.items():
         for leg in LEGS:
             stand = f"et the stands up afresh at leg {AXES[leg]}{half_way}"
-            for walk in walks:
-                what = f"S{stand}, {checked}, and read {how_often}: {walk.words}."
-                yield _sitting(first, machine, (leg,), what, walk.cycles(times))
+            for words, stops in walks:
+                what = f"S{stand}, {checked}, and read {how_often}: {words}."
+                yield _sitting(first, machine, (leg,), what, (*stops * times, 0.0))
             what = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
-            yield _sitting(first, machine, (leg,), what, usual.cycles(times), turned=True)
+            yield _sitting(first, machine, (leg,), what, (*usual * times, 0.0), turned=True)
         repeat = f"epeat the session, {how_often} per leg"
-        for walk in walks:
-            what = f"R{repeat}{half_way}: {walk.words}; stands set up afresh, {checked}."
-            yield _sitting(first, machine, LEGS, what, walk.cycles(times))
+        for words, stops in walks:
+            what = f"R{repeat}{half_way}: {words}; stands set up afresh, {checked}."
+            yield _sitting(first, machine, LEGS, what, (*stops * times, 0.0))
         what = f"Turn every bar {turn}, and r{repeat}{half_way}."
-        yield _sitting(first, machine, LEGS, what, usual.cycles(times), turned=True)
-        for at in _places(first, machine):
+        yield _sitting(first, machine, LEGS, what, (*usual * times, 0.0), turned=True)
+        for at in sorted(set(places(machine) or ())):
+            if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
+                continue
             from_joint = at * machine.leg_length_mm
             what = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
-            yield _sitting(first, machine, LEGS, what, usual.cycles(times), gauge_at=at)
+            yield _sitting(first, machine, LEGS, what, (*usual * times, 0.0), gauge_at=at)
     what = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
-    yield _sitting(first, machine, LEGS[::-1], what, usual.cycles())
+    yield _sitting(first, machine, LEGS[::-1], what, (*usual, 0.0))
 
 
 def _sitting(
@@ -254,7 +235,8 @@ def _sitting(
             for direction in other_axes(leg)
         ]
     )
-    *times, minutes = _clock(plan, machine, start=MINUTES_PER_SETUP)
+    steps = steps_of(plan, machine, Order.PAPER, stands=2)
+    *times, minutes = (MINUTES_PER_SETUP + at for at in clock(steps))
     plan = replace(plan, hours=np.array(times) / 60.0)
     plan = replace(
         plan,
@@ -266,17 +248,6 @@ def _sitting(
         entered=plan.entered + first.stood[first.in_time[-1]],
     )
     return Option(what, plan, minutes, continues=False)
-
-
-def _clock(plan: GaugePlan, machine: Orthoglide, start: float) -> list[float]:
-    """When each reading of a plan in time order is taken, and when all are, shape (n + 1,) [min].
-
-    Args:
-        plan: with two gauges side by side.
-        machine: that is measured.
-        start: what goes before [min].
-    """
-    return [start + at for at in clock(steps_of(plan, machine, Order.PAPER, stands=2))]
 
 
 @dataclass(frozen=True)
@@ -327,13 +298,7 @@ class _Stands:
         )
         # A bar that was turned before is not turned again.
         as_it_lies = replace(plan, turned=np.zeros_like(plan.turned))
-        *times, minutes = _clock(as_it_lies, self.machine, start=self.wait)
+        steps = steps_of(as_it_lies, self.machine, Order.PAPER, stands=2)
+        *times, minutes = (self.wait + at for at in clock(steps))
         plan = replace(plan, hours=start + np.array(times) / 60.0)
         return Option(what, plan, minutes, continues=True)
-
-
-def _places(first: GaugePlan, machine: Orthoglide) -> list[float]:
-    """The places farthest along the leg at which the plunger stays on the bar, if they are new."""
-    found = sorted(set(places(machine) or ()))
-    stood = first.gauge_at[first.contact == Contact.FIXED]
-    return [at for at in found if np.all(np.abs(stood - at) > ANOTHER_PLACE)]

@@ -22,6 +22,7 @@ from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.model import AXES, Floats, Model, ReadOnly
 from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.plan import Bools
 from orthoglide_cal.planning.steps import SessionStep
 
 APPROACH_MM = 1.0  # far more than any lost motion, little enough for every plunger
@@ -125,7 +126,17 @@ def posture_program(
             "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
         )
     home = model.machine.home_mm
-    limits = _Limits(home, (low, high))
+
+    def refuse(number: int, wrong: Bools, moved: Floats, what: str, remedy: str) -> None:
+        """Raise PostureError for the first carriage with which something is wrong."""
+        if wrong.any():
+            axis = int(np.argmax(wrong))
+            raise PostureError(
+                f"N{number}: carriage {AXES[axis].upper()} {what.format(f'{moved[axis]:+.6g} mm')}"
+                f" Its limits are {low:+g} and {high:+g} mm.",
+                remedy,
+            )
+
     blocks: list[Block] = []
     leg, here, stands = 0, 0.0, None
     for number, together in groupby(steps, key=lambda step: step.block):
@@ -138,56 +149,19 @@ def posture_program(
         posture = _at(model, leg, there)
         way = _way(model, leg, here, there)
         for point in (*set_up, *way, posture):
-            limits.check(number, point.joints)
-        start, above = limits.approach(number, posture.joints, approach_mm)
-        blocks.append(Block(number, visit, way, Point.of(model, start), posture, above, set_up))
-        here = there
-    return PostureProgram(model.orthoglide, home, approach_mm, session, tuple(blocks))
-
-
-@dataclass(frozen=True)
-class _Limits:
-    """How far the carriages may go."""
-
-    home_mm: float
-    travel_mm: tuple[float, float]  # from the isotropic posture
-
-    def check(self, number: int, joints: Floats) -> None:
-        """Raise PostureError if a carriage would stand outside."""
-        low, high = self.travel_mm
-        moved = joints - self.home_mm
-        outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
-        if outside.any():
-            axis = int(np.argmax(outside))
-            raise PostureError(
-                f"N{number}: carriage {AXES[axis].upper()} would be driven to"
-                f" {moved[axis]:+.6g} mm from the isotropic posture. Its limits are {low:+g} and"
-                f" {high:+g} mm.",
-                "Choose postures inside the limits.",
-            )
-
-    def approach(
-        self, number: int, joints: Floats, approach_mm: float
-    ) -> tuple[Floats, tuple[int, ...]]:
-        """Where the slow approach begins, shape (3,), and the axes that arrive from above.
-
-        Raises:
-            PostureError: there is no room on either side of a carriage.
-        """
-        low, high = self.travel_mm
-        moved = joints - self.home_mm
+            moved = point.joints - home
+            outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
+            what = "would be driven to {} from the isotropic posture."
+            refuse(number, outside, moved, what, "Choose postures inside the limits.")
         above = moved - approach_mm < low - _ROUNDING_MM
         narrow = above & (moved + approach_mm > high + _ROUNDING_MM)
-        if narrow.any():
-            axis = int(np.argmax(narrow))
-            raise PostureError(
-                f"N{number}: carriage {AXES[axis].upper()} has no room for an approach of"
-                f" {approach_mm:g} mm to {moved[axis]:+.6g} mm: its limits are {low:+g} and"
-                f" {high:+g} mm.",
-                "Take a shorter approach.",
-            )
-        start = joints + np.where(above, approach_mm, -approach_mm)
-        return start, tuple(np.flatnonzero(above).tolist())
+        what = f"has no room for an approach of {approach_mm:g} mm to {{}}."
+        refuse(number, narrow, moved, what, "Take a shorter approach.")
+        start = Point.of(model, posture.joints + np.where(above, approach_mm, -approach_mm))
+        from_above = tuple(np.flatnonzero(above).tolist())
+        blocks.append(Block(number, visit, way, start, posture, from_above, set_up))
+        here = there
+    return PostureProgram(model.orthoglide, home, approach_mm, session, tuple(blocks))
 
 
 def _way(model: Model, leg: int, start: float, end: float) -> tuple[Point, ...]:

@@ -17,7 +17,6 @@ from orthoglide_cal.planning.bar import (
     places,
     reach_mm,
     require_on_bar,
-    worst_touch,
 )
 from orthoglide_cal.planning.options import joined, options
 from tests.cli.program import run
@@ -36,10 +35,11 @@ def test_the_usual_machines_need_no_word(machine: Machine) -> None:
 
 
 def test_the_touch_is_where_the_leg_has_gone() -> None:
-    worst = worst_touch(double_posture(SHORT), SHORT)
+    worst = bar_warning(double_posture(SHORT), SHORT)
     assert worst is not None
-    assert (worst.displacement_mm, worst.at, worst.keeps) == pytest.approx((-90.0, -0.4, -0.4))
-    assert worst_touch(single_posture(SHORT), SHORT) is None
+    assert worst.leaves
+    assert "with carriage x at -90 mm the gauge is 40 mm beyond the carriage" in worst.lines[0]
+    assert bar_warning(single_posture(SHORT), SHORT) is None
 
 
 def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
@@ -47,8 +47,8 @@ def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
         require_on_bar(double_posture(SHORT), SHORT)
     warning = require_on_bar(double_posture(NEAR), NEAR)
     assert warning is not None
-    assert "25.1 mm from it with carriage x at -130 mm" in warning[0]
-    assert "[-124, 60]" in warning[1]
+    assert "25.1 mm from it with carriage x at -130 mm" in warning.lines[0]
+    assert "[-124, 60]" in warning.lines[1]
 
 
 @given(length=st.floats(150.0, 900.0), low=st.floats(0.42, 0.8), high=st.floats(0.0, 0.8))
@@ -59,7 +59,7 @@ def test_advised_limits_are_safe(length: float, low: float, high: float) -> None
     )
     warning = bar_warning(double_posture(machine), machine)
     assert warning is not None
-    limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning[1])[0]))
+    limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning.lines[1])[0]))
     safe = machine.changed(joint_limits_mm=limits)
     assert bar_warning(double_posture(safe), safe) is None
 
