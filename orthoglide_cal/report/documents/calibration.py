@@ -50,7 +50,6 @@ from orthoglide_cal.report.facts import (
 from orthoglide_cal.results import Answer, FoundCause, Identity, Workspace
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import (
-    coverage_words,
     difference_decimals,
     plain,
     short,
@@ -139,12 +138,11 @@ def _page(case: Case, identity: Identity, left: Verification | None) -> doc.Page
 def _parameters(case: Case, left: Verification | None) -> list[doc.Section]:
     """The parameters with U, and the deviations as found and as left."""
     answer, machine = case.answer, case.machine
-    coverage = doc.Paragraph(_coverage(answer, case.words.many), small=True)
     if left is not None:
         measured = doc.Section("Measurements", (doc.Facts(compared_inputs(left)),))
         sections = [parameters_left(left), measured]
     else:
-        blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case), coverage)
+        blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case))
         sections = [doc.Section(parameters_title(case), blocks)]
     if answer.as_found is None:
         return sections
@@ -169,19 +167,6 @@ def _parameters(case: Case, left: Verification | None) -> list[doc.Section]:
         + ("." if left else "; as left is blank until it is measured again."),
     )
     return [*sections, doc.Section("As found, as left", (grid,))]
-
-
-def _coverage(answer: Answer, many: str) -> str:
-    """How U was made."""
-    source = "normal distribution"
-    if answer.dof is not None:
-        source = f"Student's t with {answer.dof} effective degrees of freedom"
-    causes = " and ".join(answer.named)
-    return (
-        f"U = k·u is the expanded uncertainty with {coverage_words(answer.k or 0.0)} ({source}),"
-        f" for a confidence of {100 * answer.confidence:.0f} %."
-        + (f" Model: {many} and {causes}." if causes else "")
-    )
 
 
 # --- the evidence -----------------------------------------------------------------------------
@@ -288,7 +273,7 @@ def _conditions(case: Case) -> doc.Section:
     )
     blocks.append(doc.Paragraph(sizes, small=True))
     places = sorted({
-        (*_series(row.leg, row.direction), round(row.gauge_at, 3))
+        (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
         for row in answer.residuals
         if row.leg and row.direction and row.gauge_at is not None
     })  # fmt: skip
@@ -300,10 +285,6 @@ def _conditions(case: Case) -> doc.Section:
         notes = tuple((str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES])
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
     return doc.Section(f"Conditions and {noise}s", tuple(blocks))
-
-
-def _series(leg: str, direction: str) -> Series:
-    return Series(AXES.index(leg), AXES.index(direction))
 
 
 def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
@@ -348,8 +329,6 @@ def _origin(case: Case, identity: Identity) -> doc.Section:
     """The input, the software, the numbers behind the uncertainty."""
     answer, model, machine = case.answer, case.given.model, case.machine
     rows: list[tuple[str, doc.Blank]] = [
-        ("Number", doc.Code(identity.number)),
-        ("Issued", f"{identity.issued:%Y-%m-%d %H:%M:%S} UTC"),
         ("Software", identity.software),
         ("Input", doc.Given(file_words(answer.input.path))),
         ("SHA-256", doc.Code(answer.input.sha256)),

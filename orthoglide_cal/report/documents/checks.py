@@ -23,12 +23,9 @@ def check_document(check: Check, refused: UnusableResultError | None = None) -> 
         check: what a check of the file found.
         refused: why its data give no offsets although nothing is wrong with the file.
     """
-    return doc.Document(partial(check_data, check, refused), partial(_check_page, check, refused))
-
-
-def _check_page(check: Check, refused: UnusableResultError | None) -> doc.Page:
     listing = doc.Listing(tuple(_lines(check, refused)))
-    return doc.Page("Validation", title=None, sections=(doc.Section(None, (listing,)),))
+    page = doc.Page("Validation", title=None, sections=(doc.Section(None, (listing,)),))
+    return doc.Document(partial(check_data, check, refused), lambda: page)
 
 
 def check_data(check: Check, refused: UnusableResultError | None) -> dict[str, object]:

@@ -90,10 +90,12 @@ def parameters_grid(case: Case) -> doc.Grid:
     columns["± U"] = [two_figures(each.expanded) for each in every]
     if answer.release.usable and not answer.release.settled:
         columns["type in"] = [doc.Strong(plain(each.new(digits), digits)) for each in every]
-    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}."
+    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
+    if answer.dof is not None:
+        caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
     rows = tuple(zip(*columns.values(), strict=True))
     # From afar one reads what to type in, and nothing else.
-    return doc.Grid(tuple(columns), rows, caption=caption, tiles="type in" in columns)
+    return doc.Grid(tuple(columns), rows, caption=f"{caption}.", tiles="type in" in columns)
 
 
 def alone_block(case: Case) -> tuple[doc.Block, ...]:

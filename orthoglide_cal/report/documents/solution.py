@@ -73,13 +73,8 @@ def _correlations(case: Case) -> tuple[doc.Block, ...]:
     return (doc.Paragraph(f"Correlations: {pairs}.{together}"),)
 
 
-def left_after(case: Case, in_full: bool = False) -> doc.Section:
-    """Table 4 of the paper: measured, and what is left after the correction.
-
-    Args:
-        case: where it is not released, what would be left is no promise.
-        in_full: with what the model explains.
-    """
+def left_after(case: Case) -> doc.Section:
+    """Table 4 of the paper: measured, and what is (or would be) left after the correction."""
     answer = case.answer
     raw = answer.input.kind == DataKind.READINGS
     what = f"{'readings' if raw else 'differences'}{case.given.measured.weighing}"
@@ -98,40 +93,27 @@ def left_after(case: Case, in_full: bool = False) -> doc.Section:
     digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
     usable = answer.release.usable
 
-    def row(title: str, name: str, size: float | None) -> tuple[str, ...]:
-        values = (signed(getattr(each, name), digits) for each in table)
-        return (title, *values, "" if size is None else plain(size, digits))
-
     left = "left after" if usable else "would be left"
-    rows = [
-        row("measured", "measured_mm", answer.as_found.rms_mm),
-        row(left, "expected_mm", answer.expected.rms_mm),
+    measured = (signed(each.measured_mm, digits) for each in table)
+    expected = (signed(each.expected_mm, digits) for each in table)
+    rows = (
+        ("measured", *measured, plain(answer.as_found.rms_mm, digits)),
+        (left, *expected, plain(answer.expected.rms_mm, digits)),
         ("", *(f"± {plain(each.expanded_mm, digits)}" for each in table), ""),
-    ]
-    if in_full:
-        rows.append(row("modelled", "modelled_mm", None))
+    )
     what, meaning = comparison_words(answer.check is not None and answer.check.ends)
-    grid = doc.Grid(("", *(each.name for each in table), "r.m.s."), tuple(rows), caption=meaning)
+    grid = doc.Grid(("", *(each.name for each in table), "r.m.s."), rows, caption=meaning)
     title = "Left after correction" if usable else "Would be left if entered"
     return doc.Section(f"{title}, mm (differences, {what})", (grid, *quality))
 
 
 def noise_grid(case: Case) -> doc.Grid:
     """The standard deviation of one reading from each source, side by side [mm]."""
-    noise = case.answer.noise
-    sigmas = (
-        ()
-        if noise is None
-        else (
-            noise.repeats_mm,
-            noise.residuals_mm,
-            noise.stated_mm,
-            noise.floor_mm,
-            noise.used_mm,
-        )
-    )
+    names = ("repeats", "residuals", "stated", "floor", "used")
+    sigmas = [getattr(case.answer.noise, f"{name}_mm", None) for name in names]
     cells = ("unknown" if sigma is None else plain(sigma, 4) for sigma in sigmas)
-    return doc.Grid(("", "repeats", "residuals", "stated", "floor q/√12", "used"), (("σ", *cells),))
+    head = (name.replace("floor", "floor q/√12") for name in names)
+    return doc.Grid(("", *head), (("σ", *cells),))
 
 
 def _noise(case: Case) -> doc.Section:
