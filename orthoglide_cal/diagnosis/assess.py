@@ -257,8 +257,10 @@ class Assessment:
     def alone(self) -> Fitted:
         """The calibrated parameters alone, beside a local shape as large as the answer has it."""
         nothing, unexplained = self.fit(()), self.judgement.verdict is Verdict.UNEXPLAINED
-        rough = 1.0 if unexplained else self.accepted.rough
-        return nothing if rough == nothing.rough else fit_explanations([self.scores[()]], rough)[0]
+        factor = 1.0 if unexplained else self.accepted.scale_factor
+        if factor == nothing.scale_factor:
+            return nothing
+        return fit_explanations([self.scores[()]], factor)[0]
 
     @property
     def accepted(self) -> Fitted:

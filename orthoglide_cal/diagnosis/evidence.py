@@ -40,13 +40,13 @@ class NoiseGrid(ReadOnly):
         log_weight: of each.
         spectrum: variance that each datum has beside, where neighbours share a local shape of
             the size that is stated, (k,) [mm²]; the data are those in which it is independent.
-        rough: how many times as large that shape is, (g,).
+        scale_factor: how many times as large that shape is, (g,).
     """
 
     sigma: Floats
     log_weight: Floats
     spectrum: Floats | None = None
-    rough: Floats | None = None
+    scale_factor: Floats | None = None
 
     @classmethod
     def around(
@@ -68,8 +68,8 @@ class NoiseGrid(ReadOnly):
                 size = np.append(size + math.log(1.0 - SMOOTH), math.log(SMOOTH))
             weight = np.add.outer(ratio - log_sum(ratio), size)
             sigma = np.broadcast_to(stated_mm * _PROBE_RATIO[:, None], weight.shape)
-            rough = np.broadcast_to(sizes, weight.shape)
-            return cls(sigma.reshape(-1), weight.reshape(-1), spectrum, rough.reshape(-1))
+            scale_factor = np.broadcast_to(sizes, weight.shape)
+            return cls(sigma.reshape(-1), weight.reshape(-1), spectrum, scale_factor.reshape(-1))
         weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
         return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
 
@@ -82,17 +82,18 @@ class NoiseGrid(ReadOnly):
     def variance(self) -> Floats:
         """Of each datum, shape (g, k); (g, 1) where no two readings share anything [mm²]."""
         own = self.sigma[:, None] ** 2
-        if self.spectrum is None or self.rough is None:
+        if self.spectrum is None or self.scale_factor is None:
             return own
-        return np.asarray(own + self.rough[:, None] ** 2 * self.spectrum)
+        return np.asarray(own + self.scale_factor[:, None] ** 2 * self.spectrum)
 
     def wider(self, factors: Sequence[float]) -> NoiseGrid:
         """As plausible at several times the noise, factor by factor."""
+        sigma, count, sizes = np.outer(factors, self.sigma), len(factors), self.scale_factor
         return replace(
             self,
-            sigma=np.outer(factors, self.sigma).reshape(-1),
-            log_weight=np.tile(self.log_weight, len(factors)),
-            rough=None if self.rough is None else np.tile(self.rough, len(factors)),
+            sigma=sigma.reshape(-1),
+            log_weight=np.tile(self.log_weight, count),
+            scale_factor=None if sizes is None else np.tile(sizes, count),
         )
 
     def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:

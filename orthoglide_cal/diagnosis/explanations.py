@@ -306,8 +306,8 @@ class Linearised:
         residuals: what is left then, shape (v, k) [mm].
         patterns: W·pattern of one unit at each place of each pattern cause, one after the other,
             shape (k, P) [mm per unit].
-        slope: derivative of the data by the offsets at the fit to version 0, shape (k, 3).
-        slopes: id of a broad cause → derivative by its parameters there, where it is absent,
+        jacobian: derivative of the data by the offsets at the fit to version 0, shape (k, 3).
+        jacobians: id of a broad cause → derivative by its parameters there, where it is absent,
             shape (k, p).
         uncertain: what is uncertain of the data beside noise and causes.
     """
@@ -320,8 +320,8 @@ class Linearised:
     offsets: Floats
     residuals: Floats
     patterns: Floats
-    slope: Floats
-    slopes: Mapping[str, Floats]
+    jacobian: Floats
+    jacobians: Mapping[str, Floats]
     uncertain: tuple[Influence, ...]
 
     @classmethod
@@ -373,7 +373,7 @@ class Linearised:
         absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
         ((_, columns),) = white.linearised((offsets, absent))
         ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
-        slope, *slopes = np.split(columns, ends[:-1], axis=1)
+        jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         return cls(
             white=white,
             candidates=candidates,
@@ -383,8 +383,8 @@ class Linearised:
             offsets=fit.offsets_mm[fit.converged],
             residuals=fit.residuals_mm[fit.converged] / precision,
             patterns=white.matrix @ np.hstack(patterns),
-            slope=slope,
-            slopes={cause.id: own for cause, own in zip(broad, slopes, strict=True)},
+            jacobian=jacobian,
+            jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
             uncertain=white.uncertain(offsets),
         )
 
@@ -416,14 +416,14 @@ class Linearised:
         """
         few = [each.columns for each in self.uncertain if not each.local]
         carried = np.hstack([np.zeros((len(self.white), 0)), *few])
-        shown = unexplained(self.slope, carried)
+        shown = unexplained(self.jacobian, carried)
         left, size, _ = np.linalg.svd(shown, full_matrices=False)
         kept = size > UNSEEN * self.noise.stated
         return np.asarray(left[:, kept] * size[kept])
 
     def columns(self, base: Sequence[Cause]) -> Floats:
         """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
-        return np.hstack([self.slope, *(self.slopes[cause.id] for cause in base)])
+        return np.hstack([self.jacobian, *(self.jacobians[cause.id] for cause in base)])
 
     def sizes(self, base: Sequence[Cause], scale: float = 1.0) -> Floats:
         """Plausible sizes of the same unknowns, shape (3 + p,), internal units.
@@ -431,4 +431,4 @@ class Linearised:
         Those of the parameters are `scale` times the tolerances.
         """
         own = [scale * cause.prior_std(self.white.machine) for cause in base]
-        return np.concatenate([np.full(self.slope.shape[1], OFFSETS_MM), *own])
+        return np.concatenate([np.full(self.jacobian.shape[1], OFFSETS_MM), *own])

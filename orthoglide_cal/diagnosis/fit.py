@@ -58,7 +58,7 @@ class Fitted(ReadOnly):
         columns: whitened derivatives by the unknowns, shape (k, q).
         sizes: their plausible sizes, shape (q,).
         sigma: standard deviation of one reading under this explanation [mm].
-        rough: how many times as large as stated a local shape is.
+        scale_factor: how many times as large as stated a local shape is.
         uncertain: what else is uncertain of the data; its unknowns come last.
         remedy: what it asks of a technician.
     """
@@ -74,7 +74,7 @@ class Fitted(ReadOnly):
     columns: Floats
     sizes: Floats
     sigma: float
-    rough: float
+    scale_factor: float
     uncertain: tuple[Influence, ...]
     remedy: Remedy
 
@@ -116,10 +116,10 @@ class Fitted(ReadOnly):
         sized = [effect for effect in self.effects if effect.covariance is not None]
         theta = np.concatenate([0.0 * self.offsets, *(effect.theta for effect in sized)])
         model, plan = white.problem.model.extended(fixed), as_read(white.plan, fixed)
-        readings, slopes = differentiate(model, self.offsets, plan, sized)
+        readings, jacobians = differentiate(model, self.offsets, plan, sized)
         unit = unit_of(fixed)
-        columns = np.hstack([white.matrix @ slopes, self.columns[:, theta.size :] / unit])
-        linear = white.data + white.matrix @ (slopes @ theta - readings)
+        columns = np.hstack([white.matrix @ jacobians, self.columns[:, theta.size :] / unit])
+        linear = white.data + white.matrix @ (jacobians @ theta - readings)
         # Weighed as the fit was: by the stated noise, however large it turned out to be.
         found, _ = condition(columns, linear, self.sizes, white.machine.instrument.noise_mm / unit)
         step = found[: theta.size] - theta
@@ -154,7 +154,7 @@ class Fitted(ReadOnly):
         return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 
-def fit_explanations(scores: Sequence[Score], rough: float | None = None) -> list[Fitted]:
+def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None) -> list[Fitted]:
     """Fit explanations by Gauss–Newton with their priors, then judge each there.
 
     First with the linear model that it was scored with, then with that of the fit this gives, which
@@ -162,9 +162,9 @@ def fit_explanations(scores: Sequence[Score], rough: float | None = None) -> lis
 
     Args:
         scores: the explanations.
-        rough: as of `Fitted`; as large as these data make it if None.
+        scale_factor: as of `Fitted`; as large as these data make it if None.
     """
-    searches = [_Search(score.replanned or score, rough) for score in scores]
+    searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the second linear models of all.
     for white in dict.fromkeys(each.at.white for each in searches):
         moving = [each for each in searches if each.at.white is white and each.moves]
@@ -188,7 +188,7 @@ def fit_explanations(scores: Sequence[Score], rough: float | None = None) -> lis
 class _Search:
     """An explanation on the way to its best fit."""
 
-    def __init__(self, score: Score, rough: float | None) -> None:
+    def __init__(self, score: Score, scale_factor: float | None) -> None:
         at, self.base, extra = score.at, score.base, score.extra
         self.version = 0
         # What an extra of known size adds, and what one unit of one of unknown size does.
@@ -217,11 +217,11 @@ class _Search:
         self.local = np.flatnonzero(at.local) + self.own.shape[1] + free_size.size
         # Few touches cannot tell a local shape from a fault.
         many = self.local.size >= ENOUGH * width
-        if rough is None and many:
+        if scale_factor is None and many:
             stated = at.noise.stated
-            rough = fit_size(self.columns, self.linear, self.sizes, stated, self.local)
-        self.rough = 1.0 if rough is None else rough
-        self.sizes[self.local] = self.rough
+            scale_factor = fit_size(self.columns, self.linear, self.sizes, stated, self.local)
+        self.scale_factor = 1.0 if scale_factor is None else scale_factor
+        self.sizes[self.local] = self.scale_factor
         self._solve()
 
     @property
@@ -285,7 +285,7 @@ class _Search:
             columns=columns,
             sizes=self.sizes,
             sigma=sigma,
-            rough=self.rough,
+            scale_factor=self.scale_factor,
             uncertain=at.uncertain,
             remedy=score.remedy,
         )
@@ -409,7 +409,7 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = Fa
 def known_then(
     fit: Fitted,
     effects: Sequence[Effect],
-    slopes: Floats,
+    jacobians: Floats,
     uncertain: Iterable[Influence],
     stands: int,
 ) -> tuple[Floats, Floats]:
@@ -418,7 +418,7 @@ def known_then(
     Args:
         fit: to the first data.
         effects: those of it that are expected again.
-        slopes: derivatives of the other data by the offsets and their parameters, shape (k, q).
+        jacobians: derivatives of the other data by the offsets and their parameters, shape (k, q).
         uncertain: what else is uncertain of the other data; the gauges are the same.
         stands: of the first set-ups, how many are still there, before those that are new.
 
@@ -426,7 +426,7 @@ def known_then(
         Derivatives, shape (k, u), and the covariance of the unknowns, (u, u); the offsets first.
     """
     slots = [slice(0, len(fit.offsets)), *(fit.slots[fit.effects.index(each)] for each in effects)]
-    columns, fresh = [slopes], [slopes[:, :0]]
+    columns, fresh = [jacobians], [jacobians[:, :0]]
     start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
     ends = start + np.cumsum([0, *(each.columns.shape[1] for each in fit.uncertain)])
     spans = dict(zip((each.source for each in fit.uncertain), pairwise(ends.tolist()), strict=True))
@@ -435,8 +435,8 @@ def known_then(
         start, end = spans.get(after.source, (0, 0))
         if after.local:
             # At other places another shape; at the same one more than it takes.
-            rough = fit.sizes[start:end].max(initial=0.0)
-            fresh.append(rough * after.columns)
+            scale_factor = fit.sizes[start:end].max(initial=0.0)
+            fresh.append(scale_factor * after.columns)
         else:
             stay = stands if after.source == Origin.GAUGE_PLACEMENT else end - start
             slots.append(slice(start, start + stay))

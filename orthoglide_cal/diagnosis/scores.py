@@ -123,10 +123,10 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
     by_noise = density.by_noise(residual)
     scores = _alone(at, bases, by_noise)
     if broad:
-        own = [at.slopes[cause.id] * cause.prior_std(machine) for cause in broad]
+        own = [at.jacobians[cause.id] * cause.prior_std(machine) for cause in broad]
         logs = [scores[ids_of(cause)].log_evidence for cause in broad]
         together = list(zip(broad, own, logs, strict=True))
-        either = all_or_one(together, scaled(at, at.slope, ()), residual, at.noise, at.scales)
+        either = all_or_one(together, scaled(at, at.jacobian, ()), residual, at.noise, at.scales)
         for cause, mean in zip(broad, either, strict=True):
             scores[ids_of(cause)] = replace(scores[ids_of(cause)], log_evidence=mean)
     power, match = density.against(at.patterns, residual)
@@ -357,7 +357,7 @@ class Unlisted:
 def score_unlisted(at: Linearised) -> list[Unlisted]:
     """Every unlisted pattern, beside the offsets."""
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
-    offsets = scaled(at, at.slope, ())
+    offsets = scaled(at, at.jacobian, ())
     patterns = [
         (what, at.white.matrix @ pattern * stated)
         for what, pattern in at.white.plan.patterns(at.white.raw)

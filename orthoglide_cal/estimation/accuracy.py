@@ -34,15 +34,15 @@ CONFIDENCE = 0.95
 NEGLIGIBLE = 1e-6
 
 
-def unit_covariance(problem: Problem, slope: Floats, estimator: Floats | None = None) -> Floats:
+def unit_covariance(problem: Problem, jacobian: Floats, estimator: Floats | None = None) -> Floats:
     """V(Δρ)/σ² = M G Mᵀ with G = R Rᵀ (eqs. 26, 29, 32), shape (..., 3, 3).
 
     Args:
         problem: gives G.
-        slope: J at the solution, shape (..., k, 3).
+        jacobian: J at the solution, shape (..., k, 3).
         estimator: M, shape (..., 3, k); (JᵀJ)⁻¹Jᵀ if None.
     """
-    matrix = np.linalg.pinv(slope) if estimator is None else estimator
+    matrix = np.linalg.pinv(jacobian) if estimator is None else estimator
     return np.asarray(matrix @ problem.covariance() @ matrix.swapaxes(-1, -2))
 
 
@@ -64,7 +64,7 @@ class Scatter:
     dof: float
 
 
-def sum_of_squares(problem: Problem, slope: Floats, residual: Floats, ratio: Floats) -> float:
+def sum_of_squares(problem: Problem, jacobian: Floats, residual: Floats, ratio: Floats) -> float:
     """What noise must have left of data, σ²·χ² of k − 3 degrees of freedom [mm²].
 
     Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ² and P the projector onto
@@ -72,11 +72,11 @@ def sum_of_squares(problem: Problem, slope: Floats, residual: Floats, ratio: Flo
 
     Args:
         problem: gives G.
-        slope: J, shape (k, 3).
+        jacobian: J, shape (k, 3).
         residual: r, shape (k,) [mm].
         ratio: C/σ: what the influences add, in standard deviations of one reading, shape (k, p).
     """
-    left = unexplained(*whiten(problem.covariance() + ratio @ ratio.T, slope, residual))
+    left = unexplained(*whiten(problem.covariance() + ratio @ ratio.T, jacobian, residual))
     return float(left @ left)
 
 
@@ -157,8 +157,8 @@ def require_determined(problem: Problem) -> None:
     Raises:
         RankDeficientError: no; as of `require_rank`.
     """
-    model, slope = problem.model, problem.at_zero[1]
-    std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, slope)))
+    model, jacobian = problem.model, problem.at_zero[1]
+    std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))
     known = determined(model, half_width(math.inf) * std)
     if not all(known):
         pairs = zip(model.machine.parameter_names, known, strict=True)

@@ -221,6 +221,6 @@ def _of_causes(
     for cause in (CAUSES[id] for id in ids if id not in known):
         size = cause.size(machine)
         if size > 0.0:
-            _, slopes = differentiate(model, offsets, plan, [cause.at(np.zeros(cause.unknowns))])
-            columns = slopes[:, offsets.size :] * cause.prior_std(machine)
+            _, jacobians = differentiate(model, offsets, plan, [cause.at(np.zeros(cause.unknowns))])
+            columns = jacobians[:, offsets.size :] * cause.prior_std(machine)
             yield Influence(cause.id, size, cause.unit, cause.assumed(machine), columns)

@@ -144,10 +144,10 @@ class PlanForecast:
         """
         self._model, self._plan, machine = model, plan, model.machine
         self._zero = np.zeros(len(model.machine.parameter_names))
-        self._base, slope = simulate_with_jacobian(Model(machine), self._zero, plan)
+        self._base, jacobian = simulate_with_jacobian(Model(machine), self._zero, plan)
         if model.accepted:
             self._base = simulate(model, self._zero, plan)
-        self._offsets = OFFSET_MM**2 * slope @ slope.T
+        self._offsets = OFFSET_MM**2 * jacobian @ jacobian.T
         self._series = _alike(plan.leg, plan.direction)
         self._cells = _same(plan.cells)
         size = _plausible(model.orthoglide)

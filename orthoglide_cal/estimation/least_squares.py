@@ -69,8 +69,8 @@ class Problem(ReadOnly):
         Where a posture cannot be taken: an error if `strict`, NaN otherwise.
         """
         plan, matrix = self._folded
-        readings, slope = simulate_with_jacobian(self.model, offsets, plan, strict)
-        return _reduce(matrix, readings, -1), _reduce(matrix, slope, -2)
+        readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
+        return _reduce(matrix, readings, -1), _reduce(matrix, jacobian, -2)
 
     def change(self, offsets: Floats, entered: Floats) -> Floats:
         """How entering offsets in the controller changes the data, shape (k,) [mm].
@@ -84,12 +84,12 @@ class Problem(ReadOnly):
     @cached_property
     def at_zero(self) -> tuple[Floats, Floats]:
         """`predict_with_jacobian` at zero offsets, read-only: (k,) [mm], (k, 3)."""
-        predicted, slope = self.predict_with_jacobian(
+        predicted, jacobian = self.predict_with_jacobian(
             np.zeros(len(self.model.machine.parameter_names))
         )
         predicted.setflags(write=False)
-        slope.setflags(write=False)
-        return predicted, slope
+        jacobian.setflags(write=False)
+        return predicted, jacobian
 
     @cached_property
     def _folded(self) -> tuple[GaugePlan, Floats]:
@@ -127,12 +127,12 @@ class Problem(ReadOnly):
         Returns:
             Shape (...) [standard deviations]; NaN where the model cannot be evaluated.
         """
-        predicted, slope = self.predict_with_jacobian(offsets, strict=False)
-        return self.length(slope, normal_step(slope, data - predicted))
+        predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
+        return self.length(jacobian, normal_step(jacobian, data - predicted))
 
-    def length(self, slope: Floats, step: Floats) -> Floats:
+    def length(self, jacobian: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
-        moved = sum(slope[..., i] * step[..., i, None] for i in range(step.shape[-1]))
+        moved = sum(jacobian[..., i] * step[..., i, None] for i in range(step.shape[-1]))
         noise = self.model.machine.instrument.noise_mm
         return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
 
@@ -143,11 +143,11 @@ def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
     return np.moveaxis(reduced, 0, axis)
 
 
-def normal_step(slope: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
+def normal_step(jacobian: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
     """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr by cofactors: (..., k, 3), (..., k) → (..., 3)."""
-    if slope.shape[-1] != 3:
-        return _many_step(slope, residual, damping)
-    columns = [slope[..., i] for i in range(3)]
+    if jacobian.shape[-1] != 3:
+        return _many_step(jacobian, residual, damping)
+    columns = [jacobian[..., i] for i in range(3)]
     gradient = [(column * residual).sum(axis=-1) for column in columns]
     xx, yy, zz = ((column**2).sum(axis=-1) * (1.0 + damping) for column in columns)
     x, y, z = columns
@@ -164,18 +164,18 @@ def normal_step(slope: Floats, residual: Floats, damping: Floats | float = 0.0) 
     )
 
 
-def _many_step(slope: Floats, residual: Floats, damping: Floats | float) -> Floats:
+def _many_step(jacobian: Floats, residual: Floats, damping: Floats | float) -> Floats:
     """The same for any number of parameters; NaN where the model cannot be evaluated."""
-    turned = np.swapaxes(slope, -1, -2)
-    normal = turned @ slope
-    more = np.asarray(damping)[..., None, None] * np.eye(slope.shape[-1])
+    turned = np.swapaxes(jacobian, -1, -2)
+    normal = turned @ jacobian
+    more = np.asarray(damping)[..., None, None] * np.eye(jacobian.shape[-1])
     gradient = turned @ residual[..., None]
     # Scaled, so that lengths and angles weigh alike.
     size = np.sqrt(np.einsum("...ii->...i", normal))
     scaled = normal / (size[..., :, None] * size[..., None, :]) + more
     fine = np.isfinite(scaled).all(axis=(-1, -2), keepdims=True)
     solved = np.linalg.solve(
-        np.where(fine, scaled, np.eye(slope.shape[-1])), gradient / size[..., None]
+        np.where(fine, scaled, np.eye(jacobian.shape[-1])), gradient / size[..., None]
     )
     return np.asarray(np.where(fine[..., 0], solved[..., 0] / size, np.nan))
 
@@ -264,22 +264,24 @@ class _State:
     data: Floats
     offsets: Floats
     residual: Floats
-    slope: Floats
+    jacobian: Floats
     damping: Floats
 
     def keep(self, mask: np.ndarray) -> None:
         """Go on with some of them."""
-        for name in ("which", "data", "offsets", "residual", "slope", "damping"):
+        for name in ("which", "data", "offsets", "residual", "jacobian", "damping"):
             setattr(self, name, _chosen(getattr(self, name), mask))
 
-    def accept(self, better: np.ndarray, offsets: Floats, residual: Floats, slope: Floats) -> None:
+    def accept(
+        self, better: np.ndarray, offsets: Floats, residual: Floats, jacobian: Floats
+    ) -> None:
         """Move those whose trial is better; damp the others more."""
         if np.all(better):
-            self.offsets, self.residual, self.slope = offsets, residual, slope
+            self.offsets, self.residual, self.jacobian = offsets, residual, jacobian
         else:
             self.offsets = np.where(better[:, None], offsets, self.offsets)
             self.residual = np.where(better[:, None], residual, self.residual)
-            self.slope = np.where(better[:, None, None], slope, self.slope)
+            self.jacobian = np.where(better[:, None, None], jacobian, self.jacobian)
         more = np.maximum(10.0 * self.damping, FIRST_DAMPING)
         self.damping = np.where(better, self.damping / 10.0, more)
         self.damping[self.damping < FIRST_DAMPING] = 0.0
@@ -302,20 +304,20 @@ def _fit_block(
     iterations = np.zeros(n, dtype=np.intp)
 
     if start is None:
-        first, (model, slope) = np.zeros(width), (part[None] for part in problem.at_zero)
+        first, (model, jacobian) = np.zeros(width), (part[None] for part in problem.at_zero)
     else:
-        first, (model, slope) = start, problem.predict_with_jacobian(start, strict=False)
+        first, (model, jacobian) = start, problem.predict_with_jacobian(start, strict=False)
     at = _State(
         which=np.arange(n),
         data=data,
         offsets=np.broadcast_to(first, (n, width)),
         residual=data - model,
-        slope=slope,
+        jacobian=jacobian,
         damping=np.zeros(n),
     )
     for iteration in range(MAX_ITERATIONS + 1):
-        newton = normal_step(at.slope, at.residual)
-        size = problem.length(at.slope, newton)
+        newton = normal_step(at.jacobian, at.residual)
+        size = problem.length(at.jacobian, newton)
         open_ = (size > SHORT_STEP) & (iteration < MAX_ITERATIONS)
         if not np.all(open_) or not n:
             done = ~open_
@@ -325,21 +327,21 @@ def _fit_block(
             iterations[at.which[done]] = iteration
             if not np.any(open_):
                 break
-            at.slope = np.broadcast_to(at.slope, (len(done), *at.slope.shape[1:]))
+            at.jacobian = np.broadcast_to(at.jacobian, (len(done), *at.jacobian.shape[1:]))
             at.keep(open_)
             newton = _chosen(newton, open_)
         damped = at.damping > 0.0
         step = newton
         if np.any(damped):
-            careful = normal_step(at.slope, at.residual, at.damping)
+            careful = normal_step(at.jacobian, at.residual, at.damping)
             step = np.where(damped[:, None], careful, newton)
         trial = at.offsets + step
-        model, slope = problem.predict_with_jacobian(trial, strict=False)
+        model, jacobian = problem.predict_with_jacobian(trial, strict=False)
         residual = at.data - model
         # A step whose gain is lost in rounding is taken; a NaN cost (posture out of reach)
         # compares false and is refused like a worse one.
         cost = (at.residual**2).sum(axis=-1)
         slack = ROUNDING * cost + ROUNDING_MM * np.sqrt(cost)
         better = (residual**2).sum(axis=-1) <= cost + slack
-        at.accept(better, trial, residual, slope)
+        at.accept(better, trial, residual, jacobian)
     return offsets, residuals, remaining, iterations

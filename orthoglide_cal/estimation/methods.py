@@ -74,10 +74,10 @@ class Method(StrEnum):
         Raises:
             RankDeficientError: eq. (11) lacks one of its six differences.
         """
-        slope = posed.problem.at_zero[1]
+        jacobian = posed.problem.at_zero[1]
         if self is Method.SINGLE_SEQUENTIAL:
-            return _sequential(slope, posed.which)
-        return np.asarray(np.linalg.pinv(slope), dtype=np.float64)
+            return _sequential(jacobian, posed.which)
+        return np.asarray(np.linalg.pinv(jacobian), dtype=np.float64)
 
 
 def choose_method(measured: Measured, name: str | None) -> Method:
@@ -184,7 +184,7 @@ def pose_differences(measured: Measured, model: Model, kind: DataKind) -> Posed:
     return Posed(problem, np.array([values[each] for each in kept]), kept)
 
 
-def _sequential(slope: Floats, which: Sequence[Difference]) -> Floats:
+def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
     """M of eq. (11): Δρ_z from the isotropic posture, then Δρ_x and Δρ_y, shape (3, 6).
 
         Δρ_z = (Δz_x0 + Δz_y0)/2,  Δρ_i = Σ_k a_k (Δz_i^k − Δρ_z)/Σ_k a_k²,  k = max, min
@@ -193,7 +193,7 @@ def _sequential(slope: Floats, which: Sequence[Difference]) -> Floats:
     so, it also holds where accepted causes couple the isotropic differences with Δρ_x and Δρ_y.
 
     Args:
-        slope: Jacobian at zero offsets, shape (6, 3).
+        jacobian: Jacobian at zero offsets, shape (6, 3).
         which: the differences of its rows.
     """
     needed = DIFFERENCES[DataKind.SINGLE]
@@ -209,5 +209,5 @@ def _sequential(slope: Floats, which: Sequence[Difference]) -> Floats:
     weights[2, [which.index(each) for each in at_iso]] = 1.0
     for axis, pair in enumerate(moved):
         rows = [which.index(each) for each in pair]
-        weights[axis, rows] = slope[rows, axis]
-    return np.asarray(np.linalg.solve(weights @ slope, weights), dtype=np.float64)
+        weights[axis, rows] = jacobian[rows, axis]
+    return np.asarray(np.linalg.solve(weights @ jacobian, weights), dtype=np.float64)

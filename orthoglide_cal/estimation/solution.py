@@ -233,8 +233,8 @@ class Solution(ReadOnly):
         problem, data = self.posed.problem, self.posed.data
         if not self.method.linear:
             return float(problem.remaining(data, self.offsets_mm))
-        predicted, slope = problem.at_zero
-        left = data - predicted - slope @ self.offsets_mm
+        predicted, jacobian = problem.at_zero
+        left = data - predicted - jacobian @ self.offsets_mm
         return float(np.abs(self.method.estimator(self.posed) @ left / self.std_mm).max())
 
     @property

@@ -67,21 +67,21 @@ def sensitivities(model: Model) -> tuple[Sensitivity, ...]:
         for leg in range(3)
         for direction in other_axes(leg)
     ]
-    slopes = []
+    jacobians = []
     for end in (Contact.TOOL, Contact.JOINT):
         readings = [
             PlannedReading(*series, machine.displacement_mm(posture), end)
             for posture, series in rows
         ]
-        slopes.append(simulate_with_jacobian(model, np.zeros(3), plan_of(readings))[1])
-    slope = (slopes[0] - slopes[1]).tolist()
+        jacobians.append(simulate_with_jacobian(model, np.zeros(3), plan_of(readings))[1])
+    jacobian = (jacobians[0] - jacobians[1]).tolist()
     return tuple(
         Sensitivity(
             posture,
             series,
-            own=slope[k][series.leg],
-            other=slope[k][series.direction],
-            third=slope[k][3 - series.leg - series.direction],
+            own=jacobian[k][series.leg],
+            other=jacobian[k][series.direction],
+            third=jacobian[k][3 - series.leg - series.direction],
             # α = asin(d/L), negative at the min posture (errata, Table 1).
             tangent=math.tan(math.asin(machine.displacement_mm(posture) / machine.leg_length_mm)),
         )

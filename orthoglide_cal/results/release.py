@@ -44,7 +44,7 @@ def release(
 
 def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
     """What to know of offsets that nothing bars."""
-    rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].rough
+    rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
     if solution.suspicious and rough > 1.0:
         yield (
             f"The bed's local shape is about {rough:.1f} times as large as is stated or usual, and"

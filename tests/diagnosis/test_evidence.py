@@ -92,13 +92,13 @@ def test_a_shared_shape_is_a_dense_covariance() -> None:
     shares = np.log([0.4, 0.6])
     grid = NoiseGrid.around(0.01, rng.uniform(0.0, 0.001, size=9))
     assert grid.spectrum is not None
-    assert grid.rough is not None
+    assert grid.scale_factor is not None
     density = grid.density(columns, sizes, shares)
     log, (power, match) = density.by_noise(residual), density.against(patterns, residual)
     assert log.shape == (2, 2, grid.sigma.size)
     for b, s, g in np.ndindex(log.shape):
         scaled = columns[b] * sizes[s]
-        own = grid.sigma[g] ** 2 + grid.rough[g] ** 2 * grid.spectrum
+        own = grid.sigma[g] ** 2 + grid.scale_factor[g] ** 2 * grid.spectrum
         inverse = np.linalg.inv(np.diag(own) + scaled @ scaled.T)
         log_det = -np.linalg.slogdet(inverse)[1]
         wanted = shares[s] + grid.log_weight[g] - 0.5 * (residual @ inverse @ residual + log_det)

@@ -391,13 +391,15 @@ def test_each_effect_has_its_own_block_of_the_covariance(
 
     stds = np.concatenate(prior)
     steps = 1e-4 * np.minimum(stds, 0.1)
-    slope = np.stack(
+    jacobian = np.stack(
         [(predicted(start + d) - predicted(start - d)) / (2.0 * d.sum()) for d in np.diag(steps)],
         axis=1,
     )
     uncertain = linear_model(found, (), given)[1][:, 3:]
     spread = fit.sigma**2 * np.eye(len(white)) + uncertain @ uncertain.T
-    expected = np.linalg.inv(slope.T @ np.linalg.solve(spread, slope) + np.diag(1.0 / stds**2))
+    expected = np.linalg.inv(
+        jacobian.T @ np.linalg.solve(spread, jacobian) + np.diag(1.0 / stds**2)
+    )
     scale = np.sqrt(np.diag(expected))
     error = (fit.joint_covariance(free) - expected) / np.outer(scale, scale)
     assert np.abs(error).max() < 2e-3

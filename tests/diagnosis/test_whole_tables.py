@@ -157,7 +157,7 @@ def test_evidence_of_a_unit_is_the_density_of_what_was_written() -> None:
     sets = Candidates.of(model, ordered=True).log_prior
     assert sets[("wrong_unit",)] == pytest.approx(sets[("misread",)] + np.log(0.1))
     at, k = found.at, len(white)
-    wide = at.slope * OFFSETS_MM
+    wide = at.jacobian * OFFSETS_MM
     parts = []
     for weight, sigma in zip(at.noise.log_weight, at.noise.sigma.tolist(), strict=True):
         covariance = (per_mm * sigma) ** 2 * np.eye(k) + wide @ wide.T

@@ -112,14 +112,14 @@ def solve_many(model: Model, plan: GaugePlan, values: Floats, kind: DataKind) ->
     assert np.all(fit.converged)
     spare = without_zeros(plan, values - simulate(model, fit.offsets_mm, plan))
     # Whatever the method, σ is of what no offsets explain.
-    slope = simulate_with_jacobian(model, fit.offsets_mm, plan)[1]
-    slope = without_zeros(plan, np.swapaxes(slope, -1, -2))
-    off = np.linalg.solve(slope @ np.swapaxes(slope, -1, -2), slope @ spare[..., None])
-    spare = spare - (np.swapaxes(slope, -1, -2) @ off)[..., 0]
+    jacobian = simulate_with_jacobian(model, fit.offsets_mm, plan)[1]
+    jacobian = without_zeros(plan, np.swapaxes(jacobian, -1, -2))
+    off = np.linalg.solve(jacobian @ np.swapaxes(jacobian, -1, -2), jacobian @ spare[..., None])
+    spare = spare - (np.swapaxes(jacobian, -1, -2) @ off)[..., 0]
     dof = len(plan) - plan.setups - 3
     sigma = np.sqrt((spare**2).sum(axis=-1) / dof)
     sigma = np.maximum(sigma, model.machine.gauge.rounding_mm)
-    slope = problem.predict_with_jacobian(fit.offsets_mm)[1]
-    variances = np.diagonal(unit_covariance(problem, slope), axis1=-2, axis2=-1)
+    jacobian = problem.predict_with_jacobian(fit.offsets_mm)[1]
+    variances = np.diagonal(unit_covariance(problem, jacobian), axis1=-2, axis2=-1)
     std = sigma[:, None] * np.sqrt(variances)
     return Many(fit, sigma, std, half_width(dof) * std)

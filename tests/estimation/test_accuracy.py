@@ -61,27 +61,27 @@ def test_twelve_differences_share_their_isotropic_reading() -> None:
 @both_models
 def test_covariance_of_the_six_equation_method_is_eq_29(model: Model) -> None:
     problem = problem_of(SIX, model)
-    slope = problem.at_zero[1]
-    expected = np.asarray(2.0 * np.linalg.inv(slope.T @ slope), dtype=np.float64)
-    assert unit_covariance(problem, slope) == pytest.approx(expected, rel=1e-10)
+    jacobian = problem.at_zero[1]
+    expected = np.asarray(2.0 * np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
+    assert unit_covariance(problem, jacobian) == pytest.approx(expected, rel=1e-10)
     assert sigma_rho(expected) == pytest.approx(np.sqrt(np.mean(np.diag(expected))), rel=1e-14)
 
 
 @both_models
 def test_covariance_of_the_twelve_equation_method_is_eq_32(model: Model) -> None:
     problem = problem_of(TWELVE, model)
-    slope = problem.at_zero[1]
-    inner = np.linalg.inv(slope.T @ slope)
-    expected = inner @ slope.T @ problem.covariance() @ slope @ inner
-    assert unit_covariance(problem, slope) == pytest.approx(expected, rel=1e-10)
+    jacobian = problem.at_zero[1]
+    inner = np.linalg.inv(jacobian.T @ jacobian)
+    expected = inner @ jacobian.T @ problem.covariance() @ jacobian @ inner
+    assert unit_covariance(problem, jacobian) == pytest.approx(expected, rel=1e-10)
 
 
 def test_covariances_come_in_batches() -> None:
     problem = problem_of(SIX, NOMINAL)
-    slope = problem.predict_with_jacobian(np.random.default_rng(1).normal(0, 2, (4, 5, 3)))[1]
-    together = unit_covariance(problem, slope)
+    jacobian = problem.predict_with_jacobian(np.random.default_rng(1).normal(0, 2, (4, 5, 3)))[1]
+    together = unit_covariance(problem, jacobian)
     assert together.shape == (4, 5, 3, 3)
-    assert together[3, 2] == pytest.approx(unit_covariance(problem, slope[3, 2]), rel=1e-12)
+    assert together[3, 2] == pytest.approx(unit_covariance(problem, jacobian[3, 2]), rel=1e-12)
 
 
 @pytest.mark.parametrize("influenced", [False, True], ids=["noise", "influences"])
@@ -93,20 +93,20 @@ def test_what_noise_leaves_of_differences_is_chi_squared(kind: DataKind, influen
     """
     rng = np.random.default_rng(5)
     problem = problem_of(kind, NOMINAL)
-    slope, k = problem.at_zero[1], len(problem.matrix)
+    jacobian, k = problem.at_zero[1], len(problem.matrix)
     # Unequal influences of a few standard deviations of noise each.
     ratio = rng.normal(0.0, [3.0, 1.0], (k, 2)) if influenced else np.zeros((k, 2))
     noise = 0.02 * rng.standard_normal((4000, len(problem.plan))) @ problem.matrix.T
     data = noise + 0.02 * rng.standard_normal((4000, 2)) @ ratio.T
     # Plain least squares, and the first three differences alone.
-    first_three = np.linalg.pinv(np.where(np.arange(k)[:, None] < 3, slope, 0.0))
+    first_three = np.linalg.pinv(np.where(np.arange(k)[:, None] < 3, jacobian, 0.0))
     if kind is SINGLE:  # of which the first three do not tell Δρ_y
-        first_three = np.linalg.pinv(slope * np.linspace(1.0, 5.0, k)[:, None])
+        first_three = np.linalg.pinv(jacobian * np.linspace(1.0, 5.0, k)[:, None])
         first_three = first_three * np.linspace(1.0, 5.0, k)
-    for estimator in (np.linalg.pinv(slope), first_three):
-        assert estimator @ slope == pytest.approx(np.eye(3), abs=1e-9)
-        residual = data - data @ estimator.T @ slope.T
-        found = [sum_of_squares(problem, slope, row, ratio) / 0.02**2 for row in residual]
+    for estimator in (np.linalg.pinv(jacobian), first_three):
+        assert estimator @ jacobian == pytest.approx(np.eye(3), abs=1e-9)
+        residual = data - data @ estimator.T @ jacobian.T
+        found = [sum_of_squares(problem, jacobian, row, ratio) / 0.02**2 for row in residual]
         assert stats.kstest(found, stats.chi2(k - 3).cdf).pvalue > 1e-5
 
 
@@ -159,8 +159,8 @@ def test_sigma_of_raw_readings_is_from_all_of_them_whatever_the_method(method: s
     plan = session.plan
     solution = solve(session, sure(NOMINAL_LARGE), method)
     # What offsets and zeros cannot explain, by a fit of both.
-    h, slope = simulate_with_jacobian(NOMINAL_LARGE, solution.offsets_mm, plan)
-    design = np.hstack((slope, plan.zeros))
+    h, jacobian = simulate_with_jacobian(NOMINAL_LARGE, solution.offsets_mm, plan)
+    design = np.hstack((jacobian, plan.zeros))
     left = session.value - h
     left = left - design @ np.linalg.lstsq(design, left, rcond=None)[0]
     sums = float(left @ left)

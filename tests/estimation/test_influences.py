@@ -78,8 +78,8 @@ def test_the_scale_of_the_gauges_stretches_what_they_read() -> None:
 
 def test_legs_within_their_tolerance_are_the_finite_difference_of_the_truth() -> None:
     found = by_source(MODEL)["leg_length"]
-    slopes = jacobian(PLAN, HIDDEN, state())[:, PARTS["leg_length"]]
-    expected = truth.TOLERANCES["leg_length"] * slopes
+    jacobians = jacobian(PLAN, HIDDEN, state())[:, PARTS["leg_length"]]
+    expected = truth.TOLERANCES["leg_length"] * jacobians
     assert found.columns == pytest.approx(expected, abs=1e-9)
     assert np.abs(without_zeros(READINGS.plan, found.columns.T)).max() > 1e-4
 
@@ -93,9 +93,9 @@ def test_an_accepted_cause_brings_its_own_uncertainty() -> None:
     at = state()
     at[PARTS["axis_squareness"]] = [1.3, -0.8, 0.6]
     found = by_source(MODEL.extended([tilted]))
-    slope = 1e3 * jacobian(PLAN, HIDDEN, at)[:, PARTS["axis_squareness"]]
+    by_size = 1e3 * jacobian(PLAN, HIDDEN, at)[:, PARTS["axis_squareness"]]
     columns = without_zeros(READINGS.plan, found["axis_squareness"].columns.T).T
-    expected = without_zeros(READINGS.plan, (slope @ root).T).T
+    expected = without_zeros(READINGS.plan, (by_size @ root).T).T
     size = np.abs(expected @ expected.T).max()
     assert columns @ columns.T == pytest.approx(expected @ expected.T, abs=2e-3 * size)
     assert (found["axis_squareness"].size, found["axis_squareness"].assumed) == (None, False)
@@ -105,8 +105,8 @@ def test_an_accepted_cause_brings_its_own_uncertainty() -> None:
     accepted = influences(MODEL.extended([legs]), OFFSETS, READINGS.plan)
     (one,) = [each for each in accepted if each.source == "leg_length"]
     assert one.size is None
-    slope = jacobian(PLAN, HIDDEN, state())[:, PARTS["leg_length"]] * [0.002, 0.0, 0.001]
-    assert one.columns @ one.columns.T == pytest.approx(slope @ slope.T, rel=2e-3, abs=1e-9)
+    by_size = jacobian(PLAN, HIDDEN, state())[:, PARTS["leg_length"]] * [0.002, 0.0, 0.001]
+    assert one.columns @ one.columns.T == pytest.approx(by_size @ by_size.T, rel=2e-3, abs=1e-9)
 
 
 def test_sizes_that_nobody_stated_are_marked() -> None:

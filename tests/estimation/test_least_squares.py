@@ -93,11 +93,11 @@ def by_scipy(problem: Problem, data: Floats) -> Floats:
     def residual(x: Floats) -> Floats:
         return problem.predict(x) - data
 
-    def slope(x: Floats) -> Floats:
+    def jacobian(x: Floats) -> Floats:
         return problem.predict_with_jacobian(x)[1]
 
     found = least_squares(
-        residual, np.zeros(3), jac=slope, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
+        residual, np.zeros(3), jac=jacobian, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
     return np.asarray(found.x)
 
@@ -124,8 +124,8 @@ def test_agrees_with_another_solver_on_large_residuals(model: Model, kind: DataK
     data = noisy(problem, offsets, 0.3, 3)
 
     def gradient(x: Floats, row: Floats) -> Floats:
-        predicted, slope = problem.predict_with_jacobian(x)
-        return np.asarray(slope.T @ (predicted - row))
+        predicted, jacobian = problem.predict_with_jacobian(x)
+        return np.asarray(jacobian.T @ (predicted - row))
 
     for row, found in zip(data, fit_offsets(problem, data).offsets_mm, strict=True):
         near = by_scipy(problem, row)
@@ -250,10 +250,10 @@ def test_not_converged_is_an_error_not_a_number() -> None:
 
 def test_step_by_cofactors_solves_the_damped_normal_equations() -> None:
     rng = np.random.default_rng(3)
-    slope, residual = rng.normal(size=(4, 7, 3)), rng.normal(size=(4, 7))
+    jacobian, residual = rng.normal(size=(4, 7, 3)), rng.normal(size=(4, 7))
     damping = np.array([0.0, 0.1, 2.0, 30.0])
-    step = normal_step(slope, residual, damping)
-    for j, r, d, s in zip(slope, residual, damping, step, strict=True):
+    step = normal_step(jacobian, residual, damping)
+    for j, r, d, s in zip(jacobian, residual, damping, step, strict=True):
         normal = j.T @ j
         expected = np.linalg.solve(normal + d * np.diag(np.diag(normal)), j.T @ r)
         assert s == pytest.approx(expected, rel=1e-11)
@@ -268,8 +268,8 @@ def test_repeated_readings_are_predicted_as_each_of_them(model: Model) -> None:
     """Once where they are equal, apart where a cause tells them apart."""
     problem = problem_for(READINGS, model)
     offsets = np.array([[0.7, -0.2, 1.9], [-1.1, 0.4, 0.3]])
-    readings, slopes = simulate_with_jacobian(problem.model, offsets, problem.plan)
-    predicted, slope = problem.predict_with_jacobian(offsets)
+    readings, jacobians = simulate_with_jacobian(problem.model, offsets, problem.plan)
+    predicted, jacobian = problem.predict_with_jacobian(offsets)
     assert predicted == pytest.approx(readings @ problem.matrix.T, abs=1e-12)
-    assert slope == pytest.approx(problem.matrix @ slopes, abs=1e-12)
+    assert jacobian == pytest.approx(problem.matrix @ jacobians, abs=1e-12)
     assert problem.predict(offsets) == pytest.approx(predicted, abs=1e-12)

@@ -44,8 +44,8 @@ def explicit(session: Readings, model: Model) -> tuple[Floats, Floats]:
     offsets = np.zeros(many)
     weight = session.plan.precision[:, None]
     for _ in range(20):
-        h, slope = simulate_with_jacobian(model, offsets, session.plan)
-        design = weight * np.hstack((slope, session.plan.zeros))
+        h, jacobian = simulate_with_jacobian(model, offsets, session.plan)
+        design = weight * np.hstack((jacobian, session.plan.zeros))
         step = np.linalg.lstsq(design, weight[:, 0] * (session.value - h), rcond=None)[0]
         offsets = offsets + step[:many]
     return offsets, np.asarray(np.linalg.inv(design.T @ design)[:many, :many], dtype=np.float64)

@@ -108,8 +108,8 @@ def test_table_1_against_t_alpha_and_finite_differences(model: Model) -> None:
                 table2.tool(machine.leg_length_mm, commanded + sign * step * np.eye(3)[k])
                 for sign in (1.0, -1.0)
             )
-            slope = (ahead[direction] - behind[direction]) / (2.0 * step)
-            assert value == pytest.approx(slope, abs=1e-6)
+            jacobian = (ahead[direction] - behind[direction]) / (2.0 * step)
+            assert value == pytest.approx(jacobian, abs=1e-6)
         assert row.typical == pytest.approx(
             1.0 + moved / np.sqrt(machine.leg_length_mm**2 - moved**2), abs=1e-9
         )
@@ -145,7 +145,7 @@ def test_the_bound_is_the_cramer_rao_bound(model: Model) -> None:
     for series, (leg, direction) in enumerate((a, b) for a in range(3) for b in other_axes(a)):
         for posture in Posture:
             moved = machine.displacement_mm(posture)
-            slope = [
+            jacobian = [
                 (
                     table2.gauge_reading(machine, 1e-3 * axis, leg, direction, moved)
                     - table2.gauge_reading(machine, -1e-3 * axis, leg, direction, moved)
@@ -153,7 +153,7 @@ def test_the_bound_is_the_cramer_rao_bound(model: Model) -> None:
                 / 2e-3
                 for axis in np.eye(3)
             ]
-            rows.append(slope)
+            rows.append(jacobian)
             zeros.append(np.eye(6)[series])
     design = np.hstack((rows, zeros))
     bound = np.linalg.inv(design.T @ design)[:3, :3]
@@ -234,8 +234,8 @@ def test_monte_carlo_has_the_offsets_it_is_given() -> None:
         runs=6000,
     )  # fmt: skip
     problem = problem_of(SIX, NOMINAL)
-    slope = problem.predict_with_jacobian(np.full(3, 20.0))[1]
-    exact = 0.01 * sigma_rho(unit_covariance(problem, slope))
+    jacobian = problem.predict_with_jacobian(np.full(3, 20.0))[1]
+    exact = 0.01 * sigma_rho(unit_covariance(problem, jacobian))
     assert exact > 1.05 * 0.01 * accuracy_factor(NOMINAL, SIX)
     assert cell.mean_mm == pytest.approx(exact, rel=0.02)
 
