@@ -55,7 +55,7 @@ from orthoglide_cal.model import (
     Source,
     View,
 )
-from orthoglide_cal.results.answer import Spread
+from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.making import remainder
 from orthoglide_cal.schema import Schema
 
@@ -97,13 +97,9 @@ class Outcome(StrEnum):
     UNDECIDED = "undecided"
 
 
-class ComparedInput(Schema):
+class ComparedInput(InputFile):
     """One of the two measurements."""
 
-    path: str
-    sha256: str
-    kind: str
-    readings: int
     started: str | None
     finished: str | None
     operator: str | None
@@ -244,7 +240,8 @@ def verify(
     """
     if View.BED in {before.measured.view, after.measured.view}:
         return _of_touches(before, after, applied_mm, limit_mm)
-    require_limit(limit_mm)
+    if limit_mm is not None and not 0.0 < limit_mm < np.inf:
+        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     first_machine, second_machine = machine_values(before.model), machine_values(after.model)
     different = [name for name in SAME if first_machine.get(name) != second_machine.get(name)]
     if different:
@@ -274,7 +271,7 @@ def verify(
     promised = rms(np.array([row.promised_mm for row in rows]))
     after_rms = rms(np.array([row.after_mm for row in rows]))
     return Verification(
-        **_common(before, after, first, second, applied.tolist()),
+        **_common((before, after), (first, second), applied.tolist()),
         kind=shared.kind,
         compared=len(shared.before),
         kept=response["answer"] is Behaviour.AS_MODELLED,
@@ -288,30 +285,18 @@ def verify(
         **response,
         remaining_mm=_by_axis(second.offsets_mm),
         remaining_expanded_mm=_by_axis(second.expanded_mm),
-        decision=None if limit_mm is None else decide(rows, limit_mm),
+        decision=None if limit_mm is None else _decide(rows, limit_mm),
     )
 
 
-def require_limit(limit_mm: float | None) -> None:
-    """Raises UsageError unless it is a length, or not given."""
-    if limit_mm is not None and not 0.0 < limit_mm < np.inf:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-
-
-def decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Decision:
-    """Compare every deviation measured after the correction with the limit (ISO 14253-1).
-
-    Args:
-        rows: at least one.
-        limit_mm: largest size of a deviation that is allowed.
-    """
+def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Decision:
+    """Compare every deviation measured after the correction with the limit (ISO 14253-1)."""
     largest = max(rows, key=lambda row: abs(row.after_mm))
+    outcome = Outcome.UNDECIDED
     if any(abs(row.after_mm) - row.expanded_mm > limit_mm for row in rows):
         outcome = Outcome.FAIL
     elif all(abs(row.after_mm) + row.expanded_mm <= limit_mm for row in rows):
         outcome = Outcome.PASS
-    else:
-        outcome = Outcome.UNDECIDED
     return Decision(
         outcome=outcome,
         limit_mm=limit_mm,
@@ -335,9 +320,11 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     check_same_printer(before.model.machine, after.model.machine)
     first, second = (_solved(each, each.model)[0] for each in (before, after))
-    # A table says nothing of the firmware: with one machine file for both nobody knows.
-    stated = before.model.machine != after.model.machine
     old, new = (np.array(each.model.machine.active) for each in (first, second))
+    entered = (new - old).round(9).tolist()
+    if before.model.machine == after.model.machine:
+        # A table says nothing of the firmware: with one machine file for both nobody knows.
+        entered = [None] * len(entered)
     heights = []
     for each in (first, second):
         assert isinstance(each.measured, Readings)
@@ -352,7 +339,7 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
     ratio = (afterwards**2 * now / dof[1]) / (promised**2 * was / dof[0])
     kept = ratio <= 1.0 or bool(fdtrc(dof[1], dof[0], ratio) >= 1.0 - CONFIDENCE)
     return Verification(
-        **_common(before, after, first, second, (new - old).round(9).tolist() if stated else None),
+        **_common((before, after), (first, second), entered),
         kind="heights",
         compared=now,
         kept=kept,
@@ -364,59 +351,53 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
 
 
 def _common(
-    before: Input,
-    after: Input,
-    first: Solution,
-    second: Solution,
-    entered: Sequence[float] | None,
+    inputs: tuple[Input, Input],
+    solutions: tuple[Solution, Solution],
+    entered: Sequence[float | None],
 ) -> dict[str, Any]:
     """What is said of any kind of machine: both inputs, and each parameter."""
+    before, after = (
+        ComparedInput(
+            path=each.measured.source.path,
+            sha256=each.measured.source.sha256,
+            kind=each.measured.kind,
+            readings=len(each.measured),
+            started=each.conditions.started,
+            finished=each.conditions.finished,
+            operator=each.conditions.operator,
+        )
+        for each in inputs
+    )
+    first, second = solutions
     machine = first.model.machine
-    known = [None] * len(machine.parameter_names) if entered is None else list(entered)
     columns = (first.offsets_mm, first.expanded_mm, second.offsets_mm, second.expanded_mm)
+    rows = zip(machine.active, entered, *(column.tolist() for column in columns), strict=True)
+    parameters = [
+        VerifiedParameter(
+            unit=unit,
+            before=active,
+            found=found,
+            expanded=reach,
+            entered=change,
+            as_found=None if change is None else abs(change - found) <= AS_FOUND,
+            left=left,
+            left_expanded=left_reach,
+        )
+        for unit, (active, change, found, reach, left, left_reach) in zip(
+            machine.parameter_units, rows, strict=True
+        )
+    ]
     return {
-        "inputs": tuple((each.source, each.model) for each in (first, second)),
-        "before": _input(before),
-        "after": _input(after),
-        "machine": second.machine,
-        "parameters": {
-            name: VerifiedParameter(
-                unit=unit,
-                before=before_,
-                found=found,
-                expanded=reach,
-                entered=change,
-                as_found=None if change is None else abs(change - found) <= AS_FOUND,
-                left=left,
-                left_expanded=left_reach,
-            )
-            for name, unit, before_, change, found, reach, left, left_reach in zip(
-                machine.parameter_names,
-                machine.parameter_units,
-                machine.active,
-                known,
-                *(column.tolist() for column in columns),
-                strict=True,
-            )
-        },
+        "inputs": tuple((each.source, each.model) for each in solutions),
+        "before": before,
+        "after": after,
+        "machine": machine.name,
+        "parameters": dict(zip(machine.parameter_names, parameters, strict=True)),
     }
 
 
 def _by_axis(values: Floats) -> dict[str, float]:
     return dict(zip(AXES, values.tolist(), strict=True))
-
-
-def _input(given: Input) -> ComparedInput:
-    measured, conditions = given.measured, given.conditions
-    return ComparedInput(
-        path=measured.source.path,
-        sha256=measured.source.sha256,
-        kind=measured.kind,
-        readings=len(measured),
-        started=conditions.started,
-        finished=conditions.finished,
-        operator=conditions.operator,
-    )
 
 
 def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
