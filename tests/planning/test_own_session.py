@@ -53,7 +53,7 @@ def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int)
     following = best_next(found)
     assert following is not None
     assert following.option.session is not None
-    assert following.separates is not None
+    assert following.between
     assert following.chance > 0.96
     assert following.option.minutes < 25.0
     for again in range(3):

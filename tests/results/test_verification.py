@@ -7,6 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
+from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose_differences
 from orthoglide_cal.files import Conditions, Input, read_input
 from orthoglide_cal.model import (
@@ -23,7 +24,13 @@ from orthoglide_cal.model import (
     single_posture,
     without_zeros,
 )
-from orthoglide_cal.results.verification import Behaviour, Outcome, shared_contrasts, verify
+from orthoglide_cal.results.verification import (
+    Behaviour,
+    Outcome,
+    _respond,
+    shared_contrasts,
+    verify,
+)
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
@@ -90,10 +97,11 @@ def rates_of_healthy_pairs(count: int) -> tuple[int, int, int]:
         applied = rng.uniform(-1.0, 1.0, 3)
         start = rng.uniform(-1.0, 1.0, 3)
         first, second = session(start, 2 * k), session(start - applied, 2 * k + 1)
-        result = verify(given(first), given(second), applied)
-        inside += result.response.agrees
-        false_changes += result.other_change.found
-        false_answers += result.answer is not Behaviour.AS_MODELLED
+        shared = shared_contrasts(first, second, NOMINAL)
+        found = _respond(shared, solve(first, NOMINAL).offsets_mm, applied)
+        inside += found["response"].agrees
+        false_changes += found["other_change"].found
+        false_answers += found["answer"] is not Behaviour.AS_MODELLED
     return inside, false_changes, false_answers
 
 
@@ -246,7 +254,7 @@ def test_decision_rule_with_guard_band(limit, outcome):
 
 def test_what_was_entered_is_what_two_sessions_record():
     entered = (-0.527, 0.595, -1.748)
-    adjusted = replace(NOMINAL, machine=PROTOTYPE.changed(offsets_mm=entered))
+    adjusted = NOMINAL.holding(entered)
     first = before(19)
     second = given(session(TRUE - np.array(entered), 20), adjusted)
     assert tuple(verify(first, second).applied_mm.values()) == entered
