@@ -15,7 +15,15 @@ import re
 from datetime import date, datetime
 from typing import Annotated, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    JsonValue,
+    PlainSerializer,
+)
 from pydantic.fields import FieldInfo
 
 from orthoglide_cal.errors import InputError
@@ -154,6 +162,7 @@ def _digest(text: str) -> str:
 
 
 Number = Annotated[float, BeforeValidator(yaml_number)]
+Minutes = Annotated[float, PlainSerializer(lambda minutes: round(minutes, 2))]
 Positive = Annotated[Number, Field(gt=0.0)]
 NotNegative = Annotated[Number, Field(ge=0.0)]
 Count = Annotated[int, BeforeValidator(_count)]  # a whole number from 1

@@ -29,6 +29,7 @@ from orthoglide_cal.model import (
     ReadOnly,
 )
 from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.schema import Minutes, Schema
 
 # Probability from which it is told that nothing may be wrong at all.
 WORTH_SAYING = 0.005
@@ -43,6 +44,26 @@ class Verdict(StrEnum):
     NAMED = "named"  # one explanation stands out
     AMBIGUOUS = "ambiguous"  # several explain the data
     UNEXPLAINED = "unexplained"  # something is wrong, and it is none of the causes
+
+
+class NextMeasurement(Schema):
+    """A measurement that may decide what is open.
+
+    Attributes:
+        what: to do, in words.
+        minutes: that it takes.
+        separates: of each of the two the first cause that the other lacks, or has as well.
+        between: of the two likeliest explanations that it distinguishes, the causes that the other
+            lacks, or all if one has no more; empty if nothing is open that readings tell.
+        separation_sigma: expected distance between their predictions; 0 without them [standard
+            deviations].
+    """
+
+    what: str
+    minutes: Minutes
+    separates: Ids
+    between: tuple[Ids, ...]
+    separation_sigma: float
 
 
 class Explanation(NamedTuple):

@@ -1,7 +1,6 @@
 """Planning: what to measure, before it is measured."""
 
 from orthoglide_cal.planning.next_measurement import (
-    NextMeasurement,
     RankedMeasurement,
     best_next,
     ranked,

@@ -12,10 +12,10 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
-from pydantic import ConfigDict, Field, PlainSerializer, computed_field
+from pydantic import ConfigDict, Field, computed_field
 
 from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
@@ -36,14 +36,13 @@ from orthoglide_cal.planning.steps import (
     gauge_moves,
     sequence,
 )
-from orthoglide_cal.schema import Schema
+from orthoglide_cal.schema import Minutes, Schema
 
 # The scatter of readings: what their number averages.
 AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
 ARRAYS = ConfigDict(arbitrary_types_allowed=True)
 # Hundredths are enough.
-Minutes = Annotated[float, PlainSerializer(lambda minutes: round(minutes, 2))]
 
 
 def lengths(model: Model, values: Floats) -> dict[str, float]:

@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import Field
 from scipy.special import ndtr
 
-from orthoglide_cal.diagnosis import Diagnosis, Verdict
+from orthoglide_cal.diagnosis import Diagnosis, NextMeasurement, Verdict
 from orthoglide_cal.diagnosis.assess import bound
 from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import UNSEEN, as_read
@@ -48,9 +48,8 @@ from orthoglide_cal.model import (
     without_zeros,
 )
 from orthoglide_cal.model.plan import AnyPlan, Bools
-from orthoglide_cal.planning.forecast import ARRAYS, Minutes, estimator_for, lengths
+from orthoglide_cal.planning.forecast import ARRAYS, estimator_for, lengths
 from orthoglide_cal.planning.options import Option, further, joined, options
-from orthoglide_cal.schema import Schema
 
 # Explanations nearer than this to each other under every option cannot be distinguished [σ].
 WORTHLESS_SIGMA = 1.0
@@ -64,26 +63,6 @@ MINUTES_TO_COME_BACK = 480.0
 # So many explanations are looked at, the likeliest.
 MOST = 8
 TINY = 1e-12
-
-
-class NextMeasurement(Schema):
-    """A measurement that may decide what is open.
-
-    Attributes:
-        what: to do, in words.
-        minutes: that it takes.
-        separates: of each of the two the first cause that the other lacks, or has as well.
-        between: of the two likeliest explanations that it distinguishes, the causes that the other
-            lacks, or all if one has no more; empty if nothing is open that readings tell.
-        separation_sigma: expected distance between their predictions; 0 without them [standard
-            deviations].
-    """
-
-    what: str
-    minutes: Minutes
-    separates: Ids
-    between: tuple[Ids, ...]
-    separation_sigma: float
 
 
 class RankedMeasurement(NextMeasurement):

@@ -12,10 +12,9 @@ from typing import Literal
 from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.diagnosis import NextMeasurement, Verdict
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.model.workspace import WorkspaceError
-from orthoglide_cal.planning import NextMeasurement
 from orthoglide_cal.schema import Schema
 
 Ids = tuple[str, ...]

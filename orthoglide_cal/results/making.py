@@ -20,7 +20,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Diagnosis, NamedCause, Verdict, diagnose
+from orthoglide_cal.diagnosis import Diagnosis, NamedCause, NextMeasurement, Verdict, diagnose
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import (
     OffsetEstimate,
@@ -51,7 +51,6 @@ from orthoglide_cal.model import (
     View,
 )
 from orthoglide_cal.model.workspace import workspace_error
-from orthoglide_cal.planning import RankedMeasurement, best_next
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.release import release
 from orthoglide_cal.words import entered_decimals, two_figures
@@ -130,7 +129,12 @@ def answer_to(
     except UnusableResultError:
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosis = None
-    following = None if diagnosis is None else best_next(diagnosis)
+    following = None
+    if diagnosis is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
+        # Planning takes long to load, and has nothing to say of other verdicts.
+        from orthoglide_cal.planning import best_next
+
+        following = best_next(diagnosis)
     decision = release(solution, diagnosis, following)
     alone, found = _alone(given, solution, diagnosis), None
     if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
@@ -475,7 +479,7 @@ def _workspace(found: _Found, model: Model) -> schema.Workspace | None:
 
 
 def _of_diagnosis(
-    diagnosis: Diagnosis, solution: Solution, alone: _Found, following: RankedMeasurement | None
+    diagnosis: Diagnosis, solution: Solution, alone: _Found, following: NextMeasurement | None
 ) -> dict[str, object]:
     """The parts of the answer that a diagnosis gives."""
     consistent = diagnosis.verdict is Verdict.CONSISTENT

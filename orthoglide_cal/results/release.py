@@ -6,16 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orthoglide_cal.diagnosis import Diagnosis, Verdict
+from orthoglide_cal.diagnosis import Diagnosis, NextMeasurement, Verdict
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.model import DataKind
-from orthoglide_cal.planning import RankedMeasurement
 from orthoglide_cal.results.answer import Release, Remedy
 
 
 def release(
-    solution: Solution, diagnosis: Diagnosis | None, following: RankedMeasurement | None = None
+    solution: Solution, diagnosis: Diagnosis | None, following: NextMeasurement | None = None
 ) -> Release:
     """Whether the solution's offsets may be entered, from its own check and the diagnosis.
 
@@ -96,9 +95,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         yield solution.judgement, Remedy(sentence=vocabulary.more)
 
 
-def _judged(
-    solution: Solution, diagnosis: Diagnosis, following: RankedMeasurement | None
-) -> Release:
+def _judged(solution: Solution, diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
     """What the diagnosis has against the offsets."""
     vocabulary = solution.model.machine.vocabulary
     if diagnosis.verdict is Verdict.CONSISTENT:
@@ -118,7 +115,7 @@ def _judged(
 
 
 def _ambiguous(
-    solution: Solution, diagnosis: Diagnosis, following: RankedMeasurement | None
+    solution: Solution, diagnosis: Diagnosis, following: NextMeasurement | None
 ) -> Release:
     vocabulary = solution.model.machine.vocabulary
     first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
@@ -130,7 +127,7 @@ def _ambiguous(
         reasons = [f"Something may be wrong {beside}: {apart}, nor from a sound machine."]
     advice = [cause.advice for cause in diagnosis.causes] or [vocabulary.more]
     if following is not None:
-        advice = [following.option.what]
+        advice = [following.what]
     if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append("They are so few that nearly anything fits.")
         advice = [vocabulary.more]

@@ -55,7 +55,7 @@ def test_the_text_says_what_to_type(open_session: tuple[str, str]) -> None:
     assert "settles" in shown
     page = run("diagnose", path, "--machine", machine).output
     assert "Measure next: " in page
-    assert " min and tells bar_skew from " in page
+    assert "min and distinguishes bar_skew from " in page
 
 
 def test_what_no_reading_tells_is_measured_again(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_what_no_reading_tells_is_measured_again(tmp_path: Path) -> None:
     path = str(truth.write_readings(session, tmp_path / "first.csv"))
     page = run("diagnose", path, "--machine", str(tmp_path / "machine.yaml")).output
     said = " ".join(page.split())
-    assert "No further reading of this kind is likely to tell. What is open lies in the" in said
+    assert "No further reading of this kind is likely to decide. What is open lies in the" in said
     assert "leave the old readings out" in said
     assert "Measure next: " not in page
 

@@ -71,7 +71,7 @@ class TestJson:
     def test_what_it_separates_are_causes_and_two_of_them(self) -> None:
         first, second = one(THIRD)["next_measurement"]["separates"]
         assert {first, second} <= set(CAUSES)
-        assert f"tells {first} from {second}" in " ".join(diagnose(THIRD).out.split())
+        assert f"distinguishes {first} from {second}" in " ".join(diagnose(THIRD).out.split())
 
     def test_the_same_data_give_the_same_answer(self) -> None:
         assert diagnose(GAP, "--json").out == diagnose(GAP, "--json").out

@@ -20,6 +20,7 @@ from orthoglide_cal.report.documents.diagnosis import (
     cause_blocks,
     fit_blocks,
     headline,
+    next_blocks,
     note_blocks,
     ranking_grid,
 )
@@ -31,7 +32,6 @@ from orthoglide_cal.report.documents.parameters import (
     parameters_title,
 )
 from orthoglide_cal.report.documents.pictures import residual_blocks
-from orthoglide_cal.report.documents.plan import next_blocks
 from orthoglide_cal.report.documents.solution import left_after, method_words, noise_grid
 from orthoglide_cal.report.documents.verification import (
     compared_inputs,
@@ -186,7 +186,7 @@ def _evidence(case: Case, left: Verification | None) -> list[doc.Section]:
         blocks = [doc.Paragraph(headline(case)), *fit_blocks(case), *cause_blocks(case)]
         if answer.verdict is not Verdict.CONSISTENT and answer.explanations:
             blocks.append(ranking_grid(case))
-        blocks += [*next_blocks(answer, answer.next_measurement), *note_blocks(case)]
+        blocks += [*next_blocks(answer), *note_blocks(case)]
         sections.append(doc.Section("Diagnosis", tuple(blocks)))
     if answer.workspace is not None:
         sections.append(_workspace(case, answer.workspace))

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.diagnosis import NextMeasurement, Verdict
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import Series, other_axes
@@ -22,9 +22,8 @@ from orthoglide_cal.report.documents.parameters import (
     parameters_title,
 )
 from orthoglide_cal.report.documents.pictures import residual_sections
-from orthoglide_cal.report.documents.plan import next_blocks
 from orthoglide_cal.report.facts import data_words
-from orthoglide_cal.results import FoundCause
+from orthoglide_cal.results import Answer, FoundCause
 from orthoglide_cal.words import (
     chance,
     counted,
@@ -83,7 +82,7 @@ def diagnosis_document(case: Case) -> doc.Document:
 
 def _diagnosis_page(case: Case) -> doc.Page:
     answer, words = case.answer, case.words
-    causes = (*cause_blocks(case), *next_blocks(answer, answer.next_measurement))
+    causes = (*cause_blocks(case), *next_blocks(answer))
     release = answer.release
     told: tuple[str, ...] = (f"{SETTLED}.",) if release.settled else ()
     if not release.usable:
@@ -216,6 +215,33 @@ def _gain(case: Case) -> Iterator[tuple[str, doc.Blank]]:
     if after >= before:
         off += " It does not predict better: not recommended as an extension."
     yield "prediction", off
+
+
+def next_blocks(answer: Answer) -> Iterator[doc.Block]:
+    """The measurement that would decide what is open."""
+    following = answer.next_measurement
+    if following is not None and following.between:
+        first, second = between_words(following)
+        yield doc.Paragraph((doc.Strong("Measure next: "), following.what))
+        yield doc.Paragraph(
+            f"It takes about {following.minutes:.0f} min and distinguishes {first} from {second} by"
+            f" {following.separation_sigma:.1f} standard deviations."
+        )
+    elif answer.verdict is Verdict.AMBIGUOUS:
+        open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
+        again = (
+            " What is open lies in the measurement: measure there again, and leave the old"
+            " readings out. Then it does not matter which it was."
+        )
+        passing = all(not CAUSES[id].in_machine for id in open_ids)
+        told = f"No further reading of this kind is likely to decide.{again if passing else ''}"
+        yield doc.Paragraph(told)
+
+
+def between_words(each: NextMeasurement) -> tuple[str, str]:
+    """The two explanations that it distinguishes, in words."""
+    first, second = (" with ".join(ids) or "a sound machine" for ids in each.between)
+    return first, second
 
 
 def ranking_grid(case: Case) -> doc.Grid:

@@ -14,11 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Diagnosis, Verdict
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Floats, Model, Source
-from orthoglide_cal.planning import NextMeasurement
 from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.forecast import SessionForecast
@@ -33,6 +31,7 @@ from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import about
+from orthoglide_cal.report.documents.diagnosis import between_words
 from orthoglide_cal.report.documents.parameters import budget_section, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.results import Answer, budget_lines
@@ -452,35 +451,3 @@ def _next_section(plan: MeasurementPlan, now_mm: float | None) -> doc.Section:
         )
     grid = doc.Grid(heads, tuple(rows), words=(len(heads) - 1,), caption=meaning)
     return doc.Section("What to measure next, best first", (grid,))
-
-
-def next_blocks(
-    found: Diagnosis | Answer, following: NextMeasurement | None
-) -> tuple[doc.Block, ...]:
-    """The measurement that would decide what is open."""
-    if following is not None and following.between:
-        first, second = between_words(following)
-        apart = f"{following.separation_sigma:.1f} standard deviations"
-        return (
-            doc.Paragraph((doc.Strong("Measure next: "), following.what)),
-            doc.Paragraph(
-                f"It takes about {following.minutes:.0f} min and tells {first} from {second} by"
-                f" {apart}."
-            ),
-        )
-    if found.verdict is not Verdict.AMBIGUOUS:
-        return ()
-    open_ids = {*found.ambiguous_with, *(cause.id for cause in found.causes if cause.aliases)}
-    again = (
-        " What is open lies in the measurement: measure there again, and leave the old readings"
-        " out. Then it does not matter which it was."
-    )
-    passing = all(not CAUSES[id].in_machine for id in open_ids)
-    told = f"No further reading of this kind is likely to tell.{again if passing else ''}"
-    return (doc.Paragraph(told),)
-
-
-def between_words(each: NextMeasurement) -> tuple[str, str]:
-    """The two explanations that it distinguishes, in words."""
-    first, second = (" with ".join(ids) or "a sound machine" for ids in each.between)
-    return first, second
