@@ -56,13 +56,6 @@ CUT = """(() => {
   return found;
 })()"""
 
-PICTURES = """[...document.querySelectorAll('svg')].map(s => ({
-  role: s.getAttribute('role'),
-  named: s.getAttribute('aria-labelledby').split(' ').map(
-    id => { const e = document.getElementById(id); return e && s.contains(e) ? e.textContent : ''; }
-  ),
-}))"""
-
 # Colour of every text and of what lies behind it, as the browser computed them.
 COLOURS = """(() => {
   const behind = e => {
@@ -104,21 +97,6 @@ def test_page_is_silent_alone_and_fits(chromium: Browser, pages: dict[str, Path]
         assert outside == [pages[kind].as_uri()]
         assert chromium.evaluate(OVERFLOW) == [], width
         assert chromium.evaluate(CUT) == [], width
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_picture_says_what_one_sees(chromium: Browser, pages: dict[str, Path], kind: str):
-    chromium.open(pages[kind])
-    pictures = chromium.evaluate(PICTURES)
-    if kind not in ("failed", "planned"):
-        assert pictures
-    for picture in pictures:
-        assert picture["role"] == "img"
-        title, finding = picture["named"]
-        assert title.strip()
-        assert len(finding.split()) > 3
-    ids = chromium.evaluate("[...document.querySelectorAll('[id]')].map(e => e.id)")
-    assert len(ids) == len(set(ids))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -284,18 +262,6 @@ def _luminance(colour: str) -> float:
     values = np.array([float(v) for v in re.findall(r"[\d.]+", colour)[:3]]) / 255.0
     linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
     return float(linear @ (0.2126, 0.7152, 0.0722))
-
-
-def test_hostile_texts_are_shown_as_texts(chromium: Browser, pages: dict[str, Path]):
-    chromium.open(pages["hostile"])
-    text = chromium.evaluate("document.body.textContent")
-    assert text.count("<script>alert('x')</script>") >= 3
-    assert "<img src=x onerror=alert(1)>&amp;" in text
-    assert "W" * 400 in text
-    assert "שלום עולם مرحبا" in text
-    assert "invoice⟨U+202E⟩gnp.exe⟨U+2066⟩⟨U+001B⟩[31mred" in text
-    assert not set(text) & set("\u202e\u2066\x1b\x07\u009b")
-    assert chromium.evaluate("document.querySelectorAll('script, img, iframe, a').length") == 0
 
 
 def test_the_policy_stops_what_would_slip_through(chromium: Browser, tmp_path: Path):

@@ -133,15 +133,6 @@ def test_verify_prints_what_the_paper_prints():
     assert "Decision rule: Pass if |deviation| + U is within the limit" in page.stdout
 
 
-def test_verify_asks_what_was_applied():
-    found = run("verify", *EXPERIMENTS[1:])
-    assert found.exit_code == 2
-    assert "--applied DX DY DZ" in found.stderr
-    as_json = run("verify", "nowhere.csv", EXPERIMENTS[2], "--json", "--applied", 1, 1, 1)
-    assert as_json.exit_code == 3
-    assert "no such file" in json.loads(as_json.stdout)["error"]
-
-
 @pytest.mark.parametrize("form", ["text", "linuxcnc"])
 def test_export_formats(healthy: Path, form: str, tmp_path: Path):
     found = run("export", healthy, "--format", form)

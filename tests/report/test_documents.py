@@ -18,7 +18,6 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.checks import check_document
-from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import identify
@@ -84,14 +83,6 @@ def test_renderers_know_nothing_of_calibration(renderer: str) -> None:
     assert {name for name in modules if name.startswith("orthoglide_cal")} <= KNOWN
 
 
-def test_an_offset_has_the_same_digits_in_every_command() -> None:
-    """By solve, diagnose and report."""
-    sound = cases.healthy()
-    entered = offsets(report_of(sound), "type in")
-    assert offsets(solution_document(sound), "type in") == entered
-    assert offsets(diagnosis_document(sound), "type in") == entered
-
-
 def test_the_green_tick_is_for_what_the_offsets_put_right() -> None:
     """Offsets do not remove an accepted gap: said on every page, with the table that does."""
     gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
@@ -119,20 +110,6 @@ def test_what_is_faulty_is_marked_on_the_machine() -> None:
     assert "Marked: misread: leg x, direction z, min, cycle 2 (reading 12)." in marked
     assert marked.count('class="fault"') == 1
     assert 'class="fault"' not in repr(report_of(cases.healthy()).page())
-
-
-@pytest.mark.parametrize("made", [solution_document, diagnosis_document, report_of])
-def test_offsets_that_must_not_be_entered_stand_without_an_order(
-    made: Callable[[Case], doc.Document],
-) -> None:
-    page = made(cases.named_in_machine()).page()
-    shown = repr(page)
-    assert "type in" not in shown
-    assert "Enter the new" not in shown
-    assert page.notice is not None
-    said = f"{page.notice.title} {page.notice.lines}"
-    assert "Do not enter" in said
-    assert "offsets without it would be wrong" in said
 
 
 def test_offsets_end_where_their_uncertainty_does() -> None:
@@ -252,20 +229,17 @@ def test_values_for_programs_are_plain_json(kind: str) -> None:
     assert json.loads(shown)["schema_version"] in (1, 2)
 
 
-def test_each_fault_is_named_with_its_place_and_remedy() -> None:
-    document = documents()["faulty"]()
+@pytest.mark.parametrize("sound", [True, False])
+def test_each_fault_is_named_with_its_place_and_remedy(sound: bool) -> None:
+    checked = check_document(check_file(str(SAMPLES / "experiment2.csv")))
+    document = checked if sound else documents()["faulty"]()
     (section,) = document.page().sections
     (listing,) = section.blocks
     assert isinstance(listing, doc.Listing)
+    assert document.data()["valid"] is sound
+    if sound:
+        assert len(listing.lines) == 1
+        return
     assert len(listing.lines) == 1 + 2 + 1 + len(cases.HOSTILE)
     assert "line 2, column leg" in listing.lines[1]
     assert [problem["line"] for problem in document.data()["problems"]] == [2, None]
-
-
-def test_a_sound_file_is_one_line() -> None:
-    document = check_document(check_file(str(SAMPLES / "experiment2.csv")))
-    (section,) = document.page().sections
-    (listing,) = section.blocks
-    assert isinstance(listing, doc.Listing)
-    assert len(listing.lines) == 1
-    assert document.data()["valid"] is True

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import doctest
 import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from orthoglide_cal import errors, words
 from orthoglide_cal.model import Series
-from orthoglide_cal.report import figures
+from orthoglide_cal.report import facts, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
 from orthoglide_cal.report.figures import Scale, around, mark, tick_text, ticks
 
@@ -145,3 +147,10 @@ def test_the_machine_shows_every_gauge_and_what_is_faulty():
     assert marked.count('class="fault"') == 2
     assert "readings of leg z, direction x" in marked
     assert "axis y" in marked
+
+
+@pytest.mark.parametrize("module", [errors, facts, figures, words])
+def test_the_examples_in_docstrings_are_true(module):
+    result = doctest.testmod(module)
+    assert result.attempted > 0
+    assert result.failed == 0

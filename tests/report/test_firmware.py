@@ -11,7 +11,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import read_input, read_machine_file
-from orthoglide_cal.model import Model
+from orthoglide_cal.model import Effect
 from orthoglide_cal.report.controller import Export
 from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
 from tests.printer_files import OFF, exact
@@ -82,14 +82,12 @@ def reached(arms, radius, angles, endstops) -> np.ndarray:
     return tool_from_carriages(carriages.transpose(1, 2, 0), arms[:, None], start.T, steps=12).T
 
 
-def exported(tmp_path: Path, truth: Truth, format: str, known: Model | None = None) -> str:
+def exported(tmp_path: Path, truth: Truth, format: str, *known: Effect) -> str:
     machine, data = tmp_path / "machine.yaml", tmp_path / "touches.csv"
     machine.write_text(delta_yaml(V400).replace("  backlash: 0.05\n", ""))
     data.write_text(exact(V400, truth, Layout(places=41, heights=(0.0, 60.0))))
     model = read_machine_file(machine).model
-    if known is not None:
-        model = replace(model, accepted=known.accepted)
-    case = case_of(read_input(str(data), model))
+    case = case_of(read_input(str(data), model.extended(known)))
     return as_firmware(format, Export(case, identity_of(case)))
 
 
@@ -107,17 +105,10 @@ def test_the_tool_is_where_the_firmware_will_believe_it(tmp_path, format):
 def test_arms_that_were_accepted_as_longer_are_entered(tmp_path, format):
     longer = np.array([0.21, -0.13, 0.34])
     truth = replace(OFF, arms=longer)
-    known = Model(read_input_machine(tmp_path), (CAUSES["leg_length"].at(longer),))
     home = np.array(V400.endstops) + np.sqrt(np.array(V400.arms) ** 2 - V400.radius**2)
-    text = exported(tmp_path, truth, format, known)
+    text = exported(tmp_path, truth, format, CAUSES["leg_length"].at(longer))
     assert reached(*READ[format](text)) == pytest.approx(tool(V400, truth, home - BELOW), abs=2e-3)
     assert "leg_length" not in text
-
-
-def read_input_machine(tmp_path: Path):
-    path = tmp_path / "nominal.yaml"
-    path.write_text(delta_yaml(V400).replace("  backlash: 0.05\n", ""))
-    return read_machine_file(path).model.machine
 
 
 def test_klipper_is_told_which_lines_it_would_obey_instead(tmp_path):
@@ -129,9 +120,8 @@ def test_klipper_is_told_which_lines_it_would_obey_instead(tmp_path):
 @pytest.mark.parametrize("format", FIRMWARES)
 def test_what_no_firmware_can_be_told_is_said(tmp_path, format):
     leaning = CAUSES["tower_lean"].at(1e-3 * np.array([2.0, -1.0, 1.0, 0.5, 0.0, 1.5]))
-    known = Model(read_input_machine(tmp_path), (leaning,))
     truth = replace(OFF, leans=np.array([[2.0, 0.5], [-1.0, 0.0], [1.0, 1.5]]))
-    text = exported(tmp_path, truth, format, known)
+    text = exported(tmp_path, truth, format, leaning)
     assert "Not in these lines: tower_lean; it has no setting for that: correct the fault." in text
     assert "no setting for towers that lean" in text
     comment = FIRMWARES[format][2]

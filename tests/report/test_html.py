@@ -72,6 +72,28 @@ def test_nothing_runs_and_nothing_is_fetched(made):
     assert not re.search(r"url\(|@import|https?:", style[1])
 
 
+def test_every_picture_says_what_one_sees(made):
+    _, whole, outline = made
+    for picture in re.findall("<svg.*?</svg>", whole, re.DOTALL):
+        named = re.search('<title id="([^"]+)">[^<]+</title><desc id="([^"]+)">([^<]+)', picture)
+        assert f'role="img" aria-labelledby="{named[1]} {named[2]}"' in picture
+        assert len(named[3].split()) > 3
+    ids = [value for _, name, value in outline.attributes if name == "id"]
+    assert len(ids) == len(set(ids))
+
+
+def test_hostile_texts_are_shown_as_texts():
+    outline = Outline()
+    outline.feed(html(documents()["hostile"]().page()))
+    text = "".join(outline.words)
+    assert text.count("<script>alert('x')</script>") >= 3
+    assert "<img src=x onerror=alert(1)>&amp;" in text
+    assert "W" * 400 in text
+    assert "שלום עולם مرحبا" in text
+    assert "invoice⟨U+202E⟩gnp.exe⟨U+2066⟩⟨U+001B⟩[31mred" in text
+    assert not set(text) & set("\u202e\u2066\x1b\x07\u009b")
+
+
 def test_policy_allows_this_style_only(made):
     _, whole, outline = made
     policy = next(
