@@ -52,7 +52,7 @@ def measure(
         str | None,
         common.option(
             metavar="FILE",
-            help="Go on from these readings: measure what is recommended next (orthocal plan FILE),"
+            help="Continue these readings: measure what is recommended next (orthocal plan FILE),"
             " and write a session that holds both.",
         ),
     ] = None,

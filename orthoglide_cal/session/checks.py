@@ -182,7 +182,7 @@ def check_repeats(coming: NextReading, value: float, gauge: Gauge) -> Question |
 
 
 def check_reading(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
-    """The question that a reading `value` [mm] raises beside those before it; None if it fits."""
+    """The question that a reading `value` [mm] raises after those before it; None if it fits."""
     if not coming.series:
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
     evidence = gather(coming, coming.so_far.value[coming.past], value)
@@ -218,7 +218,7 @@ def check_reading(coming: NextReading, value: float, gauge: Gauge) -> Question |
 
 
 def gather(coming: NextReading, known: Floats, value: Floats | float) -> Evidence:
-    """Weigh a new reading (...) beside those `known` at `coming.past`, shape (..., k) [mm]."""
+    """Weigh a new reading (...) against those `known` at `coming.past`, shape (..., k) [mm]."""
     past, new, forecast = coming.past, len(coming.steps) - 1, coming.forecast
     prediction = forecast.predict(known, past, new)
     tail = prediction.tail(value)

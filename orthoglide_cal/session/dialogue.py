@@ -169,7 +169,7 @@ class Dialogue:
             left = [s for s in setting.steps if self.state.is_open(s.number)]
             minutes = minutes_left(left, self.so_far.pace_min)
             asker.say(f"\n{wording.step_line(step, setting, minutes)}", Style.TITLE)
-            # What goes on from other readings has no posture program.
+            # What continues other readings has no posture program.
             block = "" if setting.first else f"Block N{step.block} of plan --program\n"
             asker.say(block + place)
         elif asker.pushed:
@@ -382,7 +382,7 @@ class Dialogue:
             here = sum(s.setup == step.setup for s in old)
             of_this = f" and the {here} of this one" if here else ""
             self.asker.say(
-                "The stands have been moved since then, so the gauges' zeros are others: all"
+                "The stands have been moved since then, so the gauges have new zeros: all"
                 f" {len(old) - here} readings of that set-up{of_this} have to be taken again."
             )
             if not self._agrees("Take them all again? y/n > "):

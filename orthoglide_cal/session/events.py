@@ -82,7 +82,7 @@ class GaugeLabel(Recorded):
 
 
 class Following(Recorded):
-    """What a session goes on from."""
+    """What a session continues."""
 
     data: FileText  # the file of the first readings, whole
     what: str  # the instruction that is carried out

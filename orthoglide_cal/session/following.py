@@ -1,4 +1,4 @@
-"""The readings that a session goes on from, and how its own stand beside them in one file."""
+"""The readings that a session continues, and how both stand in one file."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class PriorReadings:
 
 @dataclass(frozen=True, eq=False)
 class Recommendation:
-    """What is measured next beside readings that there are, and on which machine."""
+    """What is measured next, given earlier readings, and on which machine."""
 
     first: PriorReadings
     model: Model
@@ -190,7 +190,7 @@ def recommended(
     choice: int | None,
     stands: int,
 ) -> Recommendation:
-    """What to measure next beside the readings in a file.
+    """What to measure next, given the readings in a file.
 
     Args:
         path: of a table or a session.
@@ -254,7 +254,7 @@ def _left_entered(readings: Readings) -> Floats:
 
 
 def first_of(following: Following, model: Model) -> PriorReadings:
-    """The readings that a session goes on from, read from their text.
+    """The readings that a session continues, read from their text.
 
     Raises:
         InputError: it cannot be read.

@@ -169,7 +169,7 @@ class Journal:
             self._cut_back()
             raise InputError(
                 f"The last entry could not be saved: {error.strerror or error}.",
-                "Everything before it is on the disk. Free some space, or plug the drive in again;"
+                "All earlier entries are on the disk. Free some space, or plug the drive in again;"
                 " then go on with --resume.",
                 file=str(self.path),
             ) from error

@@ -59,8 +59,8 @@ class Request:
     offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
     otherwise: Callable[[], Model] = default_machine  # the machine of a table, if none is named
-    keeper: Model | None = None  # whose file keeps what is entered, for what goes on from data
-    following: str | None = None  # path of the data that the session goes on from
+    keeper: Model | None = None  # whose file keeps what is entered, for what continues data
+    following: str | None = None  # path of the data that the session continues
     choice: int | None = None  # which recommendation is carried out, from 1
     protocol: MeasuringProtocol | None = None
     cycles: int | None = None
@@ -241,7 +241,7 @@ def _first_records(
     if found and simulated and (hidden is None or request.seed not in (None, hidden)):
         raise UsageError(
             f"{found.first.path} was not measured on this simulated machine.",
-            "Leave out --gauge and --seed: a simulated session is gone on with as it was.",
+            "Leave out --gauge and --seed: the same simulated machine is measured.",
         )
     if request.seed is not None and not simulated:
         raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")

@@ -45,7 +45,7 @@ class Setting:
 
     model: Model
     steps: tuple[SessionStep, ...]  # all of them, number k at index k − 1
-    first: PriorReadings | None = None  # the readings that it goes on from
+    first: PriorReadings | None = None  # the readings that it continues
 
     @property
     def machine(self) -> Orthoglide:
@@ -195,7 +195,7 @@ class ReadingsSoFar:
     def solution(self) -> Solution | None:
         """The offsets; None while the readings do not determine them."""
         model = self.setting.model
-        # Those of a session that goes on from others show at its end, with the others. Readings
+        # Those of a session that continues others show at its end, with the others. Readings
         # longer than a leg will be refused when the session file is read.
         if (
             self.setting.first
@@ -253,7 +253,7 @@ class ReadingsSoFar:
 
 @dataclass(frozen=True, eq=False)
 class NextReading:
-    """A reading to come, beside the n readings so far."""
+    """A reading to come, after the n readings so far."""
 
     so_far: ReadingsSoFar
     step: SessionStep

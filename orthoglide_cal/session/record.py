@@ -17,7 +17,7 @@ _LONGEST = 200  # bytes; file systems take 255, also of the temporary file's nam
 
 
 def journal_path(session: Path) -> Path:
-    """The journal beside a session file."""
+    """The journal of a session file."""
     return session.with_suffix(JOURNAL)
 
 

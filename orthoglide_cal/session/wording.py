@@ -90,10 +90,10 @@ def opening(state: State, setting: Setting, name: str) -> str:
     head = [f"{opened.protocol} session, {counted(opened.cycles, 'cycle')}, order: {opened.order}"]
     if opened.protocol is MeasuringProtocol.BEST:
         head.append(BEST)
-    # What goes on from other readings has no program, and blocks of another one drive elsewhere.
+    # What continues other readings has no program, and blocks of another one drive elsewhere.
     program = [f"Blocks   are those of this machine's {made}"]
     if first:
-        from_here = f"Goes on from {visible(first.path)}, {len(first.readings)} readings:"
+        from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
         head, program = [f"{from_here} both are solved together at the end."], []
     minutes = first.following.minutes if first else minutes_left(steps)
     gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
@@ -264,7 +264,7 @@ def closing(state: State, setting: Setting, session: str) -> str:
     reason = state.ended.reason if state.ended else "unfinished"
     lines = ["", f"Session {reason}: {counts}.", f"Written to {visible(session)}"]
     if setting.first:
-        lines.append(f"With the {len(setting.first.readings)} readings from before, in one file.")
+        lines.append(f"The {len(setting.first.readings)} earlier readings are in the same file.")
     for leg in sorted({step.leg for step in setting.steps if step.planned.turned}):
         lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
     return "\n".join([*lines, ""])

@@ -44,7 +44,7 @@ def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_pat
     words = " ".join(done.stdout.split())
     assert f"Next, about {best.minutes:.0f} min: {best.what}" in words
     assert f"about {best.minutes:.0f} min. ? is help." in words
-    assert "With the 24 readings from before, in one file." in done.stdout
+    assert "The 24 earlier readings are in the same file." in done.stdout
     assert first.read_bytes() == before
     old, new = read(first), read(tmp_path / "b.yaml")
     n = len(old)

@@ -15,7 +15,7 @@ from orthoglide_cal.words import Unit
 # Half the width of the ranges that the hidden truth is drawn from.
 OFFSETS_MM = 1.5
 ZEROS_MM = 0.3
-_FINEST_MM = 1e-6  # in which two active offsets are told apart
+_FINEST_MM = 1e-6  # in which two active offsets are distinguished
 
 _TRUTH, _NOISE = 0, 1  # streams of random numbers
 
