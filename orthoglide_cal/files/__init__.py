@@ -32,6 +32,7 @@ from orthoglide_cal.files.readings import (
     GaugeIdentity,
     reading_rows,
     readings_csv,
+    readings_of,
     row_at,
 )
 from orthoglide_cal.files.rows import ReadingRow

@@ -164,8 +164,28 @@ def readings_from_records(
     check_order(checking, clock)
     _check_parts(checking)
     _check_bars(checking)
-    rows = checking.checked()
+    lines = [record.line for record in records]
+    readings = readings_of(checking.checked(), machine, source, lines, clock)
+    further = _remarks(readings, records, reading.marks, machine)
+    return replace(readings, remarks=(*remarks, *further))
 
+
+def readings_of(
+    rows: Sequence[ReadingRow],
+    machine: Orthoglide,
+    source: Source,
+    lines: Sequence[int],
+    clock: Sequence[float] | None = None,
+) -> Readings:
+    """Rows that go together as arrays.
+
+    Args:
+        rows: in the order of their file, checked.
+        machine: for postures.
+        source: of the rows.
+        lines: of the file, where they stand.
+        clock: minutes of each row; None for its own, if it has any.
+    """
     first = rows[0]  # what is numbered or timed in one row is so in all
     timed = clock is not None or first.minutes is not None
     seq = [-1 if row.seq is None else row.seq for row in rows]
@@ -202,7 +222,7 @@ def readings_from_records(
     )
     cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else _cycles(plan)
     nothing = math.nan
-    readings = Readings(
+    return Readings(
         plan=plan,
         value=np.array([row.reading_mm for row in rows], dtype=np.float64),
         cycle=np.array(cycle),
@@ -212,12 +232,10 @@ def readings_from_records(
         ),
         gauge=gauge,
         note=tuple(row.note or "" for row in rows),
-        line=np.array([record.line for record in records]),
+        line=np.array(lines),
         timed=timed,
         source=source,
     )
-    further = _remarks(readings, records, reading.marks, machine)
-    return replace(readings, remarks=(*remarks, *further))
 
 
 def conditions_in(readings: Readings) -> Conditions:

@@ -14,7 +14,8 @@ import numpy as np
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
-from orthoglide_cal.estimation.forecast import PLACE, Forecast, PlanForecast
+from orthoglide_cal.estimation.forecast import Forecast, PlanForecast
+from orthoglide_cal.files import ReadingRow, readings_of, row_at
 from orthoglide_cal.model import (
     Contact,
     Floats,
@@ -24,13 +25,11 @@ from orthoglide_cal.model import (
     Posture,
     Readings,
     Source,
-    number_setups,
-    places_of,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
-from orthoglide_cal.session.events import Doubt, Questioned
+from orthoglide_cal.session.events import Arrived, Doubt, Questioned
 from orthoglide_cal.session.following import PriorReadings
 from orthoglide_cal.session.state import Accepted, State
 from orthoglide_cal.words import Unit
@@ -78,14 +77,6 @@ class Setting:
     def plan(self) -> GaugePlan:
         """The readings of all N steps."""
         return plan_of([step.planned for step in self.steps])
-
-    @cached_property
-    def places(self) -> list[tuple[float, ...]]:
-        """Where the gauge of each step stands, as in `places_of`."""
-        plan = self.plan
-        return places_of(
-            plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
-        )
 
     @cached_property
     def outlook(self) -> PlanForecast:
@@ -171,25 +162,41 @@ class ReadingsSoFar:
             for label, moved in zip(given, self.moved, strict=True)
         )
 
+    def place(self, number: int) -> ReadingRow:
+        """What a step reads, as a row of the session file."""
+        setting, step = self.setting, self.setting.steps[number - 1]
+        cycle = step.cycle + (setting.first.repeats[step.cell] if setting.first else 0)
+        row = row_at(setting.plan, number - 1, str(step.posture))
+        return row.model_copy(update={"cycle": cycle})
+
+    def row(self, take: Arrived, **further: object) -> ReadingRow:
+        """One reading, with what is known of it further."""
+        first, opened, minutes = self.setting.first, self.state.opened, take.file_minutes
+        update = {
+            "reading_mm": take.value_mm,
+            "minutes": first.minutes(opened.at, minutes) if first else minutes,
+            "temperature_c": opened.temperature_c,
+            "gauge": opened.gauge_id(self.setting.steps[take.step - 1].stand),
+            "timestamp": take.at,
+            **further,
+        }
+        return self.place(take.step).model_copy(update=update)
+
     @cached_property
+    def rows(self) -> list[ReadingRow]:
+        """The readings as rows of the session file, from first to last."""
+        before = len(self.setting.first.readings) if self.setting.first else 0
+        accepted = zip(self.state.accepted.values(), self.labels, strict=True)
+        return [
+            self.row(item.take, seq=seq, gauge=label)
+            for seq, (item, label) in enumerate(accepted, start=before + 1)
+        ]
+
+    @property
     def measured(self) -> Readings:
         """The readings as they will be read from the session file at the end."""
-        steps, n, value, hours = self.steps, len(self.steps), self.value, self.minutes / 60.0
-        index = np.array([step.number - 1 for step in steps], dtype=np.intp)
-        plan, temperature = self.setting.plan, self.state.opened.temperature_c
-        place = {name: getattr(plan, name)[index] for name in PLACE}
-        stood = [self.setting.places[i] for i in index]
-        gauge = [label or "" for label in self.labels]
-        cycle, posture = [step.cycle for step in steps], [step.posture for step in steps]
-        setup = number_setups(stood, gauge, range(n), ordered=True)
-        return Readings(
-            plan=GaugePlan(**place, setup=setup, order=np.arange(n), hours=hours), value=value,
-            cycle=np.array(cycle),
-            posture=tuple(posture),
-            temperature=np.full(n, np.nan if temperature is None else temperature),
-            gauge=tuple(gauge), note=("",) * n, line=np.arange(1, n + 1), timed=True,
-            source=Source("", ""),
-        )  # fmt: skip
+        lines = range(1, len(self.rows) + 1)
+        return readings_of(self.rows, self.setting.model.orthoglide, Source("", ""), lines)
 
     @cached_property
     def solution(self) -> Solution | None:

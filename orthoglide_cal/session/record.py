@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 
 from orthoglide_cal.errors import UsageError, command
-from orthoglide_cal.files import GaugeIdentity, ReadingRow, Session, row_at, session_text
+from orthoglide_cal.files import GaugeIdentity, Session, session_text
 from orthoglide_cal.session.events import Arrived, Questioned
 from orthoglide_cal.session.following import PriorReadings
-from orthoglide_cal.session.readings import ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import ReadingsSoFar
 from orthoglide_cal.session.state import State
 
 JOURNAL = ".journal"
@@ -103,13 +103,11 @@ def session_values(so_far: ReadingsSoFar) -> Session:
     """The session file's content; the same records always give the same."""
     state, setting, first = so_far.state, so_far.setting, so_far.setting.first
     opened, resolution = state.opened, setting.machine.gauge.resolution_mm
-    rows = first.rows if first else []
     gauges = [
         GaugeIdentity(id=gauge.id, certificate=gauge.certificate, resolution_mm=resolution)
         for gauge in opened.gauges
     ]
     before = first.conditions.gauges if first else ()
-    accepted = zip(state.accepted.values(), so_far.labels, strict=True)
     return Session(
         machine=setting.model,
         protocol=opened.protocol.value,
@@ -119,15 +117,15 @@ def session_values(so_far: ReadingsSoFar) -> Session:
         finished=state.ended.at if state.ended else None,
         environment=_environment(state, first),
         readings=(
-            *rows,
+            *(first.rows if first else ()),
             *(
-                _row(so_far, item.take, seq=seq, gauge=label, note=_note(state, item.take))
-                for seq, (item, label) in enumerate(accepted, start=len(rows) + 1)
+                row.model_copy(update={"note": _note(state, item.take)})
+                for row, item in zip(so_far.rows, state.accepted.values(), strict=True)
             ),
         ),
-        retaken=tuple(_row(so_far, old.take, reason=old.reason) for old in state.replaced),
+        retaken=tuple(so_far.row(old.take, reason=old.reason) for old in state.replaced),
         skipped=tuple(
-            _place(setting, number).model_copy(update={"reason": reason})
+            so_far.place(number).model_copy(update={"reason": reason})
             for number, reason in sorted(state.skipped.items())
         ),
     )
@@ -140,29 +138,6 @@ def written_before(so_far: ReadingsSoFar) -> set[bytes]:
         written.add(session_text(session_values(ReadingsSoFar(before, so_far.setting))).encode())
         before = before.reopened
     return written
-
-
-def _place(setting: Setting, number: int) -> ReadingRow:
-    """What a step reads."""
-    step = setting.steps[number - 1]
-    cycle = step.cycle + (setting.first.repeats[step.cell] if setting.first else 0)
-    row = row_at(setting.plan, number - 1, str(step.posture))
-    return row.model_copy(update={"cycle": cycle})
-
-
-def _row(so_far: ReadingsSoFar, take: Arrived, **further: object) -> ReadingRow:
-    """One reading, with what is known of it further."""
-    setting, opened, minutes = so_far.setting, so_far.state.opened, take.file_minutes
-    first = setting.first
-    update = {
-        "reading_mm": take.value_mm,
-        "minutes": first.minutes(opened.at, minutes) if first else minutes,
-        "temperature_c": opened.temperature_c,
-        "gauge": opened.gauge_id(setting.steps[take.step - 1].stand),
-        "timestamp": take.at,
-        **further,
-    }
-    return _place(setting, take.step).model_copy(update=update)
 
 
 def _note(state: State, take: Arrived) -> str | None:
