@@ -95,7 +95,6 @@ class Grid:
         rows: cells.
         words: columns that hold words (left-aligned, may be wrapped); numbers are right-aligned.
         caption: says what it shows.
-        last_is_total: the last row is set off.
         tiles: the few numbers of the page that are read from afar: where there is room, each row
             is a tile with the first cell as its name, the last as its value, the others below.
     """
@@ -104,7 +103,6 @@ class Grid:
     rows: tuple[tuple[Blank, ...], ...]
     words: tuple[int, ...] = (0,)
     caption: str | None = None
-    last_is_total: bool = False
     tiles: bool = False
 
 

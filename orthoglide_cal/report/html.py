@@ -121,14 +121,9 @@ def _table(grid: doc.Grid) -> Html:
         return "words" if column in grid.words else None
 
     head = tag("tr", *(tag("th", t, scope="col", class_=kind(k)) for k, t in enumerate(grid.head)))
-    last = len(grid.rows) - 1 if grid.last_is_total else -1
     rows = (
-        tag(
-            "tr",
-            *(tag("td", _cell(cell), class_=kind(k)) for k, cell in enumerate(row)),
-            class_="total" if n == last else None,
-        )
-        for n, row in enumerate(grid.rows)
+        tag("tr", *(tag("td", _cell(cell), class_=kind(k)) for k, cell in enumerate(row)))
+        for row in grid.rows
     )
     scrolled = tag(
         "div",

@@ -137,9 +137,7 @@ class TerminalPage:
         for chosen in _packed(widths, room):
             own = [widths[k] for k in chosen]
             left = [place for place, k in enumerate(chosen) if k in grid.words]
-            for number, row in enumerate(rows):
-                if grid.last_is_total and number == len(rows) - 1:
-                    yield Text(_GAP + "─" * _total(own), style="dim")
+            for row in rows:
                 cells = [self._wrapped(row[k], widths[k]) for k in chosen]
                 yield from _hung(_row(cells, own, left), _GAP, _GAP)
         if grid.caption:

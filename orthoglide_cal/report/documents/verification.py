@@ -248,7 +248,6 @@ def verification_outcome(found: Verification) -> doc.Section:
         ("difference", "before", "promised", "U", "measured", "missed by"),
         tuple(rows),
         caption="Deviation from parallel motion, mm.",
-        last_is_total=True,
     )
     limit = found.decision.limit_mm if found.decision else None
     figure = doc.Figure(
