@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from orthoglide_cal.errors import InvalidFileError
@@ -16,7 +14,7 @@ from orthoglide_cal.files import (
     session_of_readings,
     write_session,
 )
-from orthoglide_cal.model import GaugePlan, Model, Readings
+from orthoglide_cal.model import Model, Readings
 from tests.machines import PROTOTYPE
 
 HEADER = "leg,posture,direction,reading_mm,part,bar,entered,gauge_at\n"
@@ -119,21 +117,6 @@ def test_a_bar_is_turned_for_both_directions(tmp_path: Path, other: str) -> None
     assert not check_file(str(path), Model(PROTOTYPE)).valid
     # In parts of their own they were read one after the other.
     read(path, [rows[0], rows[1], "x,max,y,0.1,2,turned,,"])
-
-
-@pytest.mark.parametrize("name", ["again.csv", "again.yaml"])
-def test_files_give_back_what_was_read(tmp_path: Path, name: str) -> None:
-    before, path = read(tmp_path / "r.csv"), tmp_path / name
-    before = replace(before, timed=True)
-    if name.endswith("csv"):
-        path.write_text(readings_csv(before))
-    else:
-        write_session(session_of_readings(before, Model(PROTOTYPE), {}), path)
-    assert check_file(str(path), Model(PROTOTYPE)).valid
-    after = read_input(str(path), Model(PROTOTYPE)).measured
-    for item in fields(GaugePlan):
-        given, found = (getattr(each.plan, item.name) for each in (before, after))
-        assert np.allclose(given, found, rtol=0, atol=1e-9), item.name
 
 
 def test_a_usual_file_has_no_such_column(tmp_path: Path) -> None:

@@ -7,12 +7,19 @@ import time
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from orthoglide_cal.files import read_input, readings_csv
-from orthoglide_cal.model import Contact, Readings, double_posture, single_posture
+from orthoglide_cal.files import (
+    input_from_document,
+    readings_csv,
+    session_of_readings,
+    session_text,
+)
+from orthoglide_cal.model import Contact, Model, Readings, double_posture, single_posture
 from tests.readings import readings_of, some
 
-from .helpers import MACHINE, MODEL, measured, places, problems, readings
+from .helpers import MACHINE, document, measured, places, problems, readings
 
 HEAD = "leg,posture,direction,reading_mm"
 GOOD = f"{HEAD}\nx,iso,y,0.12\nx,max,y,-0.25\nz,-20.5,x,1\n"
@@ -276,79 +283,67 @@ def made(plan, **changes) -> Readings:
     return dataclasses.replace(readings, cycle=1 + np.arange(n) // 6, **changes)
 
 
-def again(tmp_path, readings: Readings) -> Readings:
-    path = tmp_path / "r.csv"
-    path.write_text(readings_csv(readings))
-    return read_input(str(path), MODEL).measured
+def pairs_of(one: Readings, other: Readings) -> int:
+    return len(set(zip(one.plan.setup.tolist(), other.plan.setup.tolist(), strict=True)))
 
 
-def assert_same(one: Readings, other: Readings) -> None:
-    for field in dataclasses.fields(one.plan):
-        if field.name == "hours":
-            np.testing.assert_allclose(one.plan.hours, other.plan.hours, rtol=0, atol=1e-8)
-        elif field.name != "gauge_at":
-            a, b = getattr(one.plan, field.name), getattr(other.plan, field.name)
-            np.testing.assert_array_equal(a, b, field.name)
-    fixed = one.plan.contact == 0
-    np.testing.assert_array_equal(one.plan.gauge_at[fixed], other.plan.gauge_at[fixed])
-    for name in ("value", "cycle", "temperature"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
-    for name in ("posture", "note", "timed"):
-        assert getattr(one, name) == getattr(other, name)
+NOTES = st.text("ab #,;:'\"é-\n\t", max_size=12).map(str.strip)
 
 
-@pytest.mark.parametrize(
-    "plan",
-    [double_posture(MACHINE), double_posture(MACHINE, cycles=1, gauge_at=0.3),
-     single_posture(MACHINE, cycles=2)],
-)  # fmt: skip
-def test_protocols_come_back_exactly(tmp_path, plan):
-    readings = made(plan)
-    read = again(tmp_path, readings)
-    assert_same(readings, read)
-    assert read.gauge == readings.gauge
-    assert read.remarks == ()
+@given(data=st.data())
+@settings(max_examples=40, derandomize=True, deadline=None)
+def test_what_is_written_is_read_back_exactly(data):
+    """As a table and as a session: of all protocols, in any order of rows, with every column.
 
-
-def test_every_column(tmp_path):
-    plan = double_posture(MACHINE, cycles=1)
-    n = len(plan)
+    Set-ups that only the plan distinguishes get labels of their own.
+    """
+    draw = data.draw
+    cycles, at = draw(st.integers(1, 2)), draw(st.sampled_from((0.5, 0.3)))
+    single = draw(st.booleans())
+    plan = (
+        single_posture(MACHINE, cycles) if single else double_posture(MACHINE, cycles, gauge_at=at)
+    )
+    n, cut = len(plan), draw(st.integers(1, len(plan)))
+    late = plan.order >= cut
+    if draw(st.booleans()):
+        in_parts = (plan.setup, late, late & (plan.leg == 0))
+        plan = dataclasses.replace(
+            plan,
+            part=late.astype(int),
+            turned=late & (plan.leg == 0),
+            entered=np.outer(late, (0.5, 0.0, -1 / 3)),
+            setup=np.unique(np.stack(in_parts), axis=1, return_inverse=True)[1].reshape(-1),
+        )
+    elif draw(st.booleans()):
+        moved = plan.setup + plan.setups * late
+        plan = dataclasses.replace(plan, setup=np.unique(moved, return_inverse=True)[1])
+    warm = draw(st.sampled_from((np.nan, 20 + 1 / 7)))
     readings = made(
         plan,
-        temperature=np.where(np.arange(n) % 2, np.nan, 20 + np.arange(n) / 7),
-        gauge=tuple("AB"[k % 2] for k in range(n)),
-        note=('#1, "x";\ty', "two\nlines", *[""] * (n - 2)),
+        temperature=np.where(np.arange(n) % 2, np.nan, warm),
+        gauge=tuple(draw(st.sampled_from((("",), ("A", "B"))))[k % 2 - 1] for k in range(n)),
+        note=tuple(draw(st.lists(NOTES, min_size=n, max_size=n))),
+        timed=draw(st.booleans()),
     )
-    read = again(tmp_path, readings)
-    assert_same(readings, read)
-    assert read.gauge == readings.gauge
-
-
-def test_order_in_time_other_than_the_order_of_rows(tmp_path):
-    plan = double_posture(MACHINE, cycles=1)
-    shuffled = np.random.default_rng(3).permutation(len(plan))
-    readings = some(made(plan), shuffled)
-    read = again(tmp_path, dataclasses.replace(readings, line=np.arange(len(plan)) + 2))
-    np.testing.assert_array_equal(read.plan.order, readings.plan.order)
-    np.testing.assert_allclose(read.plan.hours, readings.plan.hours, rtol=0, atol=1e-8)
-    pairs = set(zip(read.plan.setup.tolist(), readings.plan.setup.tolist(), strict=True))
-    assert len(pairs) == read.plan.setups == readings.plan.setups
-
-
-def test_setups_that_only_the_plan_tells_apart(tmp_path):
-    plan = double_posture(MACHINE, cycles=2)
-    moved = plan.setup + np.where(plan.order < 5, 0, plan.setups)
-    moved = np.unique(moved, return_inverse=True)[1]
-    read = again(tmp_path, made(dataclasses.replace(plan, setup=moved)))
-    pairs = set(zip(read.plan.setup.tolist(), moved.tolist(), strict=True))
-    assert len(pairs) == read.plan.setups == moved.max() + 1
-
-
-def test_assumed_times_are_not_written(tmp_path):
-    plan = double_posture(MACHINE, cycles=1)
-    read = again(tmp_path, made(plan, timed=False))
-    assert not read.timed
-    assert "minutes" not in readings_csv(made(plan, timed=False))
+    if draw(st.booleans()):
+        readings = some(readings, np.random.default_rng(draw(st.integers(0, 99))).permutation(n))
+    session = session_text(session_of_readings(readings, Model(MACHINE), {}))
+    for name, text in (("r.csv", readings_csv(readings)), ("s.yaml", session)):
+        read = input_from_document(document(text, name), Model(MACHINE)).measured
+        same = readings if name == "r.csv" else some(readings, readings.plan.in_time)
+        for field in ("value", "cycle", "temperature"):
+            np.testing.assert_array_equal(getattr(read, field), getattr(same, field), field)
+        for field in ("posture", "note", "timed"):
+            assert getattr(read, field) == getattr(same, field)
+        for field in ("leg", "direction", "displacement", "contact", "part", "turned", "entered"):
+            mine, theirs = getattr(read.plan, field), getattr(same.plan, field)
+            np.testing.assert_array_equal(mine, theirs, field)
+        fixed = same.plan.contact == 0
+        np.testing.assert_array_equal(read.plan.gauge_at[fixed], same.plan.gauge_at[fixed])
+        np.testing.assert_array_equal(read.plan.order, same.plan.order)
+        if same.timed:
+            np.testing.assert_allclose(read.plan.hours, same.plan.hours, rtol=0, atol=1e-8)
+        assert pairs_of(read, same) == read.plan.setups == same.plan.setups
 
 
 def test_columns_without_content_are_left_out():
@@ -356,11 +351,8 @@ def test_columns_without_content_are_left_out():
     assert text.split("\n")[0] == "leg,posture,direction,cycle,reading_mm,seq,minutes"
 
 
-def test_the_place_of_a_gauge_at_an_end_is_not_written(tmp_path):
-    plan = single_posture(MACHINE, cycles=1)
-    read = again(tmp_path, made(plan))
-    assert set(read.plan.gauge_at.tolist()) == {0.0, 1.0}
-    assert "gauge_at" not in readings_csv(read)
+def test_the_place_of_a_gauge_at_an_end_is_not_written():
+    assert "gauge_at" not in readings_csv(made(single_posture(MACHINE, cycles=1)))
 
 
 def test_minutes_are_short():

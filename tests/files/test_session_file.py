@@ -1,7 +1,5 @@
 """Session files: round trips, recognition by content, faults, and the machine inside."""
 
-import dataclasses
-
 import pytest
 import yaml
 
@@ -16,7 +14,6 @@ from orthoglide_cal.files import (
     read_input,
     read_machine,
     session_json,
-    session_of_readings,
     session_text,
     write_session,
 )
@@ -117,21 +114,6 @@ def test_readings_come_back_exactly(tmp_path):
     assert read.note == ("yes: 1", "", "", "")
     assert read.timed
     assert len(read.source.sha256) == 64
-
-
-def test_readings_in_memory_become_a_session(tmp_path):
-    path = save(tmp_path, session_text(values()))
-    read = read_input(path).measured
-    again = session_of_readings(read, MODEL, {"source": "memory"})
-    assert again.protocol == "double-posture"
-    other = read_input(save(tmp_path, session_text(again), "again.yaml")).measured
-    for field in dataclasses.fields(read.plan):
-        mine, theirs = getattr(other.plan, field.name), getattr(read.plan, field.name)
-        assert mine == pytest.approx(theirs, abs=1e-8)
-    for name in ("value", "cycle", "temperature"):
-        assert getattr(other, name).tolist() == getattr(read, name).tolist()
-    for name in ("posture", "gauge", "note", "timed"):
-        assert getattr(other, name) == getattr(read, name)
 
 
 def test_each_file_and_its_machine_are_read_once(tmp_path, monkeypatch):
