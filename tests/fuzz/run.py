@@ -175,8 +175,8 @@ class Fuzz:
         if code and not (out.getvalue() + said.getvalue()).strip():
             return "not a word"
         if code == 0 and arguments[0] == "solve" and "--json" in arguments:
-            found = json.loads(out.getvalue())["offsets_mm"]
-            if not max(map(abs, found.values())) <= PLAUSIBLE_MM:
+            found = [each["found"] for each in json.loads(out.getvalue())["parameters"]]
+            if not max(map(abs, found)) <= PLAUSIBLE_MM:
                 return f"offsets {found}"
         return None
 
