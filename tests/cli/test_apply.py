@@ -105,10 +105,10 @@ def test_the_sheet_as_left_shows_both_sides() -> None:
     digests = [sha256(Path(name).read_bytes()).hexdigest() for name in ("before.csv", "after.csv")]
     shown = run("report", "before.csv", "--after", "after.csv", "--limit", "0.05")
     assert shown.exit_code == 0, shown.stderr
-    head, *rows = shown.stdout.split("Joint offsets\n")[1].splitlines()[:4]
-    assert head.split() == ["axis", "before", "entered", "now", "remains", "±", "U"]
+    head, *rows = shown.stdout.split("\nParameters\n")[1].splitlines()[:4]
+    assert head.split()[-6:] == ["before", "entered", "now", "left", "±", "U"]
     for row, value in zip(rows, active(), strict=True):
-        _, before, entered, now, *_ = row.split()
+        before, entered, now = row.split()[-6:-3]
         assert (float(before), float(entered), float(now)) == (0.0, value, value)
     assert all(digest in shown.stdout for digest in digests)
     assert "before.csv" in shown.stdout
