@@ -42,7 +42,7 @@ class MachineName(Schema):
 class Remedy(Schema):
     """What to do instead of entering the result.
 
-    `sentence` ends with a colon where a command follows: `orthocal VERB FILE OPTIONS`.
+    `sentence` ends with a colon where a command about the same file follows: `verb`, `options`.
     """
 
     sentence: str
