@@ -257,15 +257,17 @@ def fewest_cycles(
     method: Method,
     stands: int,
     wanted_mm: float,
+    first: int = 1,
 ) -> SessionForecast | None:
     """The shortest session that leaves no U larger than wanted; None if `MOST_CYCLES` do not.
 
     Args:
         model, protocol, method, stands: as in `forecast`.
         wanted_mm: largest U of an offset.
+        first: number of cycles from which it is looked for.
     """
     low, high, best = 0, MOST_CYCLES + 1, None
-    tried = forecast(model, protocol, 1, method, stands)
+    tried = forecast(model, protocol, first, method, stands)
     while True:
         cycles = tried.cycles
         if max(tried.expanded_mm.values()) <= wanted_mm:

@@ -267,6 +267,8 @@ def _compared(model: Model, chosen: SessionForecast, stands: int) -> Iterator[Al
 
     def fewest_moves(found: SessionForecast, protocol: MeasuringProtocol) -> SessionForecast:
         """The same readings in the order that moves the gauges least, which leaves U as it is."""
+        if protocol is not MeasuringProtocol.SINGLE:
+            return found  # its gauges stay where they are in any order
         order = Order.FEWEST_MOVES
         session = session_of(model, protocol, found.cycles, stands, order)
         return found.model_copy(update=session._asdict())
@@ -274,7 +276,7 @@ def _compared(model: Model, chosen: SessionForecast, stands: int) -> Iterator[Al
     for protocol, methods in METHODS.items():
         for method in methods:
             same = forecast(model, protocol, chosen.cycles, method, stands)
-            as_sure = fewest_cycles(model, protocol, method, stands, wanted)
+            as_sure = fewest_cycles(model, protocol, method, stands, wanted, chosen.cycles)
             found = None if as_sure is None else fewest_moves(as_sure, protocol)
             yield Alternative(protocol, method, fewest_moves(same, protocol), found)
 

@@ -187,10 +187,10 @@ def steps_of(
             setup, place, zeros = setup + 1, here, {}
         zeros[plan.series[i]] = zero
         stand = 0 if alone else int(direction > min({0, 1, 2} - {leg}))
-        step = SessionStep(number, planned, posture, seen[planned], stand, setup, block)
-        if not steps or step.visit != steps[-1].visit:
+        visit = (setup, leg, posture, seen[planned], planned.entered)
+        if not steps or visit != steps[-1].visit:
             block += 10
-        steps.append(replace(step, block=block))
+        steps.append(SessionStep(number, planned, posture, seen[planned], stand, setup, block))
     return tuple(steps)
 
 
