@@ -28,7 +28,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--machine", choices=MACHINES, action="append")
     parser.add_argument("--gauge", choices=GAUGES, action="append")
-    parser.add_argument("--by", choices=("distance", "margin"), default="distance")
     parser.add_argument("--keep", type=Path, help="folder for the records and answers")
     given = parser.parse_args(arguments)
     usual = FULL_PRINTERS if given.printers else FULL
@@ -41,9 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
         if given.printers
         else draw_gauges(machines, gauges, counts, given.seed)
     )
-    bench = run_bench(
-        drawn, given.by, 0 if given.printers else given.holdouts, given.seed, given.keep
-    )
+    bench = run_bench(drawn, 0 if given.printers else given.holdouts, given.seed, given.keep)
     print(full_report(bench))
     return int(bool(failures(bench)))
 

@@ -74,15 +74,12 @@ class Case:
     separation: Separation | None
     """None for healthy and outside sessions."""
 
-    def kind(self, by: str = "distance") -> str:
+    def kind(self) -> str:
         """What is asked of the answer: one of `KINDS`.
 
         `distinct`: every rival and the healthy machine are as far away as the separation's bound.
         `close`: some rival is nearer. `faint`: the healthy machine itself is nearer, so that
         `consistent` is right too. `pair`: no single cause is nearer; `half pair`: one is.
-
-        Args:
-            by: `distance` to the rivals' best fits, or `margin` over the truth's own fit.
         """
         if self.session.outside is not None:
             return "outside"
@@ -93,8 +90,7 @@ class Case:
             return "pair" if self.separation.distance >= bound else "half pair"
         if self.separation.visible < bound:
             return "faint"
-        far = self.separation.margin if by == "margin" else self.separation.distance
-        return "distinct" if far >= bound else "close"
+        return "distinct" if self.separation.distance >= bound else "close"
 
 
 def draw_gauges(

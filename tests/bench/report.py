@@ -7,13 +7,12 @@ from tests.truth.delta import DeltaSession
 from .accuracy import Coverage, HeldOut, coverage, heldout
 from .cases import KINDS
 from .run import Bench
-from .scoring import Judged, Rate, both_accepted, confusion, judge, rates, rates_by_label
+from .scoring import Judged, Rate, both_accepted, confusion, rates, rates_by_label
 
 HELDOUT_RATIO = (0.8, 1.25)
 FEWEST = 5
 """Sessions from which a held-out ratio is judged: one scatters by about 11 %, five by 5 %."""
 LATER_RATIO = (0.0, 1.3)
-MARGINS = ("distinct", "close")
 MISSES = 40
 """So many wrong answers are listed."""
 
@@ -50,11 +49,8 @@ def failures(bench: Bench) -> list[str]:
 def full_report(bench: Bench) -> str:
     """Everything as text."""
     judged = bench.judged
-    again = judge([j.case for j in judged], [j.answer for j in judged], "margin")
-    by_margin = [rate for rate in rates(again) if rate.kind in MARGINS]
     parts = [
         ("Rates", _rate_table(rates(judged))),
-        ("Rates where distance counts beyond the truth's own cost", _rate_table(by_margin)),
         ("Right / all, by what was hidden", _label_table(judged)),
         ("First cause named, or the verdict", _confusion_table(judged)),
     ]

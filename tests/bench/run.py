@@ -90,7 +90,6 @@ def diagnose(
 
 def run_bench(
     drawn: Iterable[Case],
-    by: str = "distance",
     holdouts: int = 0,
     seed: int = 1,
     keep: Path | None = None,
@@ -99,7 +98,6 @@ def run_bench(
 
     Args:
         drawn: the sessions.
-        by: how near a rival counts; see `Case.kind`.
         holdouts: second sessions per cause, machine and gauge.
         seed: draws these.
         keep: folder in which the records, truths and answers stay.
@@ -114,7 +112,7 @@ def run_bench(
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         for cases in of_machine.values():
             answers = diagnose(where, [(case.name, case.session) for case in cases])
-            judged += judge(cases, answers, by)
+            judged += judge(cases, answers)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if keep:

@@ -95,11 +95,11 @@ def is_right(case: Case, answer: Answer, kind: str) -> bool:
     return truth in answer.mentioned or answer.verdict == "consistent"
 
 
-def judge(cases: Sequence[Case], answers: Sequence[Answer], by: str = "distance") -> list[Judged]:
+def judge(cases: Sequence[Case], answers: Sequence[Answer]) -> list[Judged]:
     """Judge each answer against its case."""
     out = []
     for case, answer in zip(cases, answers, strict=True):
-        kind = case.kind(by)
+        kind = case.kind()
         out.append(Judged(case, answer, kind, is_right(case, answer, kind)))
     return out
 

@@ -40,7 +40,6 @@ def test_a_case_asks_for_what_its_distances_allow() -> None:
     assert _case("axis_gap", near=3.9).kind() == "close"
     assert _case("axis_gap", visible=3.9).kind() == "faint"
     assert _case("axis_gap", near=4.5, own=3.0).kind() == "distinct"
-    assert _case("axis_gap", near=4.5, own=3.0).kind("margin") == "close"
     assert _case("misread", "axis_gap").kind() == "pair"
     assert _case("misread", "axis_gap", near=2.0).kind() == "half pair"
     healthy = Case("h", make_session(1, PROTOTYPE, MICRON), None)

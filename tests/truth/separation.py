@@ -62,11 +62,6 @@ class Separation:
         """Cost^(1/2) of a single truth's own best fit: how implausible its size is."""
         return self.distances[self.truth[0]] if len(self.truth) == 1 else 0.0
 
-    @property
-    def margin(self) -> float:
-        """Sigma by which the nearest rival fits worse than the truth's own cause does."""
-        return float(np.sqrt(max(0.0, self.distance**2 - self.own**2)))
-
 
 def _family_columns(near: Neighbourhood, cause: str, residual: Floats) -> tuple[int, ...]:
     """Numbers of the condition vector that a machine cause may change."""
