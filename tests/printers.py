@@ -9,7 +9,6 @@ from orthoglide_cal.model import Floats, Model, Readings, Source
 from orthoglide_cal.model.instrument import Probe
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
-from orthoglide_cal.model.touches import bed_readings
 from tests.machines import ROOT
 from tests.truth.delta import Delta, DeltaSession, Layout, Truth, places_of
 from tests.truth.plan import frozen
@@ -96,7 +95,7 @@ def plan_of_session(session: DeltaSession, heights: Floats | None = None) -> Pro
 def readings_of_touches(plan: ProbePlan, value: Floats) -> Readings:
     """Values (n,) [mm] as a file would give them."""
     source, line = Source("made.csv", "0" * 64), np.arange(2, len(plan) + 2)
-    return bed_readings(plan, value, source, line, timed=True)
+    return Readings(plan, value, line, True, source)
 
 
 def true_values(machine: Delta, truth: Truth) -> Floats:

@@ -120,8 +120,7 @@ def simulate(
         write_text,
     )
     from orthoglide_cal.model import double_posture, single_posture
-    from orthoglide_cal.model.synthetic import synthetic_session
-    from orthoglide_cal.model.touches import bed_plan, synthetic_touches
+    from orthoglide_cal.model.synthetic import bed_plan, synthetic_probe_points, synthetic_session
 
     for name, size in (("--noise", noise), ("--resolution", resolution)):
         if size is not None and not 0.0 <= size < float("inf"):
@@ -147,7 +146,7 @@ def simulate(
             raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
         plan = bed_plan(nominal, places, height or (0.0,), cycles or 1)
         true = np.array((*offsets, *more))
-        made = synthetic_touches(wrong(plan), plan, true, rng, gauge)
+        made = synthetic_probe_points(wrong(plan), plan, true, rng, gauge)
         text, what = touches_csv(made), "touches"
     else:
         if places != _PLACES or height is not None or any(more):

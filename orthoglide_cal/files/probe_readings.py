@@ -18,7 +18,6 @@ from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.layouts import MINUTES_PER_TOUCH
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
-from orthoglide_cal.model.touches import bed_readings
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = tuple(ProbeRow.model_fields)
@@ -80,14 +79,14 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
         np.array([row.minutes or 0.0 for row in rows]) if timed else None,
     )
     unknown = (name for name in table.columns if name not in PROBE_COLUMNS)
-    return bed_readings(
+    return Readings(
         plan,
         plan.place[:, 2] - plan.surface,
-        table.file.source,
         np.array([record.line for record in table.rows]),
+        timed,
+        table.file.source,
         cycle=np.array([row.cycle or 1 for row in rows]),
         note=tuple(row.note or "" for row in rows),
-        timed=timed,
         remarks=tuple(unused("Columns", unknown, PROBE_COLUMNS)),
     )
 
@@ -204,11 +203,12 @@ def _mesh(file: PrinterFile, machine: LinearDelta) -> Readings:
         f"{mesh.padded} points of the mesh {mesh.profile!r} were not probed: they repeat a"
         " neighbour and are left out."
     )
-    return bed_readings(
+    return Readings(
         _plan(machine, place, np.full(n, height), mesh.order, None),
         mesh.height,
-        replace(file.source, excerpt=Excerpt("mesh", f"{n} points of a mesh")),
         mesh.line,
+        False,
+        replace(file.source, excerpt=Excerpt("mesh", f"{n} points of a mesh")),
         remarks=(*file.remarks, *mesh.remarks, *([left_out] if mesh.padded else [])),
     )
 
@@ -264,7 +264,7 @@ def _calibration(file: PrinterFile, machine: LinearDelta) -> Readings:
         words += f" and {len(distances.value)} distances"
     source = replace(file.source, excerpt=Excerpt("calibration", words))
     plan = _plan(machine, place, surface, np.arange(len(place)), None, other)
-    return bed_readings(plan, value, source, line, remarks=remarks)
+    return Readings(plan, value, line, False, source, remarks=remarks)
 
 
 def _check_stored(file: PrinterFile, line: Ints, apart: Floats, what: str, remedy: str) -> None:

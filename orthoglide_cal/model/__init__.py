@@ -3,7 +3,6 @@
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.differences import ideal_plan, reduction
 from orthoglide_cal.model.gauge_doubts import (
-    GaugeDoubt,
     gauge_doubts,
     off_scale,
     other_unit,

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import StrEnum
 from functools import cache
 from typing import NamedTuple
 
@@ -38,27 +36,14 @@ _MEDIAN = 0.6745
 _EQUAL_MM = 1e-9
 
 
-class GaugeDoubt(StrEnum):
-    """What may be wrong with the numbers of a gauge."""
-
-    RANGE = "range"  # further apart than its plunger travels
-    GRID = "resolution"  # finer than it can show
-    DEAD = "dead"  # repeats that never differ
-    SCATTER = "scatter"  # repeats that differ far less than the gauge does
-    UNIT = "unit"  # all of this is as it should be in another unit
-
-
-@dataclass(frozen=True)
-class Implausible:
+class GaugeDoubt(NamedTuple):
     """Something that this gauge can hardly have shown.
 
     Attributes:
-        kind: what.
         what: one sentence, with the place.
         remedy: what to do.
     """
 
-    kind: GaugeDoubt
     what: str
     remedy: str
 
@@ -78,14 +63,13 @@ class Steady(NamedTuple):
     scatter_mm: float
 
 
-@dataclass(frozen=True)
-class MistakenUnit:
+class MistakenUnit(NamedTuple):
     """A unit that may have been taken for millimetres.
 
     Attributes:
         mm: one of it in mm.
         mistake: what happened.
-        remedy: how to mend it.
+        remedy: what to do.
     """
 
     mm: float
@@ -101,7 +85,7 @@ UNITS = (
 )
 
 
-def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[Implausible, ...]:
+def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...]:
     """What this gauge can hardly have shown; empty for healthy data.
 
     Args:
@@ -112,17 +96,60 @@ def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[Implausible, ..
         return tuple(_finer_differences(measured.value, gauge))
     if not measured.plan.setups:
         return ()  # a probe without a dial
-    found = (
-        *_steadier(measured, gauge),
-        *_finer(measured, gauge),
-        *_further(measured, gauge),
-    )
     unit = other_unit(measured, gauge)
     if unit is None:
-        return found
+        return tuple(_of_readings(measured, gauge))
     # Where another unit makes all of it ordinary, the rest need not be said.
     what = f"This gauge cannot show these readings in mm. Are they {unit.mistake}?"
-    return (Implausible(GaugeDoubt.UNIT, what, unit.remedy),)
+    return (GaugeDoubt(what, unit.remedy),)
+
+
+def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
+    """Repeats that differ too little, decimals that it does not show, travel that it has not."""
+    plan, value, step = readings.plan, readings.value, gauge.resolution_mm
+    found = too_steady(value, plan.setup, plan.cells, gauge)
+    if found is not None:
+        where = plan.series[int(np.argmax(plan.setup == found.setup))].words
+        repeats = (
+            "Repeated readings"
+            if found.setup is None
+            else f"{where}: repeated readings".capitalize()
+        )
+        stated = f"though the gauge repeats within {gauge.repeatability_mm:g} mm."
+        often = (
+            "If the gauge repeats better than stated, correct repeatability_mm in the machine file."
+        )
+        if found.scatter_mm == 0.0:
+            remedy = f"Is the gauge stuck or its display held? Measure again. {often}"
+            yield GaugeDoubt(f"{repeats} never differ, {stated}", remedy)
+        else:
+            remedy = f"Check the unit, and whether the gauge moves freely. {often}"
+            yield GaugeDoubt(
+                f"{repeats} differ by {found.scatter_mm:.1g} mm only, {stated}", remedy
+            )
+    between = np.flatnonzero(off_scale(value, step))
+    # An inch gauge's divisions need not be those of the machine file.
+    inches = value[between] / _INCH_STEP
+    if between.size and np.any(np.abs(inches - np.rint(inches)) >= 1e-2):
+        first = between[0]
+        yield GaugeDoubt(
+            f"{between.size} of {len(readings)} readings have more decimals than a gauge with"
+            f" divisions of {step:g} mm shows (first: line {readings.line[first]},"
+            f" {value[first]:g} mm).",
+            "Check the unit, and resolution_mm in the machine file.",
+        )
+    for setup in range(plan.setups):
+        own = np.flatnonzero(plan.setup == setup)
+        span = float(np.ptp(value[own]))
+        if span > gauge.travel_mm * (1.0 + 1e-9):
+            far = own[np.argmax(np.abs(value[own] - np.median(value[own])))]
+            yield GaugeDoubt(
+                f"{plan.series[far].words.capitalize()}: readings {span:.4g} mm apart (line"
+                f" {readings.line[far]}: {value[far]:g} mm) are beyond the gauge's range of"
+                f" {gauge.travel_mm:g} mm.",
+                "Correct the reading or the unit, or range_mm in the machine file.",
+            )
+            return
 
 
 # --- repeats ----------------------------------------------------------------------------------
@@ -219,35 +246,6 @@ def _log_moments(size: int, noise: float) -> Floats:
     return moments
 
 
-def _steadier(readings: Readings, gauge: Instrument) -> Iterator[Implausible]:
-    plan, value = readings.plan, readings.value
-    found = too_steady(value, plan.setup, plan.cells, gauge)
-    if found is None:
-        return
-    setup, scatter = found
-    first = int(np.argmax(plan.setup == setup))
-    where = "" if setup is None else f"{plan.series[first].words}: "
-    repeats = _first_upper(f"{where}repeated readings")
-    stated = f"{gauge.repeatability_mm:g} mm"
-    mend = "If the gauge repeats better than stated, correct repeatability_mm in the machine file."
-    if scatter == 0.0:
-        yield Implausible(
-            GaugeDoubt.DEAD,
-            f"{repeats} never differ, though the gauge repeats within {stated}.",
-            f"Is the gauge stuck or its display held? Measure again. {mend}",
-        )
-    else:
-        yield Implausible(
-            GaugeDoubt.SCATTER,
-            f"{repeats} differ by {scatter:.1g} mm only, though the gauge repeats within {stated}.",
-            f"Check the unit, and whether the gauge moves freely. {mend}",
-        )
-
-
-def _first_upper(text: str) -> str:
-    return text[0].upper() + text[1:]
-
-
 # --- digits and travel ------------------------------------------------------------------------
 
 
@@ -258,24 +256,7 @@ def off_scale(value: Floats, step: float) -> np.ndarray:
     return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
 
 
-def _finer(readings: Readings, gauge: Instrument) -> Iterator[Implausible]:
-    value, step = readings.value, gauge.resolution_mm
-    between = np.flatnonzero(off_scale(value, step))
-    # An inch gauge's divisions need not be those of the machine file.
-    steps = value[between] / _INCH_STEP
-    if not between.size or np.all(np.abs(steps - np.rint(steps)) < 1e-2):
-        return
-    first = between[0]
-    yield Implausible(
-        GaugeDoubt.GRID,
-        f"{between.size} of {len(readings)} readings have more decimals than a gauge with"
-        f" divisions of {step:g} mm shows (first: line {readings.line[first]},"
-        f" {value[first]:g} mm).",
-        "Check the unit, and resolution_mm in the machine file.",
-    )
-
-
-def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[Implausible]:
+def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]:
     """Decimals that no difference of readings has, nor one of means of up to ten."""
     step = gauge.resolution_mm
     if step <= 0.0:
@@ -286,29 +267,11 @@ def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[Implausible
         nearest = np.rint(value * count / step) * step / count
         if np.all(np.abs(value - nearest) <= rounding):
             return
-    yield Implausible(
-        GaugeDoubt.GRID,
+    yield GaugeDoubt(
         f"The differences have more decimals than a gauge with divisions of {step:g} mm gives,"
         " nor are they of its means.",
         "Check the unit, and resolution_mm in the machine file.",
     )
-
-
-def _further(readings: Readings, gauge: Instrument) -> Iterator[Implausible]:
-    plan, value = readings.plan, readings.value
-    for setup in range(plan.setups):
-        own = np.flatnonzero(plan.setup == setup)
-        span = float(np.ptp(value[own]))
-        if span > gauge.travel_mm * (1.0 + 1e-9):
-            far = own[np.argmax(np.abs(value[own] - np.median(value[own])))]
-            yield Implausible(
-                GaugeDoubt.RANGE,
-                f"{_first_upper(plan.series[far].words)}: readings {span:.4g} mm apart (line"
-                f" {readings.line[far]}: {value[far]:g} mm) are beyond the gauge's range of"
-                f" {gauge.travel_mm:g} mm.",
-                "Correct the reading or the unit, or range_mm in the machine file.",
-            )
-            return
 
 
 # --- units ------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, ReadOnly, View
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, ReadOnly, View, read_only
 from orthoglide_cal.model.readings import Posture, Series
 
 
@@ -101,30 +101,43 @@ class Readings(ReadOnly):
     Attributes:
         plan: what each reading is of, in the form of the kind of machine.
         value: as recorded [mm].
-        cycle: repeat of the same (leg, direction, posture), from 1.
-        posture: "iso", "max", "min" or the displacement as text.
-        temperature: [°C]; NaN where not given.
-        gauge: label of the gauge; "" where not given.
-        note: remark; "" where not given.
         line: line in the file, from 1.
         timed: True if the times in the plan were recorded, False if they were assumed.
         source: where the readings came from.
+        cycle: repeat of the same (leg, direction, posture), from 1.
+        posture: "iso", "max", "min" or the displacement as text; "" where there is none.
+        temperature: [°C]; NaN where not given.
+        gauge: label of the gauge; "" where not given.
+        note: remark; "" where not given.
         remarks: what the reader wants the user to know (unknown columns, assumed times).
     """
 
     plan: AnyPlan
     value: Floats
-    cycle: Ints
-    posture: tuple[str, ...]
-    temperature: Floats
-    gauge: tuple[str, ...]
-    note: tuple[str, ...]
     line: Ints
     timed: bool
     source: Source
-    remarks: tuple[str, ...] = field(default=())
+    cycle: Ints = field(default_factory=lambda: read_only((), np.intp))
+    posture: tuple[str, ...] = ()
+    temperature: Floats = field(default_factory=lambda: read_only(()))
+    gauge: tuple[str, ...] = ()
+    note: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     kind = DataKind.READINGS
+
+    def __post_init__(self) -> None:
+        """What is not given is filled in."""
+        n = len(self)
+        nothing = {
+            "cycle": np.ones(n, dtype=np.intp),
+            "temperature": np.full(n, np.nan),
+            **dict.fromkeys(("posture", "gauge", "note"), ("",) * n),
+        }
+        for name, values in nothing.items():
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, values)
+        super().__post_init__()
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:
@@ -167,7 +180,7 @@ class Differences(ReadOnly):
     which: tuple[Difference, ...]
     value: Floats
     source: Source
-    remarks: tuple[str, ...] = field(default=())
+    remarks: tuple[str, ...] = ()
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:

@@ -32,8 +32,6 @@ class WorkspaceError(ReadOnly):
         axis_mm: grid along each edge, shape (n,).
         levels_mm: heights z of the slices, shape (3,).
         before_mm, after_mm: at [slice, y, x], shape (3, n, n).
-        before_shift_mm, after_shift_mm: true − commanded position there, shape (3, n, n, 3);
-            without what only the uncertainty of the offsets allows.
         before_max_mm, before_mean_mm, after_max_mm, after_mean_mm: over the whole cube.
         left_max_mm: what the causes alone leave of it after the offsets are entered.
         nominal_edge_mm: edge of the workspace as the machine file states it.
@@ -43,8 +41,6 @@ class WorkspaceError(ReadOnly):
     levels_mm: Floats
     before_mm: Floats
     after_mm: Floats
-    before_shift_mm: Floats
-    after_shift_mm: Floats
     before_max_mm: float
     before_mean_mm: float
     after_max_mm: float
@@ -86,14 +82,12 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         joints = _standing(model, indicated, remaining)
         return joints, trilaterate(geometry.carriages(joints), geometry.lengths)
 
-    found = reached(offsets)[1] - points
-    before = np.linalg.norm(found, axis=-1)
+    before = np.linalg.norm(reached(offsets)[1] - points, axis=-1)
     joints, tool = reached(np.zeros(3))
-    left = tool - points
-    slope = tool_derivative(geometry, joints, tool)
-    spread = np.einsum("nij,jk,nik->n", slope, covariance, slope)
-    beside = np.linalg.norm(left, axis=-1)
-    after = beside + k * np.sqrt(spread)
+    jacobian = tool_derivative(geometry, joints, tool)
+    spread = np.einsum("nij,jk,nik->n", jacobian, covariance, jacobian)
+    left = np.linalg.norm(tool - points, axis=-1)
+    after = left + k * np.sqrt(spread)
     shape = (SAMPLES, SAMPLES, SAMPLES)
     levels = [0, SAMPLES // 2, SAMPLES - 1]
     return WorkspaceError(
@@ -101,13 +95,11 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         levels_mm=axis[levels],
         before_mm=before.reshape(shape)[levels],
         after_mm=after.reshape(shape)[levels],
-        before_shift_mm=found.reshape(*shape, 3)[levels],
-        after_shift_mm=left.reshape(*shape, 3)[levels],
         before_max_mm=float(before.max()),
         before_mean_mm=float(before.mean()),
         after_max_mm=float(after.max()),
         after_mean_mm=float(after.mean()),
-        left_max_mm=float(beside.max()),
+        left_max_mm=float(left.max()),
         nominal_edge_mm=model.orthoglide.workspace_mm,
     )
 

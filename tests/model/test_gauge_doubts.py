@@ -17,7 +17,6 @@ from orthoglide_cal.model import (
     DataKind,
     Differences,
     Gauge,
-    GaugeDoubt,
     Model,
     Readings,
     Source,
@@ -32,13 +31,15 @@ from tests.machines import SAMPLES
 from tests.readings import some
 
 DEAD, SCATTER, GRID, RANGE, UNIT = (
-    GaugeDoubt.DEAD, GaugeDoubt.SCATTER, GaugeDoubt.GRID, GaugeDoubt.RANGE, GaugeDoubt.UNIT,
+    "never differ", "differ by", "more decimals", "beyond the gauge's range", "cannot show these",
 )  # fmt: skip
 both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=lambda g: g.name)
 
 
-def kinds(readings: Readings, gauge: Gauge) -> set[GaugeDoubt]:
-    return {doubt.kind for doubt in gauge_doubts(readings, gauge)}
+def kinds(readings: Readings, gauge: Gauge) -> set[str]:
+    every = (DEAD, SCATTER, GRID, RANGE, UNIT)
+    found = gauge_doubts(readings, gauge)
+    return {kind for kind in every for doubt in found if kind in doubt.what}
 
 
 def drawn(gauge: truth.Gauge, seed: int = 3) -> tuple[Readings, Gauge]:
@@ -151,7 +152,7 @@ def test_one_dead_gauge_is_named() -> None:
     value = readings.value.copy()
     value[readings.plan.setup == 2] = 0.123
     (doubt,) = gauge_doubts(replace(readings, value=value), stated)
-    assert doubt.kind is DEAD
+    assert DEAD in doubt.what
     assert doubt.what.startswith("Leg y, direction x: ")
 
 
@@ -172,7 +173,7 @@ def test_more_decimals_than_the_gauge_has() -> None:
     value = readings.value.copy()
     value[7] += 0.004
     (doubt,) = gauge_doubts(replace(readings, value=value), stated)
-    assert doubt.kind is GRID
+    assert GRID in doubt.what
     assert "1 of 60" in doubt.what
     assert f"line {readings.line[7]}, {value[7]:g} mm" in doubt.what
 
@@ -184,7 +185,7 @@ def test_readings_further_apart_than_the_plunger_travels() -> None:
     value = readings.value.copy()
     value[33] += 10.5
     (doubt,) = gauge_doubts(replace(readings, value=value), stated)
-    assert doubt.kind is RANGE
+    assert RANGE in doubt.what
     assert f"line {readings.line[33]}:" in doubt.what
 
 
@@ -203,7 +204,7 @@ def test_a_wrong_unit_is_named(
         readings, stated = drawn(gauge, seed)
         wrong = replace(readings, value=np.round(readings.value * factor, decimals))
         (doubt,) = gauge_doubts(wrong, stated)
-        assert doubt.kind is UNIT
+        assert UNIT in doubt.what
         assert words in doubt.remedy
         assert not kinds(readings, stated)
 

@@ -12,7 +12,7 @@ from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.layouts import mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
-from orthoglide_cal.model.touches import bed_plan
+from orthoglide_cal.model.synthetic import bed_plan
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
