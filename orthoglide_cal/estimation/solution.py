@@ -39,7 +39,7 @@ from orthoglide_cal.model import (
     simulate_with_jacobian,
     without_zeros,
 )
-from orthoglide_cal.model.gauge_doubts import Implausible
+from orthoglide_cal.model.gauge_doubts import GaugeDoubt
 from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.plan import read_only
@@ -205,7 +205,7 @@ class Solution(ReadOnly):
         return self._fit[1]
 
     @cached_property
-    def doubts(self) -> tuple[Implausible, ...]:
+    def doubts(self) -> tuple[GaugeDoubt, ...]:
         """What no such gauge can have shown."""
         return gauge_doubts(self.measured, self.model.machine.instrument)
 
