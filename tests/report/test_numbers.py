@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from decimal import Decimal
 from html import unescape
 from pathlib import Path
@@ -12,7 +12,10 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files import read_input
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
+from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.html import html
 from tests.machines import SAMPLES
 from tests.printer_files import OFF, printer_cfg
@@ -60,8 +63,21 @@ def written(page: str) -> Iterator[tuple[str, str]]:
         yield found[0], " ".join(text[max(found.start() - 40, 0) : found.end() + 20].split())
 
 
-def missing(document: Document) -> list[str]:
-    known = set(numbers_in(json.loads(json.dumps(document.data(), allow_nan=False))))
+def drawn(case: Case) -> Iterator[float]:
+    """What a table of residuals says: measured − modelled [mm], and means of repeats [µm]."""
+    cells: dict[object, list[tuple[float, ...]]] = {}
+    for row in case.answer.residuals:
+        key = row.leg, row.direction, row.end, row.gauge_at, row.part, row.posture
+        models = (row.modelled_mm, row.with_causes_mm or row.modelled_mm)
+        left = tuple(row.measured_mm - modelled for modelled in models)
+        cells.setdefault(key, []).append(left)
+        yield from map(abs, (*left, row.measured_mm, row.modelled_mm))
+    for rows in cells.values():
+        yield from (1000.0 * abs(sum(own) / len(rows)) for own in zip(*rows, strict=True))
+
+
+def missing(document: Document, more: Iterable[float] = ()) -> list[str]:
+    known = {*more, *numbers_in(json.loads(json.dumps(document.data(), allow_nan=False)))}
     faults = []
     for number, around in written(html(document.page())):
         digits, _, unit = number.lstrip("+-−").partition(" ")
@@ -76,6 +92,13 @@ def missing(document: Document) -> list[str]:
 @pytest.mark.parametrize("name", [*CASES, "as_left"])
 def test_every_number_of_a_report_is_in_its_json(name: str) -> None:
     assert missing(documents()[name]()) == []
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name != "failed"])
+def test_every_number_of_a_solution_and_of_a_diagnosis_is_in_its_json(name: str) -> None:
+    case = CASES[name]()
+    assert missing(solution_document(case, details=True)) == []
+    assert missing(diagnosis_document(case), drawn(case)) == []
 
 
 @pytest.mark.parametrize("name", ["session.yaml", "experiment2.csv", "single_posture_session.csv"])
