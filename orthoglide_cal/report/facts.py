@@ -34,7 +34,11 @@ _OWNED = {
     "customer": "Customer",
     "serial_number": "Serial number",
 }
-_MEASURED = {"method": "Method", "gauge_due": "Gauge due"}
+_MEASURED = {
+    "method": "Method",
+    "traceability": "Traceability",
+    "authorised_by": "Authorised by",
+}
 
 
 def scope(machine: Machine) -> str:
@@ -78,11 +82,15 @@ def method_facts(machine: Machine, measured: str | None = None) -> tuple[tuple[s
         machine: its `report` says it.
         measured: when, ISO 8601: a gauge that was due before is marked.
     """
-    facts, due = _written(machine, _MEASURED), machine.report.gauge_due
+    due = due_words(machine.report.gauge_due, measured)
+    return (*_written(machine, _MEASURED), *([] if due is None else [("Gauge due", due)]))
+
+
+def due_words(due: str | None, measured: str | None) -> doc.Blank:
+    """When a gauge is to be calibrated again, marked where that was past on the day; or blank."""
     if due is None or measured is None or not _past(due, measured):
-        return facts
-    late = doc.Strong("past on the day of the measurement")
-    return (*facts[:-1], (_MEASURED["gauge_due"], (doc.Given(due), ": ", late)))
+        return None if due is None else doc.Given(due)
+    return doc.Given(due), ": ", doc.Strong("past on the day of the measurement")
 
 
 def _past(due: str, measured: str) -> bool:

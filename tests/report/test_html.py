@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.files import read_machine
+from orthoglide_cal.files import GaugeIdentity, read_machine
 from orthoglide_cal.model import Details
 from orthoglide_cal.report.document import MARK
 from orthoglide_cal.report.escape import Html, in_html, tag
@@ -164,10 +164,13 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
         "serial_number": "OG-17",
         "customer": "A <b>",
         "method": "instruction 12",
+        "traceability": "PTB",
+        "authorised_by": "B. Petit",
         "gauge_due": "2027-01-31",
     }
     bare = report_of(make()).page()
-    names = ("Organisation", "Place", "Serial number", "Customer", "Method", "Gauge due")
+    names = ("Organisation", "Place", "Serial number", "Customer", "Method", "Traceability",
+             "Authorised by", "Gauge due")  # fmt: skip
     assert not [name for name in names if f"<dt>{name}</dt>" in html(bare)]
     given = make().given
     machine = given.model.machine.changed(report=Details(**written))
@@ -199,12 +202,16 @@ def test_a_gauge_that_was_due_before_the_measurement_is_marked(
     text = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
     path.write_text(f"{text}report: {{gauge_due: {due}, place: Nantes}}\n", encoding="utf-8")
     given = replace(cases.healthy().given, model=read_machine(path))
-    given = replace(given, conditions=replace(given.conditions, finished=finished))
+    gauges = (GaugeIdentity(id="41", due=due),)
+    conditions = replace(given.conditions, finished=finished, gauges=gauges)
+    given = replace(given, conditions=conditions)
     whole = html(report_of(replace(cases.healthy(), given=given)).page())
     assert "<dt>Place</dt><dd><bdi>Nantes</bdi></dd>" in whole
     (said,) = re.findall(r"<dt>Gauge due</dt><dd>(.*?)</dd>", whole)
     assert due in said
     assert ("past on the day of the measurement" in said) == past
+    # As the machine file says it, and as the session says it of its gauge.
+    assert whole.count("past on the day of the measurement") == 2 * past
 
 
 @pytest.mark.parametrize("name", ["healthy", "failed", "verified"])
@@ -222,9 +229,9 @@ def test_what_was_not_given_is_a_blank_line():
     outline = Outline()
     outline.feed(html(report_of(cases.ambiguous()).page()))
     blanks = [value for _, name, value in outline.attributes if value == "not given"]
-    # Measured; protocol, operator, started, finished, temperature; gauge, certificate,
+    # Measured; protocol, operator, started, finished, temperature; gauge, certificate, due,
     # resolution; as left three times.
-    assert len(blanks) == 12
+    assert len(blanks) == 13
 
 
 def test_markup_escapes_all_but_itself():

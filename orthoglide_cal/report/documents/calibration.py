@@ -42,6 +42,7 @@ from orthoglide_cal.report.documents.verification import (
 )
 from orthoglide_cal.report.facts import (
     data_words,
+    due_words,
     method_facts,
     moment,
     owner_facts,
@@ -242,8 +243,9 @@ def _conditions(case: Case) -> doc.Section:
     """Under which conditions, with which gauges: blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
     stated, noise = machine.instrument, machine.vocabulary.noise
+    measured = given.finished or given.started
     rows: list[tuple[str, doc.Blank]] = [
-        *method_facts(machine, given.finished or given.started),
+        *method_facts(machine, measured),
         ("Protocol", _given(given.protocol)),
         ("Operator", _given(given.operator)),
         ("Started", moment(given.started)),
@@ -256,17 +258,20 @@ def _conditions(case: Case) -> doc.Section:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
     if not machine.vocabulary.probing:
+        own = {gauge.id: gauge for gauge in machine.gauges}
         gauges: list[tuple[doc.Blank, ...]] = [
             (
                 doc.Given(gauge.id),
-                _given(gauge.certificate),
+                _given(gauge.certificate or (known.certificate if known else None)),
+                due_words(gauge.due or (known.due if known else None), measured),
                 None if gauge.resolution_mm is None else short(gauge.resolution_mm, 6),
             )
             for gauge in given.gauges
+            for known in [own.get(gauge.id)]
         ]
-        head, nothing = ("gauge", "certificate", "resolution, mm"), ((None, None, None),)
+        head, nothing = ("gauge", "certificate", "due", "resolution, mm"), ((None,) * 4,)
         caption = "Gauges that were used."
-        blocks.append(doc.Grid(head, tuple(gauges) or nothing, words=(0, 1), caption=caption))
+        blocks.append(doc.Grid(head, tuple(gauges) or nothing, words=(0, 1, 2), caption=caption))
     sizes = (
         f"The machine file states for its {noise}: resolution {short(stated.resolution_mm, 6)} mm,"
         f" repeatability {short(stated.repeatability_mm, 6)} mm (one standard deviation)."
