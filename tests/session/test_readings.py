@@ -11,7 +11,7 @@ from scipy import stats
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import read_input, write_session
 from orthoglide_cal.model import GaugePlan, Readings
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence
+from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session.events import (
     Answered,
     Doubt,
@@ -35,7 +35,6 @@ from .virtual import (
     questioned,
     readings_of,
     setting_of,
-    stands,
     state_of,
     steps_of,
     taken,
@@ -81,8 +80,7 @@ def so_far_of(
 
 
 @both_protocols
-@pytest.mark.parametrize("gauges", [(), TWO[:1], TWO], ids=len)
-@pytest.mark.parametrize("temperature", [None, 20.5])
+@pytest.mark.parametrize(("gauges", "temperature"), [((), None), (TWO[:1], 20.5), (TWO, None)])
 def test_live_readings_are_those_of_the_file(
     tmp_path: Path,
     protocol: MeasuringProtocol,
@@ -108,27 +106,6 @@ def test_live_readings_are_those_of_the_file(
     assert shown is not None
     assert shown.offsets_mm.tolist() == solved.offsets_mm.tolist()
     assert shown.expanded_mm.tolist() == solved.expanded_mm.tolist()
-
-
-@pytest.mark.parametrize("order", list(Order))
-@pytest.mark.parametrize("protocol", [DOUBLE, SINGLE])
-@pytest.mark.parametrize("side_by_side", [1, 2])
-def test_one_labelled_gauge_that_is_carried_around(
-    tmp_path: Path, order: Order, protocol: MeasuringProtocol, side_by_side: int
-) -> None:
-    """Whatever the order of the places, its zeros are numbered as the reader numbers them."""
-    steps = sequence(
-        setting_of(()).machine, protocol, 2, order, min(side_by_side, stands(protocol))
-    )
-    values = readings_of(steps, 4)
-    first = opened(protocol, 2, order=order, stands=side_by_side, gauges=TWO[:side_by_side])
-    events = [taken(s.number, v, 0.5 * s.number) for s, v in zip(steps, values, strict=True)]
-    so_far = ReadingsSoFar(replay([first, *events]), setting_of(steps))
-    write_session(session_values(so_far), tmp_path / "s.yaml")
-    filed = read_input(str(tmp_path / "s.yaml")).measured
-    assert isinstance(filed, Readings)
-    assert so_far.measured.plan.setup.tolist() == filed.plan.setup.tolist()
-    assert so_far.measured.gauge == filed.gauge
 
 
 def test_too_few_readings_and_readings_that_no_file_takes_have_no_solution() -> None:
