@@ -35,7 +35,7 @@ from orthoglide_cal.files.readings import (
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
-from orthoglide_cal.files.table import Table, read_table
+from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Measured, Model, Source, gauge_doubts
@@ -170,15 +170,28 @@ def check_file(
     """
     source = None
     try:
-        document = read_document(path)
-        source = document.source
-        return _checked(document, model, otherwise, stored)
+        file = read_document(path)
+        source = file.source
+        if _is_yaml(file) and not PRINTER_SECTION.search(file.text):
+            tree = load_tree(file)
+            if is_machine_file(tree):
+                stored_machine = machine_file_in(tree)
+                name, remarks = stored_machine.model.machine.name, stored_machine.remarks
+                return Check(path, source, "machine", name, remarks=remarks)
+            given = Input(*session_from_tree(tree, model), is_session=True)
+        else:
+            given = input_from_document(file, model, otherwise, stored)
     except UnreadableError:
         raise
-    except InvalidFileError as error:
-        return Check(path, source, problems=error.problems)
     except InputError as error:
-        return Check(path, source, problems=(error,))
+        problems = error.problems if isinstance(error, InvalidFileError) else (error,)
+        return Check(path, source, problems=problems)
+    measured, machine = given.measured, given.model.machine
+    kind = "session" if given.is_session else measured.kind
+    doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
+    remarks = (*doubts, *measured.remarks)
+    count = len(measured)
+    return Check(path, measured.source, kind, machine.name, count, remarks=remarks, given=given)
 
 
 def sessions_in(folder: Path) -> list[FoundSession]:
@@ -230,7 +243,9 @@ def machine_in_folder(folder: Path) -> Path | None:
         UsageError: it holds several.
     """
     candidates = sorted((*folder.glob("*.yaml"), *folder.glob("*.yml")))
-    found = [path for path in candidates if path.is_file() and _is_machine(path)]
+    keys = {path: _keys(path).keys() for path in candidates if path.is_file()}
+    own = {"kind", "leg_length_mm"}
+    found = [path for path, has in keys.items() if own & has and "readings" not in has]
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
         raise UsageError(
@@ -238,11 +253,6 @@ def machine_in_folder(folder: Path) -> Path | None:
             "Say which one it is: --machine FILE",
         )
     return found[0] if found else None
-
-
-def _is_machine(path: Path) -> bool:
-    keys = _keys(path)
-    return not {"kind", "leg_length_mm"}.isdisjoint(keys) and "readings" not in keys
 
 
 def _is_yaml(document: FileText) -> bool:
@@ -265,7 +275,15 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     table = read_table(document, _CODED)
     columns = set(table.columns)
     if columns & set(PLACE_COLUMNS) and not columns & {"leg", "difference"}:
-        return _touches(table, judge)
+        if not isinstance(judge.machine, LinearDelta):
+            raise InputError(
+                "These are touches of a bed; the machine is no linear delta.",
+                "Give its machine file: --machine FILE, see configs/linear_delta.yaml.",
+                file=table.file.path,
+                line=table.header_line,
+            )
+        touched = probe_readings_from_table(table, judge.machine)
+        return Input(touched, judge, conditions_in(touched), is_session=False)
     check_header(table, _CODED)
     if isinstance(judge.machine, LinearDelta):
         raise InputError(
@@ -300,41 +318,6 @@ def _printer(document: FileText, model: Model | None, stored: str | None = None)
     readings = replace(read, remarks=(*remarks, *read.remarks))
     judge = replace(known, machine=machine)
     return Input(readings, judge, conditions_in(readings), is_session=False)
-
-
-def _touches(table: Table, judge: Model) -> Input:
-    """Touches of a bed, on a machine that has one."""
-    if not isinstance(judge.machine, LinearDelta):
-        raise InputError(
-            "These are touches of a bed; the machine is no linear delta.",
-            "Give its machine file: --machine FILE, see configs/linear_delta.yaml.",
-            file=table.file.path,
-            line=table.header_line,
-        )
-    readings = probe_readings_from_table(table, judge.machine)
-    return Input(readings, judge, conditions_in(readings), is_session=False)
-
-
-def _checked(
-    document: FileText, model: Model | None, otherwise: Callable[[], Model], stored: str | None
-) -> Check:
-    path, source = document.path, document.source
-    if _is_yaml(document) and not PRINTER_SECTION.search(document.text):
-        tree = load_tree(document)
-        if is_machine_file(tree):
-            file = machine_file_in(tree)
-            name, remarks = file.model.machine.name, file.remarks
-            return Check(path, source, "machine", name, remarks=remarks)
-        given = Input(*session_from_tree(tree, model), is_session=True)
-    else:
-        given = input_from_document(document, model, otherwise, stored)
-    measured = given.measured
-    source = measured.source
-    kind = "session" if given.is_session else measured.kind
-    machine = given.model.machine
-    doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
-    remarks = (*doubts, *measured.remarks)
-    return Check(path, source, kind, machine.name, len(measured), remarks=remarks, given=given)
 
 
 def _keys(path: Path) -> dict[str, str]:

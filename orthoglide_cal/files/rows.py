@@ -117,23 +117,15 @@ def _order(value: object) -> object:
     return parse_count(value, 0) if isinstance(value, str) else value
 
 
-def _axis(value: object) -> object:
-    if not isinstance(value, str) or value.lower() not in AXES:
-        raise InputError("This is not an axis.", _AXIS)
-    return value.lower()
+def _one_of(known: Sequence[str], what: str, remedy: str) -> BeforeValidator:
+    """One of these words, in letters of any size."""
 
+    def check(value: object) -> str:
+        if not isinstance(value, str) or value.lower() not in known:
+            raise InputError(what, remedy)
+        return value.lower()
 
-def _end(value: object) -> object:
-    if not isinstance(value, str) or value.lower() not in ("joint", "tool"):
-        raise InputError("This is not an end of the leg.", "Write joint or tool.")
-    return value.lower()
-
-
-def _bar(value: object) -> object:
-    if not isinstance(value, str) or value.lower() != TURNED:
-        remedy = f"Write {TURNED} where it was turned half round, else leave the cell empty."
-        raise InputError("This does not say how the bar was.", remedy)
-    return TURNED
+    return BeforeValidator(check)
 
 
 def _posture(text: str, info: ValidationInfo) -> str:
@@ -191,7 +183,18 @@ KNOWN_DIFFERENCES = "Direction first, leg second. Known: {}.".format(
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, BeforeValidator(_order)]  # a whole number from 0
-Axis = Annotated[str, BeforeValidator(_axis)]
+Axis = Annotated[str, _one_of(AXES, "This is not an axis.", _AXIS)]
+End = Annotated[
+    str, _one_of(("joint", "tool"), "This is not an end of the leg.", "Write joint or tool.")
+]
+Bar = Annotated[
+    str,
+    _one_of(
+        (TURNED,),
+        "This does not say how the bar was.",
+        f"Write {TURNED} where it was turned half round, else leave the cell empty.",
+    ),
+]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
 
@@ -238,7 +241,7 @@ class ReadingRow(Row):
     leg: Axis
     posture: Annotated[str, AfterValidator(_posture)]
     direction: Axis
-    end: Annotated[str, BeforeValidator(_end)] | None = None
+    end: End | None = None
     cycle: Count | None = None
     reading_mm: Length | None = Field(default=None, validate_default=True)
     seq: Order | None = None
@@ -247,7 +250,7 @@ class ReadingRow(Row):
     gauge: str | None = None
     gauge_at: Annotated[Cell, Field(ge=0.0, le=1.0)] | None = None
     part: Count | None = None
-    bar: Annotated[str, BeforeValidator(_bar)] | None = None
+    bar: Bar | None = None
     entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
     note: str | None = None
     timestamp: Moment | None = None
