@@ -64,7 +64,7 @@ def diagnose(
             holdout=later.measured if later else None,
             applied=np.array(applied),
             then=later.model if later else None,
-            sensitivity=frozenset(diagnosis.Verdict) if full else (),
+            sensitivity=full,
         )
         found = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full)
         common.deliver(diagnosis_document(Case(given, found, machine)), as_json=json)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
@@ -41,7 +41,7 @@ def diagnose(
     holdout: Measured | None = None,
     applied: Floats | None = None,
     then: Model | None = None,
-    sensitivity: Container[Verdict] = (),
+    sensitivity: bool = False,
 ) -> Diagnosis:
     """Say what the offsets-only model gets wrong, if anything.
 
@@ -51,7 +51,8 @@ def diagnose(
         holdout: later data that no fit may see.
         applied: offsets entered in the controller before the held-out data, shape (3,) [mm].
         then: the model at the time of the held-out data; None for the same.
-        sensitivity: verdicts for which to answer with all tolerances halved and doubled, too.
+        sensitivity: also judge with all tolerances halved and doubled; of healthy data these say
+            nothing, and that is left out.
 
     Raises:
         RankDeficientError: the data do not determine the offsets.
@@ -79,7 +80,7 @@ def diagnose(
             unit = 1.0 if later is not None else unit_of(accepted.effects)
             causes = _named(found, replace(before, rms_mm=before.rms_mm * unit), after)
         changes: dict[str, tuple[Verdict, Ids]] = {}
-        if found.judgement.verdict in sensitivity:
+        if sensitivity and found.judgement.verdict is not Verdict.CONSISTENT:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
                 other = found.scaled(factor).judgement
                 changes[name] = other.verdict, other.accepted

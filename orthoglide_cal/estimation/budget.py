@@ -7,7 +7,7 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -193,8 +193,11 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
         offsets: Δρ, shape (3,) [mm].
         plan: n readings.
     """
-    found = list(model.machine.uncertain(plan, lambda other: simulate(model, offsets, other)))
-    found += _of_causes(model.machine.unobservable, model, offsets, plan)
+    readings, hidden = _of_causes(model.machine.unobservable, model, offsets, plan)
+    gauges = model.machine.uncertain(
+        plan, lambda other: readings if other is plan else simulate(model, offsets, other)
+    )
+    found = [*gauges, *hidden]
     if model.accepted:
         carried = carried_uncertainty(model, offsets, plan)
         found += [
@@ -210,17 +213,29 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
     A diagnosis asks whether the readings speak against it; what is found of the parameters is as
     unsure as it is, whatever they say. Arguments as of `influences`.
     """
-    return tuple(_of_causes(model.machine.fixed_parameters, model, offsets, plan))
+    if not model.machine.fixed_parameters:
+        return ()
+    return tuple(_of_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 
 
 def _of_causes(
     ids: Iterable[str], model: Model, offsets: Floats, plan: Plan
-) -> Iterator[Influence]:
-    """Causes at their plausible size; not those that the model knows of."""
-    machine, known = model.machine, {effect.cause.id for effect in model.accepted}
-    for cause in (CAUSES[id] for id in ids if id not in known):
-        size = cause.size(machine)
-        if size > 0.0:
-            _, jacobians = differentiate(model, offsets, plan, [cause.at(np.zeros(cause.unknowns))])
-            columns = jacobians[:, offsets.size :] * cause.prior_std(machine)
-            yield Influence(cause.id, size, cause.unit, cause.assumed(machine), columns)
+) -> tuple[Floats, list[Influence]]:
+    """Readings (n,) [mm], and causes at their plausible size; not those that the model knows of."""
+    machine = model.machine
+    known = {effect.cause.id for effect in model.accepted}
+    causes = [CAUSES[id] for id in ids if id not in known and CAUSES[id].size(machine) > 0.0]
+    absent = [cause.at(np.zeros(cause.unknowns)) for cause in causes]
+    readings, jacobian = differentiate(model, offsets, plan, absent)
+    ends = np.cumsum([offsets.size, *(cause.unknowns for cause in causes)])[:-1]
+    found = [
+        Influence(
+            cause.id,
+            cause.size(machine),
+            cause.unit,
+            cause.assumed(machine),
+            own * cause.prior_std(machine),
+        )
+        for cause, own in zip(causes, np.split(jacobian, ends, axis=1)[1:], strict=True)
+    ]
+    return readings, found

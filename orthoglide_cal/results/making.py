@@ -123,9 +123,7 @@ def answer_to(
         refused = schema.Release(reasons=(error.what,), remedies=remedies, sound=False)
         return schema.Answer(input=file, machine=machine, release=refused)
     try:
-        diagnosis = diagnosed or diagnose(
-            measured, model, sensitivity=tuple(Verdict) if details else ()
-        )
+        diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
     except UnusableResultError:
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosis = None

@@ -35,7 +35,7 @@ SIX = DIFFERENCES[DataKind.SIX]
 @pytest.fixture(scope="module")
 def named() -> Diagnosis:
     session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
-    return diagnose(*known(session), sensitivity=tuple(Verdict))
+    return diagnose(*known(session), sensitivity=True)
 
 
 def test_nothing_of_it_can_be_written_to(named: Diagnosis) -> None:

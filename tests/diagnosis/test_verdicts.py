@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
+from orthoglide_cal.diagnosis import Diagnosis, diagnose
 from orthoglide_cal.estimation import solve
 from tests import truth
 from tests.diagnosis.sessions import known
@@ -233,7 +233,7 @@ def test_with_one_reading_after_it_there_is_no_doubt(setup: int) -> None:
 
 def test_half_and_double_tolerances_are_tried_too() -> None:
     readings, model = known(drawn("axis_gap", truth.MICRON, 1))
-    found = diagnose(readings, model, sensitivity=tuple(Verdict))
+    found = diagnose(readings, model, sensitivity=True)
     assert dict(found.sensitivity) == {
         "halved": ("named", ("axis_gap",)),
         "doubled": ("named", ("axis_gap",)),
