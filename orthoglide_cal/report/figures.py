@@ -467,7 +467,7 @@ _SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"), (math.inf, " "))
 _MOST = 99  # σ beyond which the number says nothing more
 _NOTHING = "–"
 SEPARATION_LEGEND = (
-    "Distinguished? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
+    "Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
     f"{_NOTHING}: from nothing wrong at all; {_MOST}: or more",
 )
 
@@ -487,7 +487,7 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
             –   A
     A a   ▓ 1
     B bc  ▓ 1 ▒ 3
-    Distinguished? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
+    Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
     –: from nothing wrong at all; 99: or more
     """
 
