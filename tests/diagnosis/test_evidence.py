@@ -52,19 +52,6 @@ def test_many_at_once_and_padded_with_zeros_are_as_each_alone(shape: tuple[int, 
         assert match[number] == pytest.approx(alone.against(vectors, residual)[1], rel=1e-6)
 
 
-def test_one_parameter_integrated_by_hand() -> None:
-    """∫ N(r; c t, σ²) N(t; 0, 1) dt on a fine grid of t."""
-    rng = np.random.default_rng(2)
-    column, residual = rng.normal(0.0, 0.01, 5), rng.normal(0.0, 0.01, 5)
-    density = Gaussian(column[:, None], GRID).by_noise(residual) - GRID.log_weight
-    t = np.linspace(-12.0, 12.0, 48001)
-    for sigma, log in zip(GRID.sigma, density, strict=True):
-        square = ((residual[:, None] - column[:, None] * t) ** 2).sum(axis=0)
-        inside = np.exp(-0.5 * square / sigma**2 - 0.5 * t**2) / np.sqrt(2.0 * np.pi)
-        byhand = np.log(np.trapezoid(inside, t)) - len(residual) * np.log(sigma)
-        assert log == pytest.approx(byhand, abs=1e-9)
-
-
 def test_the_noise_is_weighed_around_what_is_stated() -> None:
     grid = NoiseGrid.around(0.0067)
     assert np.exp(grid.log_weight).sum() == pytest.approx(1.0)

@@ -48,16 +48,6 @@ nonlinear = pytest.mark.parametrize("kind", [SIX, TWELVE, READINGS])
 
 
 @both_models
-@nonlinear
-def test_exact_data_give_the_true_offsets(model: Model, kind: DataKind) -> None:
-    problem = problem_for(kind, model)
-    offsets = np.random.default_rng(3).uniform(-8.0, 8.0, (50, 3))
-    fit = fit_offsets(problem, noisy(problem, offsets, 0.0, 1))
-    assert np.all(fit.converged)
-    assert np.abs(fit.offsets_mm - offsets).max() < 1e-9
-
-
-@both_models
 @pytest.mark.parametrize("kind", [SIX, TWELVE])
 def test_all_of_100_000_random_offsets_converge_from_zero(model: Model, kind: DataKind) -> None:
     """Also of those near ±20 mm; all of them can be reached, or `noisy` would raise."""
@@ -105,20 +95,10 @@ def by_scipy(problem: Problem, data: Floats) -> Floats:
 @both_models
 @nonlinear
 def test_agrees_with_another_solver(model: Model, kind: DataKind) -> None:
-    """At 2 µm of noise; the other solver compares sums of squares, so its own error grows with
-    the residuals: rounding of F hides a step of about |r|·1e-7."""
-    problem = problem_for(kind, model)
-    offsets = np.random.default_rng(11).uniform(-5.0, 5.0, (12, 3))
-    data = noisy(problem, offsets, 0.002, 2)
-    fit = fit_offsets(problem, data)
-    for row, found in zip(data, fit.offsets_mm, strict=True):
-        assert np.abs(by_scipy(problem, row) - found).max() < 1e-9
+    """At 0.3 mm of noise, with the other solver's answer refined as a root of ∂F/∂Δρ.
 
-
-@both_models
-@nonlinear
-def test_agrees_with_another_solver_on_large_residuals(model: Model, kind: DataKind) -> None:
-    """At 0.3 mm of noise, with the other solver's answer refined as a root of ∂F/∂Δρ."""
+    It compares sums of squares: rounding of F hides a step of about |r|·1e-7.
+    """
     problem = problem_for(kind, model)
     offsets = np.random.default_rng(12).uniform(-5.0, 5.0, (6, 3))
     data = noisy(problem, offsets, 0.3, 3)
@@ -237,14 +217,9 @@ def test_data_out_of_all_reach_never_look_converged() -> None:
     assert not np.all(fit.converged)
     again = problem.remaining(data, fit.offsets_mm)
     assert np.array_equal(again <= OPTIMAL, fit.converged)
-
-
-def test_not_converged_is_an_error_not_a_number() -> None:
-    problem = problem_of(SIX, NOMINAL)
-    data = np.random.default_rng(2).normal(0.0, 100.0, (500, 6))
-    row = data[np.flatnonzero(~fit_offsets(problem, data).converged)[0]]
+    lost = data[np.flatnonzero(~fit.converged)[0]]
     with pytest.raises(NotConvergedError, match="No offsets fit these data") as caught:
-        solve(of_values(SIX, row), NOMINAL)
+        solve(of_values(SIX, lost), NOMINAL)
     assert caught.value.exit_code == 4
 
 
