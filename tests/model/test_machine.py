@@ -1,0 +1,95 @@
+"""Machines as schemas: the keys of their files, told apart by kind, with bounds and words."""
+
+import pytest
+import yaml
+from pydantic import TypeAdapter, ValidationError
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machines import MACHINES, AnyMachine
+from orthoglide_cal.model.orthoglide import Orthoglide
+from tests.machines import PROTOTYPE, ROOT
+from tests.printers import PRINTER
+
+ANY = TypeAdapter(AnyMachine)
+LEFT_OUT = ("schema_version", "identified")
+
+
+def keys(name, **other):
+    """Keys of a file of the package as texts, with other values."""
+    text = (ROOT / "configs" / f"{name}.yaml").read_text(encoding="utf-8")
+    given = yaml.load(text, yaml.BaseLoader)
+    return {key: value for key, value in (given | other).items() if key not in LEFT_OUT}
+
+
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [("orthoglide_prototype", Orthoglide), ("orthoglide_large", Orthoglide),
+     ("linear_delta", LinearDelta)],
+)  # fmt: skip
+def test_its_kind_is_told_by_its_keys_too(name, made):
+    stated = keys(name)
+    silent = {key: value for key, value in stated.items() if key != "kind"}
+    machine = ANY.validate_python(silent)
+    assert type(machine) is made
+    assert MACHINES[machine.kind] is made
+    assert machine == ANY.validate_python({**stated, "kind": machine.kind})
+    assert hash(machine) == hash(ANY.validate_python(silent))
+
+
+@pytest.mark.parametrize("machine", [PROTOTYPE, PRINTER], ids=lambda machine: machine.kind)
+def test_what_it_dumps_makes_the_same_machine(machine):
+    for dumped in (machine.model_dump(), machine.model_dump(mode="json")):
+        assert ANY.validate_python(dumped) == machine
+    assert ANY.validate_json(machine.model_dump_json()) == machine
+
+
+@pytest.mark.parametrize(
+    ("name", "other", "place", "words"),
+    [
+        ("orthoglide_prototype", {"leg_length_mm": "0.5"}, ("leg_length_mm",), "greater than"),
+        ("orthoglide_prototype", {"leg_length_mm": "1_0"}, ("leg_length_mm",), "not a number"),
+        ("orthoglide_prototype", {"leg": "1"}, ("leg",), "not permitted"),
+        ("orthoglide_prototype", {"joint_limits_mm": ["5", "60"]}, ("joint_limits_mm",), "ordered"),
+        ("orthoglide_prototype", {"joint_limits_mm": ["-400", "60"]}, ("joint_limits_mm",), "leg"),
+        ("orthoglide_prototype", {"offsets_mm": {"x": "1e4"}}, ("offsets_mm", "x"), "less than"),
+        ("linear_delta", {"arm_length_mm": "-3"}, ("arm_length_mm",), "greater than"),
+        ("linear_delta", {"arm_length_mm": ["300", "301"]}, ("arm_length_mm", 2), "required"),
+        ("linear_delta", {"delta_radius_mm": "344.1"}, ("delta_radius_mm",), "arm is long"),
+        ("linear_delta", {"tower_angles_deg": ["330", "210", "90"]}, ("tower_angles_deg",),
+         "counter-clockwise"),
+        ("linear_delta", {"endstops_mm": {"a": "1", "b": "2"}}, ("endstops_mm", "c"), "required"),
+    ],
+)  # fmt: skip
+def test_a_slip_has_its_place(name, other, place, words):
+    with pytest.raises(ValidationError) as caught:
+        ANY.validate_python(keys(name, **other))
+    (fault,) = caught.value.errors()
+    # Behind the kind.
+    assert fault["loc"][1:] == place
+    assert words in fault["msg"]
+
+
+def test_one_length_stands_for_all_arms_and_a_missing_offset_for_none():
+    (one,) = {ANY.validate_python(keys("linear_delta", arm_length_mm="300.5")).arm_length_mm}
+    assert one == (300.5, 300.5, 300.5)
+    machine = ANY.validate_python(keys("orthoglide_prototype", offsets_mm={"y": "−0.25"}))
+    assert machine.active == (0.0, -0.25, 0.0)
+
+
+def test_a_changed_machine_has_the_fields_of_its_kind():
+    assert PROTOTYPE.changed(leg_length_mm=300.0).nominal_rails.lengths.tolist() == [300.0] * 3
+    with pytest.raises(TypeError, match="arm_length_mm"):
+        PROTOTYPE.changed(arm_length_mm=300.0)
+    with pytest.raises(UsageError, match="linear_delta"):
+        Orthoglide.require(PRINTER)
+
+
+def test_what_is_asked_of_a_new_machine_says_what_it_is():
+    for made in MACHINES.values():
+        asked = {name: field for name, field in made.model_fields.items() if field.title}
+        assert "name" in asked
+        for field in asked.values():
+            assert field.description
+            assert isinstance(field.json_schema_extra, dict)
+            assert "unit" in field.json_schema_extra
