@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from orthoglide_cal.model import Cause, Effect, Machine, Model, Place
+    from orthoglide_cal.model.plan import AnyPlan
 
 
 # What is meant where nothing is said: the gauge in the middle of the leg; places on a bed.
@@ -120,6 +121,7 @@ def simulate(
         write_text,
     )
     from orthoglide_cal.model import double_posture, single_posture
+    from orthoglide_cal.model.linear_delta import LinearDelta
     from orthoglide_cal.model.synthetic import bed_plan, synthetic_probe_points, synthetic_session
 
     for name, size in (("--noise", noise), ("--resolution", resolution)):
@@ -127,24 +129,24 @@ def simulate(
             raise UsageError(f"{name} cannot be {size:g}.", "Give millimetres from 0.")
     chosen = secrets.randbelow(2**32) if seed is None else seed
     known = given_machine(machine) or folder_machine()
-    nominal: Any = known.machine
+    nominal = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
     gauge = nominal.instrument.changed(**{k: v for k, v in given.items() if v is not None})
     rng = np.random.default_rng(chosen)
     yaml = target is not None and target.suffix.lower() in (".yaml", ".yml")
 
-    def wrong(plan: Any) -> Model:
+    def wrong(plan: AnyPlan) -> Model:
         """The machine with all that is wrong with it, or with these readings."""
         return known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
 
-    plan: Any
+    plan: AnyPlan
     record = None
     if known.machine.probes:
         if protocol is not Protocol.DOUBLE or gauge_at != _MIDDLE:
             raise UsageError("--protocol and --gauge-at are for gauges.", "Leave them out.")
         if json or yaml:
             raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
-        plan = bed_plan(nominal, places, height or (0.0,), cycles or 1)
+        plan = bed_plan(LinearDelta.require(nominal), places, height or (0.0,), cycles or 1)
         true = np.array((*offsets, *more))
         made = synthetic_probe_points(wrong(plan), plan, true, rng, gauge)
         text, what = touches_csv(made), "touches"
@@ -153,9 +155,9 @@ def simulate(
             options = "--places, --height and --radius-angles"
             raise UsageError(f"{options} are of a linear delta.", "Leave them out.")
         if protocol is Protocol.DOUBLE:
-            plan = double_posture(nominal, cycles or 3, gauge_at=gauge_at)
+            plan = double_posture(known.orthoglide, cycles or 3, gauge_at=gauge_at)
         else:
-            plan = single_posture(nominal, cycles or 3)
+            plan = single_posture(known.orthoglide, cycles or 3)
         made = synthetic_session(wrong(plan), plan, np.array(offsets), rng, gauge)
         text, what = readings_csv(made), "readings"
         record = session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
@@ -173,7 +175,7 @@ def simulate(
         tell(f"seed {chosen}")
 
 
-def _effect_named(text: str, plan: Any, machine: Machine, rng: np.random.Generator) -> Effect:
+def _effect_named(text: str, plan: AnyPlan, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect that `--cause ID[@PLACE]=VALUES` describes.
 
     `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit
@@ -231,7 +233,7 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     return np.concatenate([np.array(values) * cause.scale, hidden])
 
 
-def _place(cause: Cause, text: str, plan: Any, machine: Machine) -> Place:
+def _place(cause: Cause, text: str, plan: AnyPlan, machine: Machine) -> Place:
     from orthoglide_cal.causes import RelabelCause
     from orthoglide_cal.model import Place, View
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.model.instrument import Gauge, Instrument
+from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.layouts import REACH, layout_of, mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import Readings, Source
@@ -26,7 +26,7 @@ ZERO_RANGE_MM = 1.0
 def written_down(
     signal: Floats,
     plan: GaugePlan,
-    gauge: Gauge,
+    gauge: Instrument,
     rng: np.random.Generator,
     sessions: int | None = None,
 ) -> Floats:
@@ -54,7 +54,7 @@ def synthetic_session(
     plan: GaugePlan,
     offsets: Floats,
     rng: np.random.Generator,
-    gauge: Gauge | None = None,
+    gauge: Instrument | None = None,
 ) -> Readings:
     """One session on a machine with these joint offsets.
 

@@ -8,6 +8,7 @@ import pytest
 from orthoglide_cal.files import write_text
 from tests import truth
 from tests.cli.program import DOUBLE, SINGLE, SIX, lines, process, run
+from tests.cli.test_plan import once
 from tests.machines import ROOT
 
 OF_DIAGNOSIS = {"what", "minutes", "separates", "between", "separation_sigma"}
@@ -45,7 +46,7 @@ def test_the_ranking_begins_with_what_diagnose_names(open_session: tuple[str, st
 
 def test_the_text_says_what_to_type(open_session: tuple[str, str]) -> None:
     path, machine = open_session
-    shown = run("plan", path, "--machine", machine).output
+    shown = once("plan", path, "--machine", machine).output
     # The recommendation leads.
     assert next(line for line in shown.splitlines() if line[:1] in "i!✔✘").startswith("i Next, ")
     assert "What to measure next, best first" in shown
@@ -94,7 +95,7 @@ def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own(
 
 def test_the_page_of_a_file_speaks_of_that_file() -> None:
     """What a session of its own would give stands apart, under its own heading."""
-    shown = run("plan", DOUBLE, "--target", "0.022").stdout
+    shown = once("plan", DOUBLE, "--target", "0.022").stdout
     head, _, alone = shown.partition("A session of its own would give")
     # However long its path is, and where it wraps.
     assert "".join(f"Readings {DOUBLE}, 60".split()) in "".join(head.split())
@@ -106,10 +107,10 @@ def test_the_page_of_a_file_speaks_of_that_file() -> None:
 
 def test_a_target_beside_a_file_is_answered() -> None:
     def said(target: str) -> str:
-        shown = run("plan", DOUBLE, "--target", target).stdout.partition("What to do next")[0]
+        shown = once("plan", DOUBLE, "--target", target).stdout.partition("What to do next")[0]
         return " ".join(shown.replace("│", " ").split())
 
-    (plan,) = lines(run("plan", DOUBLE, "--json"))
+    (plan,) = lines(once("plan", DOUBLE, "--json"))
     able = [n for n in plan["next"] if max(n["expanded_mm"].values()) <= 0.022]
     quickest = min(able, key=lambda each: each["minutes"])
     assert f"± 0.022 mm takes about {quickest['minutes']:.0f} min: {quickest['what']}" in said(
@@ -130,7 +131,7 @@ def test_sound_readings_need_nothing_and_say_what_they_give() -> None:
 
 
 def test_minutes_are_short_numbers() -> None:
-    (plan,) = lines(run("plan", DOUBLE, "--json"))
+    (plan,) = lines(once("plan", DOUBLE, "--json"))
     minutes = [each["minutes"] for each in (*plan["next"], *plan["by_cycles"], plan["design"])]
     assert all(len(repr(each)) <= 6 for each in minutes)
 
@@ -138,7 +139,7 @@ def test_minutes_are_short_numbers() -> None:
 @pytest.mark.parametrize("path", [DOUBLE, SINGLE, SIX])
 def test_every_kind_of_data_has_a_next(path: str) -> None:
     """Sound data, too: ranked by the uncertainty that is left for the time."""
-    (plan,) = lines(run("plan", path, "--json"))
+    (plan,) = lines(once("plan", path, "--json"))
     found = plan["next"]
     assert found
     assert all(each["minutes"] > 0.0 for each in found)
