@@ -126,6 +126,11 @@ class Figure:
     key: str | None = None
     sketch: tuple[str, ...] = ()
 
+    @property
+    def in_words(self) -> str:
+        """Title and finding; "" where it has neither."""
+        return f"{self.title}. {self.finding}".strip() if self.title else self.finding
+
 
 @dataclass(frozen=True)
 class Instruction:

@@ -159,7 +159,9 @@ def _tiles(grid: doc.Grid) -> Html:
 def _figure(figure: doc.Figure) -> Html:
     return tag(
         "figure",
-        tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding),
+        tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding)
+        if figure.in_words
+        else None,
         tag("div", *figure.panels, class_=f"panels {_COLUMNS[figure.columns]}")
         if figure.panels
         else tag("pre", join(figure.sketch, "\n"), class_="scroll", tabindex="0"),

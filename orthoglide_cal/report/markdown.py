@@ -38,8 +38,8 @@ def _block(block: doc.Block) -> str:
         case doc.Grid():
             return _table(block)
         case doc.Figure():
-            name = f"*{in_markdown(block.title)}.* " if block.title else ""
-            return f"{name}{in_markdown(block.finding)}\n\n{_fenced(block.sketch)}"
+            said = [in_markdown(block.in_words)] if block.in_words else []
+            return "\n\n".join([*said, _fenced(block.sketch)])
         case doc.Listing():
             return _fenced(block.lines)
         case doc.Instructions():

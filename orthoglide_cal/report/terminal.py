@@ -69,8 +69,8 @@ class TerminalPage:
             case doc.Grid():
                 yield from self._grid(block)
             case doc.Figure():
-                name = f"{block.title}. " if block.title else ""
-                yield from self._flow(f"{name}{block.finding}")
+                if block.in_words:
+                    yield from self._flow(block.in_words)
                 yield from (Text(_GAP + visible(row)) for row in block.sketch)
             case doc.Listing():
                 yield from (Text(visible(line)) for line in block.lines)
