@@ -48,21 +48,16 @@ class PriorReadings:
         return self.following.data.path
 
     @cached_property
-    def _rows(self) -> list[ReadingRow]:
-        """Each reading as the joined session holds it."""
-        rows = reading_rows(self.readings)
-        if not self.is_session:
-            return rows
-        entries = load_tree(self.following.data).value["readings"]
-        return [
-            row.model_copy(update={"timestamp": entry.get("timestamp")})
-            for row, entry in zip(rows, entries, strict=True)
-        ]
-
-    @property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of a session, in the order of time."""
-        return [self._rows[index] for index in self.readings.plan.in_time.tolist()]
+        rows = reading_rows(self.readings)
+        if self.is_session:
+            entries = load_tree(self.following.data).value["readings"]
+            rows = [
+                row.model_copy(update={"timestamp": entry.get("timestamp")})
+                for row, entry in zip(rows, entries, strict=True)
+            ]
+        return [rows[index] for index in self.readings.plan.in_time.tolist()]
 
     @property
     def environment(self) -> dict[str, str]:
@@ -98,15 +93,14 @@ class PriorReadings:
 
     def label(self, series: Series) -> str | None:
         """What the gauge is called that read this leg and direction last; None if nobody said."""
-        plan = self.readings.plan
-        mine = [i for i in plan.in_time.tolist() if plan.series[i] == series]
-        return self._rows[mine[-1]].gauge if mine else None
+        names = AXES[series.leg], AXES[series.direction]
+        mine = [row.gauge for row in self.rows if (row.leg, row.direction) == names]
+        return mine[-1] if mine else None
 
     def is_turned(self, leg: int) -> bool:
         """Whether the bar of a leg was turned when it was read last."""
-        plan = self.readings.plan
-        mine = plan.in_time[plan.leg[plan.in_time] == leg]
-        return bool(mine.size and plan.turned[mine[-1]])
+        bars = [row.bar for row in self.rows if row.leg == AXES[leg]]
+        return bool(bars and bars[-1])
 
     @cached_property
     def repeats(self) -> Counter[PlannedReading]:

@@ -185,12 +185,15 @@ class ReadingsSoFar:
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of the session file, from first to last."""
-        before = len(self.setting.first.readings) if self.setting.first else 0
-        accepted = zip(self.state.accepted.values(), self.labels, strict=True)
-        return [
-            self.row(item.take, seq=seq, gauge=label)
-            for seq, (item, label) in enumerate(accepted, start=before + 1)
-        ]
+        rows, first = list[ReadingRow](), self.setting.first
+        seq = len(first.readings) if first else 0
+        for item, label in zip(self.state.accepted.values(), self.labels, strict=True):
+            take, seq = item.take, seq + 1
+            remarks = [text for number, text in self.state.notes if number == take.step]
+            if isinstance(take, Questioned):
+                remarks.insert(0, f"kept although questioned: {take.question}")
+            rows.append(self.row(take, seq=seq, gauge=label, note="; ".join(remarks) or None))
+        return rows
 
     @property
     def measured(self) -> Readings:

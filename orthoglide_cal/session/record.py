@@ -7,7 +7,6 @@ from pathlib import Path
 
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import GaugeIdentity, Session, session_text
-from orthoglide_cal.session.events import Arrived, Questioned
 from orthoglide_cal.session.following import PriorReadings
 from orthoglide_cal.session.readings import ReadingsSoFar
 from orthoglide_cal.session.state import State
@@ -116,13 +115,7 @@ def session_values(so_far: ReadingsSoFar) -> Session:
         started=(first.conditions.started if first else None) or opened.at,
         finished=state.ended.at if state.ended else None,
         environment=_environment(state, first),
-        readings=(
-            *(first.rows if first else ()),
-            *(
-                row.model_copy(update={"note": _note(state, item.take)})
-                for row, item in zip(so_far.rows, state.accepted.values(), strict=True)
-            ),
-        ),
+        readings=(*(first.rows if first else ()), *so_far.rows),
         retaken=tuple(so_far.row(old.take, reason=old.reason) for old in state.replaced),
         skipped=tuple(
             so_far.place(number).model_copy(update={"reason": reason})
@@ -138,14 +131,6 @@ def written_before(so_far: ReadingsSoFar) -> set[bytes]:
         written.add(session_text(session_values(ReadingsSoFar(before, so_far.setting))).encode())
         before = before.reopened
     return written
-
-
-def _note(state: State, take: Arrived) -> str | None:
-    """Remarks on a reading that counts."""
-    remarks = [text for number, text in state.notes if number == take.step]
-    if isinstance(take, Questioned):
-        remarks.insert(0, f"kept although questioned: {take.question}")
-    return "; ".join(remarks) or None
 
 
 def _environment(state: State, first: PriorReadings | None) -> dict[str, str]:
