@@ -17,6 +17,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import erfc
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import log_density, predict
@@ -38,7 +39,6 @@ UNKNOWN_MM = 5.0
 _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
 # The parts of a plan that say what is read, not when and with which zero.
 PLACE = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "turned", "entered")
-_ERFC = np.vectorize(math.erfc, otypes=[np.float64])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class Prediction:
     def tail(self, value: Floats | float) -> Floats:
         """Chance of a reading at least this far off, shape (...)."""
         far = np.abs(np.asarray(value)[..., None] - self.means) / self.stds
-        return np.asarray((self.chances * _two_sided(far)).sum(axis=-1))
+        return np.asarray((self.chances * erfc(far / math.sqrt(2.0))).sum(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +148,10 @@ class PlanForecast:
         if model.accepted:
             self._base = simulate(model, self._zero, plan)
         self._offsets = OFFSET_MM**2 * jacobian @ jacobian.T
-        self._series = _alike(plan.leg, plan.direction)
+        self._series = _same(plan.leg) & _same(plan.direction)
         self._cells = _same(plan.cells)
-        size = _plausible(model.orthoglide)
-        self._drift = math.hypot(size["thermal_drift"], size["gauge_drift"])
-        self._settling = size["backlash"]
+        drifts = (CAUSES[id].size(machine) for id in ("thermal_drift", "gauge_drift"))
+        self._drift, self._settling = math.hypot(*drifts), CAUSES["backlash"].size(machine)
         self._noise_mm = machine.instrument.noise_mm
         self._misfits = _SIZES * misfit_mm(model.orthoglide)
         # Where time plays a part in a known effect, what is expected depends on when it is read.
@@ -216,7 +215,7 @@ def misfit_mm(machine: Orthoglide) -> float:
     postures, axes that lean by s by about L·s/7, a skew bar by its slope times the travel of the
     leg under the gauge, a wrong scale by a third of the travel times its error.
     """
-    size = _plausible(machine)
+    size = {id: cause.size(machine) for id, cause in CAUSES.items()}
     travel = max(abs(limit) for limit in machine.joint_limits_mm)
     return math.hypot(
         size["axis_gap"] / 6.0,
@@ -226,21 +225,6 @@ def misfit_mm(machine: Orthoglide) -> float:
     )
 
 
-def _plausible(machine: Orthoglide) -> dict[str, float]:
-    """Cause id → plausible size in the contract's unit."""
-    return {id: cause.size(machine) for id, cause in CAUSES.items()}
-
-
-def _two_sided(far: Floats) -> Floats:
-    """Chance that a normal variable is more than `far` standard deviations off."""
-    return np.asarray(_ERFC(far / math.sqrt(2.0)))
-
-
-def _same(keys: Ints | Floats) -> np.ndarray:
+def _same(keys: Ints) -> np.ndarray:
     """Where two entries are equal, shape (n, n)."""
     return np.asarray(keys[:, None] == keys)
-
-
-def _alike(*keys: Ints | Floats) -> np.ndarray:
-    """Where two readings agree in all keys, each of shape (n,); shape (n, n)."""
-    return np.asarray(np.logical_and.reduce([_same(key) for key in keys]))

@@ -33,7 +33,6 @@ from orthoglide_cal.model import (
     Plan,
     Readings,
     ReadOnly,
-    Source,
     gauge_doubts,
     simulate,
     simulate_with_jacobian,
@@ -78,16 +77,6 @@ class Solution(ReadOnly):
     def model(self) -> Model:
         """The machine and its accepted causes."""
         return self.posed.problem.model
-
-    @property
-    def source(self) -> Source:
-        """The data's path and digest."""
-        return self.measured.source
-
-    @property
-    def machine(self) -> str:
-        """Name of the machine."""
-        return self.model.machine.name
 
     @property
     def covariance_mm2(self) -> Floats:

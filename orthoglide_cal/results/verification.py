@@ -388,7 +388,7 @@ def _common(
         )
     ]
     return {
-        "inputs": tuple((each.source, each.model) for each in solutions),
+        "inputs": tuple((each.measured.source, each.model) for each in solutions),
         "before": before,
         "after": after,
         "machine": machine.name,
