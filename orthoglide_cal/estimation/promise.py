@@ -37,6 +37,11 @@ class PromisedDifference:
     expected_mm: float
     expanded_mm: float
 
+    @property
+    def name(self) -> str:
+        """Of the difference."""
+        return self.difference.name
+
 
 @dataclass(frozen=True, eq=False)
 class OffsetEstimate(ReadOnly):

@@ -190,6 +190,7 @@ class GoodnessOfFit(Schema):
     left_mm: float = Field(description="what the parameters alone leave, r.m.s.")
     expected_mm: float = Field(description="what noise as stated would leave, r.m.s.")
     noise_mm: float = Field(description="standard deviation of one reading, as stated")
+    residual_mm: float = Field(description="r.m.s. of the residuals per degree of freedom")
 
 
 class Residual(Schema):
@@ -213,7 +214,7 @@ class Residual(Schema):
     distance: bool = Field(default=False, description="a measured distance instead of a height")
     cycle: int = 1
     order: int = Field(description="rank in time, from 1")
-    weight: float = Field(description="1: as precise as most")
+    weight: float = Field(default=1.0, description="1: as precise as most")
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
     with_causes_mm: float | None = Field(

@@ -161,6 +161,9 @@ def answer_to(
         told = (*((left,) if left else ()), *decision.cautions)
         decision = decision.changed(cautions=told)
     lines, total = budget_lines(chosen.budget)
+    std = chosen.budget.std_mm
+    correlation = chosen.budget.covariance_mm2 / np.outer(std, std)
+    np.fill_diagonal(correlation, 1.0)
     found_alone = schema.Answer(
         input=file,
         machine=machine,
@@ -172,8 +175,8 @@ def answer_to(
         k=chosen.budget.k,
         confidence=CONFIDENCE,
         dof=None if dof >= NORMAL_DOF else round(dof),
-        correlation=_rows(_correlation(chosen.budget)),
-        sigma_rho_mm=_sigma_rho(model, chosen.budget),
+        correlation=tuple(map(tuple, correlation.tolist())),
+        sigma_rho_mm=rms(std) if set(model.machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(
             parameters=tuple(_parameters(model, alone, decimals, enter=False)),
             rms_after_mm=solution.rms_after_mm,
@@ -181,16 +184,17 @@ def answer_to(
         if named and found is not None
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=after),
-        noise=_noise(solution, chosen),
+        noise=schema.Noise(
+            used_mm=chosen.noise.sigma_mm,
+            repeats_mm=solution.sigma_repeats_mm,
+            residuals_mm=solution.sigma_residuals_mm,
+            stated_mm=solution.sigma_stated_mm,
+            floor_mm=solution.sigma_floor_mm,
+            dof=solution.dof,
+            p_value=solution.lack_of_fit_p,
+        ),
         deviations=tuple(
-            schema.DeviationPromise(
-                name=row.difference.name,
-                measured_mm=row.measured_mm,
-                modelled_mm=row.modelled_mm,
-                expected_mm=row.expected_mm,
-                expanded_mm=row.expanded_mm,
-            )
-            for row in rows
+            schema.DeviationPromise.model_validate(row, from_attributes=True) for row in rows
         ),
         as_found=_spread({row.difference.name: row.measured_mm for row in rows}),
         expected=_spread({row.difference.name: row.expected_mm for row in rows}),
@@ -327,33 +331,6 @@ def budget_lines(budget: Budget) -> tuple[tuple[schema.BudgetLine, ...], schema.
     return lines, total
 
 
-def _correlation(budget: Budget) -> Floats:
-    matrix = budget.covariance_mm2 / (budget.std_mm[:, None] * budget.std_mm)
-    np.fill_diagonal(matrix, 1.0)
-    return matrix
-
-
-def _sigma_rho(model: Model, budget: Budget) -> float | None:
-    """σ_ρ = √(trace V / 3) (eq. 33) of joint offsets."""
-    return rms(budget.std_mm) if set(model.machine.parameter_units) == {"mm"} else None
-
-
-def _rows(matrix: Floats) -> tuple[tuple[float, ...], ...]:
-    return tuple(map(tuple, matrix.tolist()))
-
-
-def _noise(solution: Solution, chosen: _Found) -> schema.Noise:
-    return schema.Noise(
-        used_mm=chosen.noise.sigma_mm,
-        repeats_mm=solution.sigma_repeats_mm,
-        residuals_mm=solution.sigma_residuals_mm,
-        stated_mm=solution.sigma_stated_mm,
-        floor_mm=solution.sigma_floor_mm,
-        dof=solution.dof,
-        p_value=solution.lack_of_fit_p,
-    )
-
-
 def _spread(values: dict[str, float]) -> schema.Spread | None:
     if not values:
         return None
@@ -372,45 +349,37 @@ def _residuals(
         with_causes = [*diagnosis.explained_mm.tolist()]
     predicted = solution.predicted_mm if diagnosis is None else diagnosis.nominal_mm
     values = zip(measured.value.tolist(), predicted.tolist(), with_causes, strict=True)
-    if isinstance(measured, Differences):
-        for number, (value, modelled, explained) in enumerate(values):
-            which = measured.which[number]
-            yield schema.Residual(
-                leg=AXES[which.series.leg],
-                direction=AXES[which.series.direction],
-                posture=which.name,
-                order=number + 1,
-                weight=1.0,
-                measured_mm=value,
-                modelled_mm=modelled,
-                with_causes_mm=explained,
-            )
-        return
-    plan, legs = measured.plan, measured.view is View.LEGS
-    order = np.empty(len(measured), dtype=np.intp)
-    order[plan.in_time] = np.arange(1, len(measured) + 1)
+    in_time = np.arange(len(measured))
+    if not isinstance(measured, Differences):
+        in_time = measured.plan.in_time
+    order = (np.argsort(in_time, kind="stable") + 1).tolist()
     for k, (value, modelled, explained) in enumerate(values):
-        x, y, z = (None, None, None) if legs else plan.place[k].tolist()
-        yield schema.Residual(
-            leg=AXES[plan.leg[k]] if legs else None,
-            direction=AXES[plan.direction[k]] if legs else None,
-            posture=measured.posture[k] if legs else None,
-            end=Contact(plan.contact[k]).end if legs else None,
-            displacement_mm=float(plan.displacement[k]) if legs else None,
-            gauge_at=float(plan.gauge_at[k]) if legs else None,
-            part=int(plan.part[k]) + 1 if legs else None,
-            x_mm=x,
-            y_mm=y,
-            z_mm=z,
-            surface_mm=None if legs else float(plan.surface[k]),
-            distance=not legs and bool(plan.distance[k]),
-            cycle=int(measured.cycle[k]),
-            order=int(order[k]),
-            weight=float(plan.precision[k]),
-            measured_mm=value,
-            modelled_mm=modelled,
-            with_causes_mm=explained,
-        )
+        left = {"measured_mm": value, "modelled_mm": modelled, "with_causes_mm": explained}
+        yield schema.Residual.model_validate({**_place(measured, k), "order": order[k], **left})
+
+
+def _place(measured: Measured, k: int) -> dict[str, object]:
+    """What an entry of the data is of."""
+    if isinstance(measured, Differences):
+        which = measured.which[k]
+        leg, direction = (AXES[axis] for axis in which.series)
+        return {"leg": leg, "direction": direction, "posture": which.name}
+    plan = measured.plan
+    own = {"cycle": int(measured.cycle[k]), "weight": float(plan.precision[k])}
+    if measured.view is not View.LEGS:
+        place = dict(zip(("x_mm", "y_mm", "z_mm"), plan.place[k].tolist(), strict=True))
+        surface, distance = float(plan.surface[k]), bool(plan.distance[k])
+        return {**own, **place, "surface_mm": surface, "distance": distance}
+    return {
+        **own,
+        "leg": AXES[plan.leg[k]],
+        "direction": AXES[plan.direction[k]],
+        "posture": measured.posture[k],
+        "end": Contact(plan.contact[k]).end,
+        "displacement_mm": float(plan.displacement[k]),
+        "gauge_at": float(plan.gauge_at[k]),
+        "part": int(plan.part[k]) + 1,
+    }
 
 
 def _undetermined(
@@ -487,14 +456,7 @@ def _of_diagnosis(
         "verdict": diagnosis.verdict,
         "explanations": tuple(_explanations(diagnosis, solution, alone)),
         "lack_of_fit": schema.GoodnessOfFit(
-            statistic=lack.statistic,
-            dof=lack.dof,
-            p_value=lack.p_value,
-            repeats_p_value=lack.repeats_p_value,
-            repeats_mm=lack.repeats_mm,
-            left_mm=diagnosis.left_mm,
-            expected_mm=diagnosis.expected_mm,
-            noise_mm=lack.noise_mm,
+            **vars(lack), left_mm=diagnosis.left_mm, expected_mm=diagnosis.expected_mm
         ),
         "causes": causes,
         "ambiguous_with": () if consistent else diagnosis.ambiguous_with,
@@ -521,33 +483,21 @@ def _of_diagnosis(
 
 
 def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:
-    machine = diagnosis.model.machine
-    size = cause.effect.cause.size(machine)
+    own = {name: each for name, each in vars(cause).items() if name not in ("effect", "advice")}
+    size = cause.effect.cause.size(diagnosis.model.machine)
     largest = max((abs(each.value) for each in cause.parameters.values()), default=0.0)
-    return schema.FoundCause(
-        id=cause.id,
-        probability=cause.probability,
-        where=cause.where,
-        parameters=tuple(
-            schema.CauseParameter(
-                name=name,
-                unit=each.unit,
-                value=each.value,
-                std=each.std,
-                expanded=half_width(math.inf) * each.std,
-            )
-            for name, each in cause.parameters.items()
-        ),
-        rms_before_mm=cause.rms_before_mm,
-        rms_after_mm=cause.rms_after_mm,
-        heldout_before_mm=cause.heldout_before_mm,
-        heldout_after_mm=cause.heldout_after_mm,
-        heldout_ratio=cause.heldout_ratio,
-        aliases=cause.aliases,
-        times_stated=largest / size if size > 0.0 and cause.parameters else None,
-        remedy=cause.advice,
-        recommended=cause.recommended,
-        in_machine=cause.in_machine,
+    return schema.FoundCause.model_validate(
+        {
+            **own,
+            "id": cause.id,
+            "parameters": [
+                {"name": name, **each._asdict(), "expanded": half_width(math.inf) * each.std}
+                for name, each in cause.parameters.items()
+            ],
+            "times_stated": largest / size if size > 0.0 and cause.parameters else None,
+            "remedy": cause.advice,
+            "in_machine": cause.in_machine,
+        }
     )
 
 
