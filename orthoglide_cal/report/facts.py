@@ -105,11 +105,6 @@ def _written(machine: Machine, names: Mapping[str, str]) -> tuple[tuple[str, doc
     return tuple((word, doc.Given(text)) for word, text in said if text is not None)
 
 
-def end_words(end: str | None) -> str:
-    """End of the leg that was touched; nothing where the gauge stands still."""
-    return f", {end} end" if end else ""
-
-
 def moment(written: str | None) -> doc.Given | None:
     """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
     if written is None:

@@ -89,7 +89,7 @@ def missing(document: Document, more: Iterable[float] = ()) -> list[str]:
     return faults
 
 
-@pytest.mark.parametrize("name", [*CASES, "as_left"])
+@pytest.mark.parametrize("name", [*CASES, "as_left", "verified"])
 def test_every_number_of_a_report_is_in_its_json(name: str) -> None:
     assert missing(documents()[name]()) == []
 

@@ -9,7 +9,7 @@ import numpy as np
 from orthoglide_cal.model import AXES, DataKind, Floats, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.facts import comparison_words, end_words
+from orthoglide_cal.report.facts import comparison_words
 from orthoglide_cal.results.answer import Answer, Residual
 from orthoglide_cal.words import signed
 
@@ -197,7 +197,7 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float) -> doc.G
     keys = [(_series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1) for row in rows]
     for k in sorted(range(len(rows)), key=keys.__getitem__):
         row, name = rows[k], keys[k][0].words
-        name += end_words(row.end) if row.end else f", at {row.gauge_at:g}" if several else ""
+        name += f", {row.end} end" if row.end else f", at {row.gauge_at:g}" if several else ""
         name += f", part {row.part}" if parts else ""
         own = cells.setdefault(name, {posture: [] for posture in postures})
         own[row.posture or ""].append((row.order, float(left_mm[k])))

@@ -238,14 +238,14 @@ def verification_outcome(found: Verification) -> doc.Section:
         return doc.Section("Heights", (grid,))
     rows: list[tuple[doc.Blank, ...]] = []
     for d in found.differences:
-        values = (d.before_mm, d.promised_mm, d.after_mm, d.after_mm - d.promised_mm)
-        before, promised, after, missed = (signed(value, digits) for value in values)
+        values = (d.before_mm, d.promised_mm, d.after_mm)
+        before, promised, after = (signed(value, digits) for value in values)
         reach = f"± {plain(d.promised_expanded_mm, digits)}"
-        rows.append((d.difference, before, promised, reach, after, missed))
+        rows.append((d.difference, before, promised, reach, after))
     strong = [doc.Strong(size.removesuffix(" mm")) for size in sizes[:3]]
-    rows.append(("r.m.s.", *strong[:2], "", strong[2], ""))
+    rows.append(("r.m.s.", *strong[:2], "", strong[2]))
     grid = doc.Grid(
-        ("difference", "before", "promised", "U", "measured", "missed by"),
+        ("difference", "before", "promised", "U", "measured"),
         tuple(rows),
         caption="Deviation from parallel motion, mm.",
     )
