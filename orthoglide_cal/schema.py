@@ -164,7 +164,6 @@ def _digest(text: str) -> str:
 Number = Annotated[float, BeforeValidator(yaml_number)]
 Minutes = Annotated[float, PlainSerializer(lambda minutes: round(minutes, 2))]
 Positive = Annotated[Number, Field(gt=0.0)]
-NotNegative = Annotated[Number, Field(ge=0.0)]
 Count = Annotated[int, BeforeValidator(_count)]  # a whole number from 1
 Version = Annotated[int, BeforeValidator(_version)]
 Word = Annotated[str, AfterValidator(_word)]  # a text that says something

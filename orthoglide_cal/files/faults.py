@@ -74,6 +74,11 @@ class Faults:
         return bool(self.problems)
 
     @property
+    def full(self) -> bool:
+        """Whether there are so many that further ones are only counted."""
+        return len(self.problems) >= _MOST
+
+    @property
     def count(self) -> int:
         """Number of faults found, also of those that are too many to be kept."""
         return len(self.problems) + self._more
@@ -88,7 +93,7 @@ class Faults:
         value: str | None = None,
     ) -> None:
         """Note one fault at its place."""
-        if len(self.problems) >= _MOST:
+        if self.full:
             self._more += 1
             return
         self.problems.append(
@@ -110,7 +115,7 @@ class Faults:
             place: from a path inside the content to its place in the file.
             words: instead of those for all files: "missing posture" → (what, remedy).
         """
-        if len(self.problems) >= _MOST:
+        if self.full:
             self._more += error.error_count()
             return
         for path, what, remedy in _worded(error, schema, words):

@@ -299,8 +299,8 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *around)))
     for key in value:
         if key not in known:
-            remedy = f"{nearest(key, known)}Known here: {', '.join(known)}."
-            note("The key is not known.", remedy, key)
+            near = "" if faults.full else nearest(key, known)
+            note("The key is not known.", f"{near}Known here: {', '.join(known)}.", key)
     if made and "kind" not in value and made.model_fields["kind"].default != kind_of({}):
         faults.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     found: list[Any] = []
@@ -320,7 +320,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
         try:
             if id not in causes:
-                raise _unknown_cause(id, causes)
+                raise _unknown_cause("" if faults.full else id, causes)
             _check_tolerance(CAUSES[id], own, text)
         except InputError as fault:
             at = None if id in causes else id
