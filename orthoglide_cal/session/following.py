@@ -119,11 +119,6 @@ class Recommendation:
     option: Option  # that is carried out
 
     @property
-    def held(self) -> Model:
-        """The machine with what its controller holds now."""
-        return self.first.following.held(self.model)
-
-    @property
     def change(self) -> str | None:
         """What was entered since the first readings were taken, in a sentence; None for nothing."""
         change = np.subtract(self.first.following.entered, _left_entered(self.first.readings))

@@ -108,9 +108,9 @@ def open_session(
             known = request.model, request.otherwise
             found = recommended(request.following, *known, keeper, choice, stands)
         model, found = _confirmed(request, Asker(keyboard, show), found)
-        journal = Journal.create(
-            record.journal_path(path), *_first_records(request, model, now(), found)
-        )
+        # What others are joined to keeps the machine as it was for the first of them.
+        first = _first_records(request, found.model if found else model, now(), found)
+        journal = Journal.create(record.journal_path(path), *first)
     try:
         state = replay(journal.recovered.events)
         setting = _setting(request, journal, state)
@@ -168,19 +168,17 @@ def _confirmed(
 ) -> tuple[Model, Recommendation | None]:
     """The machine, with the offsets that its controller holds, once the operator has agreed to it.
 
-    With it, to the measurement that is recommended, if it is to be carried out: then it is the
-    machine as it was for the first readings, and the recommendation says what is held now.
-
-    Nobody is asked who has agreed already, or has no terminal.
+    With it, to the measurement that is recommended, if it is to be carried out. Nobody is asked
+    who has agreed already, or has no terminal.
 
     Raises:
         UsageError: it is another machine, or the offsets are impossible.
         PostureError: a plunger would leave its bar.
         EOFError, KeyboardInterrupt: there is no answer.
     """
-    given = found.held if found else request.model or default_machine()
+    given = request.model or default_machine()
     if found:
-        plan = found.option.plan
+        given, plan = found.first.following.held(found.model), found.option.plan
     else:  # one cycle of what would be measured
         protocol = request.protocol or MeasuringProtocol.DOUBLE
         steps = sequence(given.orthoglide, protocol, 1, Order.PAPER, 1)
@@ -197,14 +195,14 @@ def _confirmed(
                 asker.say(found.change, Style.BAD)
             asker.say(found.first.following.words, Style.TITLE)
         if request.agreed or not asker.keyboard.live:
-            return (found.model if found else model), found
+            return model, found
         if request.model is None and not found:
             asker.say(wording.PROTOTYPE, Style.BAD)
         asker.say(wording.CONFIRM_NEXT if found else wording.CONFIRM, Style.QUESTION)
         answer = asker.ask(lambda columns: _HOLDS)
         text = answer.text.lower() if isinstance(answer, TypedLine) else ""
         if text in ("", "y", "yes"):
-            return (found.model if found else model), found
+            return model, found
         if text in ("n", "no", "q"):
             raise UsageError(
                 "Nothing was begun.",
