@@ -54,7 +54,7 @@ def test_the_legend_of_separations_names_all_that_is_shown() -> None:
     assert " 99 " in f"{table[1]} "
     assert "99: or more" in rest
     # Each shade with what it says of telling apart; the indentation of a block leaves 78.
-    assert legend.startswith("Distinguished? ")
+    assert legend.startswith("Distinct? ")
     assert [legend.partition(shade)[2].split(":")[1].split(";")[0] for shade in "█▓▒"] == [
         " no", " hardly", " mostly",
     ]  # fmt: skip
