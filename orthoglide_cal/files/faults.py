@@ -43,6 +43,9 @@ _ALSO = {  # also said of
     "float_type": "number_type",
     "enum": "literal_error",
     "dict_type": "model_type",
+    # Of named tuples, by other releases of pydantic.
+    "missing_argument": "missing",
+    "unexpected_keyword_argument": "extra_forbidden",
     "mapping_type": "model_type",
     "model_attributes_type": "model_type",
 }
