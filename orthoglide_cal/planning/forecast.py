@@ -143,7 +143,7 @@ class SessionForecast(Schema):
 
     def _without(self, sources: Collection[str]) -> Budget | None:
         left = self.budget.without(sources).contributions
-        parts = tuple(each for each in left if np.any(each.std_mm))
+        parts = tuple(each for each in left if np.any(each.std_mm**2 > TINY))
         return Budget(parts) if parts else None
 
 
