@@ -92,7 +92,7 @@ class RelabelCause(Cause):
     size_reason = "it happens or it does not"
 
     def share(self, place: Place) -> float:
-        """How likely it is at a place, beside 1 at most places."""
+        """How likely it is at a place; 1 at most places."""
         return 1.0
 
     def unit_mm(self, place: Place) -> float:

@@ -82,7 +82,7 @@ class ProbeDrift(Cause):
     size_reason = "an inductive probe or its mount cooling by some degrees"
     names = ("rate",)
     timed = True
-    mended_as = "thermal_drift"
+    same_remedy_as = "thermal_drift"
     instrument = "the same touch again after ten minutes"
     advice = "Let bed and probe reach their temperature, wait ten minutes, and probe again."
 

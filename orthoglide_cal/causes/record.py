@@ -24,7 +24,7 @@ from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Bools, Floats
 from orthoglide_cal.model.readings import GaugePlan, Series
 
-# A fault of a whole table is this likely beside that of one gauge: it shows at once, mostly.
+# A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
 CLERICAL = 0.1
 
 

@@ -15,7 +15,7 @@ from orthoglide_cal.model.plan import Numbers
 def _outwards(geometry: Geometry) -> Numbers:
     """Unit vectors from the middle to each tower, (..., 3, 3), level, at its carriage's height.
 
-    There a lean moves nothing, so that a radius found beside it goes the same way.
+    There a lean moves nothing, so that a radius found together with it goes the same way.
     """
     carriages = geometry.carriages(_in_the_middle(geometry))
     away = carriages * [1.0, 1.0, 0.0]

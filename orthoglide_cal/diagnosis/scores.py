@@ -103,7 +103,7 @@ def _to_read_again(
 
 @functools.lru_cache(maxsize=256)
 def _mended(*causes: Cause) -> Ids:
-    return tuple(sorted({cause.mended_as or cause.id for cause in causes}))
+    return tuple(sorted({cause.same_remedy_as or cause.id for cause in causes}))
 
 
 def score_all(at: Linearised) -> dict[Ids, Score]:

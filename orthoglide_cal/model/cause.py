@@ -76,9 +76,9 @@ class Cause:
         lasting: True if the same machine still has it in the next session.
         compensable: True if a controller can compensate it.
         timed: True if it can only be seen in readings whose time order is known.
-        weight: how likely it is before anything is read, beside 1 for most causes.
-        mended_as: id of another cause that is mended in the same way: they are one answer; None
-            for its own.
+        weight: how likely it is before anything is read; 1 for most causes.
+        same_remedy_as: id of another cause with the same remedy: they are one answer; None for its
+            own.
         instrument: what shows it where these readings leave no trace of it.
         advice: what a technician can do about it; "{where}" stands for its place in words.
         elsewhere: kind of machine → those of the three words that are others there.
@@ -98,7 +98,7 @@ class Cause:
     compensable: bool = False
     timed: bool = False
     weight: float = 1.0
-    mended_as: str | None = None
+    same_remedy_as: str | None = None
     instrument: str
     advice: str
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
@@ -152,7 +152,7 @@ class Cause:
         return np.zeros(0, dtype=np.intp)
 
     def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
-        """Indices of the readings that taking again would mend; () if that mends nothing."""
+        """Indices of the readings that taking again would correct; () if that corrects nothing."""
         return ()
 
     def prior_std(self, machine: Machine) -> Floats:
@@ -207,7 +207,7 @@ class Cause:
     ) -> Floats:
         """Readings (n,) as they would be without a fault of the contact or the record [mm].
 
-        As they are where it cannot be undone in them.
+        As they are where it cannot be inverted in them.
         """
         return readings
 

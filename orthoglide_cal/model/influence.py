@@ -1,4 +1,4 @@
-"""What readings hold beside noise that nobody knows exactly, and hardly any reading shows."""
+"""What readings hold besides noise: what nobody knows exactly, and hardly any reading shows."""
 
 from __future__ import annotations
 

@@ -73,8 +73,8 @@ def rings(count: int, radius: float) -> Floats:
 def mixed(places: Floats) -> Floats:
     """The same places, each once, in an order that has little to do with where they are, (m, 2).
 
-    So what drifts with time is taken neither for a tilt nor for a shape, and every place is come to
-    from another side. Row by row, time is the way across the bed.
+    So what drifts with time is taken neither for a tilt nor for a shape, and every place is
+    approached from another side. Row by row, time is the way across the bed.
     """
     at = np.unique(places, axis=0)
     return np.asarray(at[np.argsort(np.arange(len(at)) * GOLDEN % 1.0, kind="stable")])
@@ -85,7 +85,7 @@ def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
 
     Args:
         radius: of the bed [mm].
-        calliper: how precise a distance is beside a touch: ratio of the standard deviations.
+        calliper: how precise a distance is compared to a touch: ratio of the standard deviations.
     """
     reach = REACH * radius
     places = {count: mixed(rings(count, reach)) for count in PLACES}

@@ -136,8 +136,8 @@ class LinearDelta(Machine):
     # Belts have lost motion whatever else is wrong.
     companions = MappingProxyType(
         {
-            "backlash": "That these touches depend on the direction from which they were come to"
-            " is established; that lost motion of the carriages is the reason, is not."
+            "backlash": "These touches depend on the approach direction. That lost motion of the"
+            " carriages is the reason is not established."
         }
     )
     # No firmware has a setting for these, yet once they are known what is calibrated is found right
@@ -247,10 +247,10 @@ class LinearDelta(Machine):
         """Where the controller sends the carriages: all first places, then all second ones."""
         places = np.concatenate((plan.place, plan.other))
         first, nothing = self.joints_for(places), read_only(np.zeros(places.shape))
-        # From touch to touch; a printed object was come to from all sides.
+        # From touch to touch; a printed object was approached from all sides.
         touched = plan.in_time[~plan.distance[plan.in_time]]
         hours = np.tile(plan.hours, 2)
-        # On the way from place to place the height does not hang on what is touched.
+        # On the way from place to place the height does not depend on what is touched.
         level = self.joints_for(np.column_stack((places[:, :2], np.tile(plan.surface, 2))))
         home = self.home_mm
         return Command(read_only(first), home, hours, touched, nothing, read_only(level))

@@ -151,7 +151,7 @@ class Readings(ReadOnly):
 
     @property
     def weight(self) -> Floats:
-        """How much an error of each counts in a root mean square beside a common one, (n,)."""
+        """How much an error of each counts in a root mean square compared to a common one, (n,)."""
         return np.asarray(self.plan.precision)
 
     @property

@@ -79,7 +79,7 @@ class Model:
         return RealMachine(geometry, motions, still)
 
 
-# Step of complex-step derivatives: its square vanishes beside 1, so they are exact.
+# Step of complex-step derivatives: its square vanishes against 1, so they are exact.
 STEP = 1e-30
 
 

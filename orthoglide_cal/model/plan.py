@@ -68,8 +68,8 @@ class Plan:
     Attributes:
         order: rank in time; equal only for readings that are never compared in time, (n,).
         hours: since the session began, (n,) [h].
-        part: 0 …; readings of one sitting, (n,): between parts the gauges are set up, and told
-            apart, anew. A fault of the measurement is one of a part.
+        part: 0 …; readings of one sitting, (n,): between parts the gauges are set up, and
+            numbered, again. A fault of the measurement is one of a part.
     """
 
     order: Ints
@@ -121,7 +121,7 @@ class Plan:
 
     @property
     def precision(self) -> Floats:
-        """How precise each reading is beside a common one: ratio of their σ, shape (n,)."""
+        """How precise each reading is compared to a common one: ratio of their σ, shape (n,)."""
         raise NotImplementedError
 
     @property
@@ -156,7 +156,7 @@ class Plan:
 
     @property
     def last_travel(self) -> Ints:
-        """The last readings, from which the carriages come to the next one, in time order."""
+        """The last readings, from which the carriages go to the next one, in time order."""
         return self.in_time[-1:]
 
     def subset(self, chosen: Ints) -> Self:

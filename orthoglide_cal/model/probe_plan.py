@@ -30,7 +30,7 @@ class ProbePlan(Plan):
         other: the second place of a distance; of a touch the place itself, shape (n, 3) [mm].
         surface: height of the touched surface over the bed, (n,) [mm]; 0 for a distance.
         distance: True for a distance, (n,).
-        weight: how precise it is beside a touch: ratio of the standard deviations, (n,).
+        weight: how precise it is compared to a touch: ratio of the standard deviations, (n,).
     """
 
     place: Floats
