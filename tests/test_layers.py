@@ -18,7 +18,7 @@ ROOMS = (
 ONLY_FOR = {"paper": {"cli", "report"}}
 PRINTING = {"cli"}
 SEEDING = {"cli", "session"}
-MOST_ANY = 75  # mentions of `Any`
+MOST_ANY = 60  # mentions of `Any`
 
 
 def name_of(path: Path) -> str:
@@ -103,7 +103,7 @@ def test_hardly_anything_is_of_any_type() -> None:
         f"{name}:{node.lineno}"
         for name, tree in TREES.items()
         for node in ast.walk(tree)
-        if isinstance(node, ast.Name) and node.id == "Any"
+        if getattr(node, "id", None) == "Any"
     ]
     assert len(found) <= MOST_ANY, listed(found)
 

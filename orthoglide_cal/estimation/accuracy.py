@@ -167,7 +167,8 @@ def require_determined(problem: Problem) -> None:
 
 def _undetermined(problem: Problem, names: Sequence[str]) -> RankDeficientError:
     machine = problem.model.machine
-    listed = " and ".join(names if machine.absolute else (f"Δρ_{axis}" for axis in names))
+    symbols = dict(zip(machine.parameter_names, machine.parameter_symbols, strict=True))
+    listed = " and ".join(symbols[name] for name in names)
     return RankDeficientError(
         f"These readings do not determine {listed}.",
         machine.vocabulary.fewest or f"Add readings of {_mend(problem, problem.at_zero[1])}.",

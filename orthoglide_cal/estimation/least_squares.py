@@ -16,7 +16,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ from orthoglide_cal.model import (
     simulate,
     simulate_with_jacobian,
 )
+
+T = TypeVar("T")
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3
@@ -234,7 +236,7 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     )
 
 
-def _in_parallel(fit: Callable[[int], Any], count: int) -> list[Any]:
+def _in_parallel(fit: Callable[[int], T], count: int) -> list[T]:
     """The results of `fit` for each block; numpy lets go of the interpreter in long loops."""
     starts = range(0, count, BLOCK)
     if len(starts) <= 1:

@@ -7,7 +7,7 @@ because YAML has forms that nobody writes and this does not know.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import yaml
 
@@ -22,7 +22,7 @@ class _Change(NamedTuple):
     text: str
 
 
-def edited(text: str, values: Mapping[str, Any]) -> str:
+def edited(text: str, values: Mapping[str, object]) -> str:
     """The text of a YAML file with other values.
 
     `edited("a: 1  # one\\n", {"a": 2, "b": []})` is `"a: 2  # one\\nb: []\\n"`.
@@ -41,10 +41,10 @@ def edited(text: str, values: Mapping[str, Any]) -> str:
     return text.rstrip("\n") + "\n" + yaml_text(missing)
 
 
-def _changes(group: Any, values: Mapping[str, Any], text: str) -> Iterator[_Change]:
+def _changes(group: yaml.Node | None, values: Mapping[str, object], text: str) -> Iterator[_Change]:
     for key, value in values.items():
         name, node = _entry(group, key)
-        if node is None:
+        if name is None or node is None:
             continue
         start = node.start_mark.index
         line = text.rfind("\n", 0, start)
@@ -59,17 +59,17 @@ def _changes(group: Any, values: Mapping[str, Any], text: str) -> Iterator[_Chan
             yield _Change(start, _end(node), _written(value))
 
 
-def _entry(group: Any, key: str) -> tuple[Any, Any]:
+def _entry(group: yaml.Node | None, key: str) -> tuple[yaml.Node, yaml.Node] | tuple[None, None]:
     """The nodes of a key and its value; None where there is none."""
     entries = group.value if isinstance(group, yaml.MappingNode) else ()
     return next((entry for entry in entries if entry[0].value == key), (None, None))
 
 
-def _is_block(node: Any) -> bool:
-    return not isinstance(node, yaml.ScalarNode) and not node.flow_style
+def _is_block(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.CollectionNode) and not node.flow_style
 
 
-def _end(node: Any) -> int:
+def _end(node: yaml.Node) -> int:
     """Where the node's own text ends; the parser counts what follows a block to it."""
     if not _is_block(node):
         return int(node.end_mark.index)
@@ -77,7 +77,7 @@ def _end(node: Any) -> int:
     return _end(last[1] if isinstance(last, tuple) else last)
 
 
-def _written(value: Any) -> str:
+def _written(value: object) -> str:
     """A value as it stands behind `key: `, or on the lines below."""
     # The list keeps the dumper from writing a group of nothing but scalars in braces.
     lines = yaml_text({"_": value, "__": []}).removeprefix("_:").removesuffix("\n__: []\n")

@@ -172,10 +172,16 @@ def _put(tree: Tree, stack: list[_Open], event: Any, value: Any) -> Steps | None
     return path
 
 
-def yaml_text(value: Any) -> str:
+def yaml_text(value: object) -> str:
     """YAML of plain values, in the order given, as `load_tree` reads it back."""
-    options: dict[str, Any] = {"allow_unicode": True, "width": 1000, "default_flow_style": None}
-    written: str = yaml.dump(value, Dumper=_Dumper, sort_keys=False, **options)
+    written: str = yaml.dump(
+        value,
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=1000,
+        default_flow_style=None,
+    )
     return written
 
 

@@ -120,6 +120,7 @@ class LinearDelta(Machine):
     """
 
     parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
+    parameter_symbols = parameter_names
     parameter_units = ("mm", "mm", "mm", "mm", "deg", "deg")
     # What is expected of readings hardly depends on how far such a machine is off.
     linearization_points = read_only(np.zeros((1, 6)))
@@ -147,8 +148,8 @@ class LinearDelta(Machine):
     # machine, and readings that know a parameter no better than this do not determine it.
     radius_mm: ClassVar[float] = 5.0
     angle_deg: ClassVar[float] = 2.0
-    # The values themselves are told, as firmwares have them; they stay in the firmware's own file.
-    absolute, recorded = True, False
+    # What was entered stays in the firmware's own file.
+    may_be_settled, recorded = True, False
     probes = True
     decimals = 4
     has_cube = False

@@ -113,7 +113,7 @@ class Machine(Schema):
         history: what was entered in the controller, oldest first.
 
     Each kind of machine says:
-        parameter_names, parameter_units: of what a calibration determines.
+        parameter_names, parameter_symbols, parameter_units: of what a calibration determines.
         linearization_points: offsets at which what is expected of readings is taken, (k, p).
         rivals: ids of two causes that hide behind each other in the usual measurement; or ().
         unobservable: ids of causes that no reading distinguishes from the parameters.
@@ -127,7 +127,7 @@ class Machine(Schema):
             is not claimed with it.
         recommended: ids of causes that no controller compensates, but that are worth knowing for
             what is calibrated.
-        absolute: the values themselves are told, not their excess over what the controller has.
+        may_be_settled: nothing is to be entered where readings agree with what the controller has.
         recorded: what was entered is kept in the machine file.
         probes: it measures itself.
         decimals: of what is entered; None for as many as the uncertainty asks for.
@@ -139,6 +139,7 @@ class Machine(Schema):
     """
 
     parameter_names: ClassVar[tuple[str, ...]]
+    parameter_symbols: ClassVar[tuple[str, ...]]
     parameter_units: ClassVar[tuple[str, ...]]
     linearization_points: ClassVar[Floats]
     rivals: ClassVar[tuple[str, ...]] = ()
@@ -149,7 +150,7 @@ class Machine(Schema):
     caution: ClassVar[float] = 1.0
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     recommended: ClassVar[tuple[str, ...]] = ()
-    absolute: ClassVar[bool]
+    may_be_settled: ClassVar[bool]
     recorded: ClassVar[bool]
     probes: ClassVar[bool]
     decimals: ClassVar[int | None] = None

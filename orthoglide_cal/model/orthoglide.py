@@ -87,12 +87,13 @@ class Orthoglide(Machine):
     """
 
     parameter_names = AXES
+    parameter_symbols = tuple(f"Δρ_{axis}" for axis in AXES)
     parameter_units = ("mm", "mm", "mm")
     # Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
     )
-    absolute, recorded = False, True
+    may_be_settled, recorded = False, True
     probes = False
     has_cube = True
     controller_formats = ("linuxcnc", "table")

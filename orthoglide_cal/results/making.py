@@ -262,7 +262,7 @@ def _settled(model: Model, found: _Found, known: Budget) -> bool:
     else may be wrong, and what is taken as the controller has it, would be the same again.
     Never of joint offsets, which are told as an excess.
     """
-    if not model.machine.absolute:
+    if not model.machine.may_be_settled:
         return False
     if any(effect.cause.compensable for effect in model.accepted):
         return False  # it is to be entered, too
