@@ -74,7 +74,7 @@ def export(
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
 
     def judge(path: str) -> None:
-        found = released(path, machine, method, force, data=data, format=format)
+        found = released(path, machine, method, force, data=data, format=format, details=json)
         case = found.case
         if format is Format.TABLE:
             text = controller.as_table(compensation(case.given.model, points), found)
@@ -103,6 +103,7 @@ def released(
     forcible: bool = True,
     data: common.Stored | None = None,
     format: Format = Format.TEXT,
+    details: bool = False,
 ) -> Export:
     """The offsets of an input, if they may be used or are forced to.
 
@@ -115,7 +116,7 @@ def released(
 
     given = common.read_input(path, machine, data)
     _require_format(format, given.model.machine)
-    answer = answer_to(given, method, details=True)
+    answer = answer_to(given, method, details=details)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
         remedies = [*case.remedy_lines()]

@@ -29,7 +29,7 @@ class InputFile(Schema):
     sha256: str
     kind: str = Field(description="readings, six, twelve or single")
     readings: int = Field(description="readings, or differences")
-    data: str | None = Field(default=None, description="which measurement of a printer.cfg")
+    data: str | None = Field(None, description="which measurement of a printer.cfg")
 
 
 class MachineName(Schema):
@@ -53,17 +53,15 @@ class Remedy(Schema):
 class Release(Schema):
     """May the parameters be entered in the controller?"""
 
-    reasons: tuple[str, ...] = Field(default=(), description="why not; empty if they may be")
-    cautions: tuple[str, ...] = Field(default=(), description="what to know although they may be")
-    remedies: tuple[Remedy, ...] = Field(default=(), description="what to do instead")
-    sound: bool = Field(
-        default=True, description="false: no parameters, or they fail their own check"
-    )
+    reasons: tuple[str, ...] = Field((), description="why not; empty if they may be")
+    cautions: tuple[str, ...] = Field((), description="what to know although they may be")
+    remedies: tuple[Remedy, ...] = Field((), description="what to do instead")
+    sound: bool = Field(True, description="false: no parameters, or they fail their own check")
     usable: bool = Field(
         default_factory=lambda known: not known["reasons"], description="they may be entered"
     )
     settled: bool = Field(
-        default=False,
+        False,
         description="the controller has them already, as well as these readings know them",
     )
 
@@ -77,7 +75,7 @@ class Parameter(Schema):
     found: float | None = Field(description="true = indicated + found; null if not determined")
     std: float = Field(description="standard uncertainty u")
     expanded: float = Field(description="expanded uncertainty U = k u")
-    enter: float | None = Field(default=None, description="what to type in; null unless released")
+    enter: float | None = Field(None, description="what to type in; null unless released")
     determined: bool
 
     def change(self, decimals: int) -> float:
@@ -103,13 +101,9 @@ class PossibleExplanation(Schema):
     """What may be behind the data."""
 
     ids: Ids = Field(description="causes that act together; empty: nothing is wrong")
-    pattern: str | None = Field(
-        default=None, description="one that no listed cause makes, in words"
-    )
+    pattern: str | None = Field(None, description="that no listed cause makes, in words")
     probability: float
-    rms_mm: float | None = Field(
-        default=None, description="what it leaves; null where it was not fitted"
-    )
+    rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
     parameters: tuple[Estimated, ...] = ()
 
 
@@ -198,28 +192,22 @@ class Residual(Schema):
 
     leg: str | None = None
     direction: str | None = None
-    posture: str | None = Field(default=None, description="or the name of the difference")
-    end: str | None = Field(
-        default=None, description="joint or tool, of the single-posture protocol"
-    )
-    displacement_mm: float | None = Field(default=None, description="of the leg's carriage")
+    posture: str | None = Field(None, description="or the name of the difference")
+    end: str | None = Field(None, description="joint or tool, of the single-posture protocol")
+    displacement_mm: float | None = Field(None, description="of the leg's carriage")
     gauge_at: float | None = None
-    part: int | None = Field(
-        default=None, description="gauge set-up of the leg and direction, from 1"
-    )
-    x_mm: float | None = Field(default=None, description="place of a touch")
+    part: int | None = Field(None, description="gauge set-up of the leg and direction, from 1")
+    x_mm: float | None = Field(None, description="place of a touch")
     y_mm: float | None = None
     z_mm: float | None = None
-    surface_mm: float | None = Field(default=None, description="height of the touched surface")
-    distance: bool = Field(default=False, description="a measured distance instead of a height")
+    surface_mm: float | None = Field(None, description="height of the touched surface")
+    distance: bool = Field(False, description="a measured distance instead of a height")
     cycle: int = 1
     order: int = Field(description="rank in time, from 1")
-    weight: float = Field(default=1.0, description="1: as precise as most")
+    weight: float = Field(1.0, description="1: as precise as most")
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
-    with_causes_mm: float | None = Field(
-        default=None, description="with the causes that were found"
-    )
+    with_causes_mm: float | None = Field(None, description="with the causes that were found")
 
 
 class CauseParameter(Schema):
@@ -303,7 +291,7 @@ class Workspace(Schema):
     left_mm: float = Field(description="what the causes alone leave after entering")
     cube_mm: tuple[float, float]
     stated_edge_mm: float = Field(description="of the workspace in the machine file")
-    maps: SkipJsonSchema[WorkspaceError | None] = Field(default=None, exclude=True, repr=False)
+    maps: SkipJsonSchema[WorkspaceError | None] = Field(None, exclude=True, repr=False)
 
 
 class Otherwise(Schema):
@@ -330,60 +318,50 @@ class Answer(Schema):
     schema_version: Literal[2] = 2
     input: InputFile
     machine: MachineName
-    method: str | None = Field(default=None, description="null: there is no result")
-    verdict: Verdict | None = Field(
-        default=None, description="null: these data cannot be diagnosed"
-    )
-    judgement: str = Field(default="", description="are the residuals what noise would give?")
+    method: str | None = Field(None, description="null: there is no result")
+    verdict: Verdict | None = Field(None, description="null: these data cannot be diagnosed")
+    judgement: str = Field("", description="are the residuals what noise would give?")
     explanations: tuple[PossibleExplanation, ...] = Field(
-        default=(), description="those not dismissed, best first"
+        (), description="those not dismissed, best first"
     )
     release: Release
     parameters: tuple[Parameter, ...] = ()
-    decimals: int = Field(default=3, description="of what is entered")
-    k: float | None = Field(default=None, description="coverage factor U/u")
+    decimals: int = Field(3, description="of what is entered")
+    k: float | None = Field(None, description="coverage factor U/u")
     confidence: float = 0.95
-    dof: int | None = Field(default=None, description="of k; null: normal distribution")
+    dof: int | None = Field(None, description="of k; null: normal distribution")
     correlation: tuple[tuple[float, ...], ...] = ()
-    sigma_rho_mm: float | None = Field(default=None, description="√(trace/3) of joint offsets")
-    alone: Alone | None = Field(
-        default=None, description="null unless a named cause changes parameters"
-    )
+    sigma_rho_mm: float | None = Field(None, description="√(trace/3) of joint offsets")
+    alone: Alone | None = Field(None, description="null unless a named cause changes parameters")
     rms: Residue | None = None
     noise: Noise | None = None
     deviations: tuple[DeviationPromise, ...] = ()
-    as_found: Spread | None = Field(default=None, description="of the deviations as measured")
-    expected: Spread | None = Field(default=None, description="of the deviations after entering")
-    remains: bool = Field(
-        default=False, description="more will be left after entering than its uncertainty allows"
-    )
+    as_found: Spread | None = Field(None, description="of the deviations as measured")
+    expected: Spread | None = Field(None, description="of the deviations after entering")
+    remains: bool = Field(False, description="more will be left than U allows")
     budget: tuple[BudgetLine, ...] = ()
     total: BudgetTotal | None = None
     lack_of_fit: GoodnessOfFit | None = None
     converged: bool = False
     residuals: tuple[Residual, ...] = ()
-    causes: tuple[FoundCause, ...] = Field(default=(), description="best first")
+    causes: tuple[FoundCause, ...] = Field((), description="best first")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
-    rivals: tuple[Ids, ...] = Field(
-        default=(), description="the same, those that act together as one"
-    )
+    rivals: tuple[Ids, ...] = Field((), description="the same, those that act together as one")
     beyond_tolerance: tuple[TimesStated, ...] = ()
-    not_excluded: Ids = Field(default=(), description="may be there, too small to show")
-    assumed: Ids = Field(default=(), description="causes whose plausible size nobody stated")
+    not_excluded: Ids = Field((), description="may be there, too small to show")
+    assumed: Ids = Field((), description="causes whose plausible size nobody stated")
     assumed_sizes: tuple[AssumedSize, ...] = ()
     undetermined: tuple[Undetermined, ...] = ()
-    holdout: str | None = Field(
-        default=None, description="file of the held-out readings; null: one cell at a time"
-    )
+    holdout: str | None = Field(None, description="file of held-out readings; null: cell by cell")
     next_measurement: NextMeasurement | None = None
     check: CheckReading | None = None
     workspace: Workspace | None = None
     sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = Field(
-        default=None, description="the answer with all plausible sizes halved and doubled"
+        None, description="with all plausible sizes changed"
     )
-    warnings: tuple[str, ...] = Field(default=(), description="about the data")
-    notes: tuple[str, ...] = Field(default=(), description="of the diagnosis")
+    warnings: tuple[str, ...] = Field((), description="about the data")
+    notes: tuple[str, ...] = Field((), description="of the diagnosis")
 
     @property
     def named(self) -> Ids:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files import machine_text
-from tests.cli.program import SESSION, SIX, lines, run
+from tests.cli.program import SESSION, SIX, UNDETERMINED, lines, run
 from tests.machines import NOMINAL
 
 
@@ -51,3 +51,18 @@ def test_json_beside_another_format_is_refused(sound: str) -> None:
     shown = run("export", sound, "--json", "--format", "table")
     assert shown.exit_code == 2
     assert "--json does not go with --format table" in shown.stderr
+
+
+def test_what_must_not_be_used_is_marked_if_forced() -> None:
+    refused = run("export", SIX)
+    assert refused.exit_code == 4
+    assert "Export refused." in refused.stderr
+    assert "To export all the same, marked as forced: --force" in refused.stderr
+    forced = run("export", SIX, "--force", "--format", "linuxcnc")
+    assert forced.exit_code == 0
+    assert "# FORCED: this result must not be used." in forced.stdout
+    assert forced.stdout.count("HOME_OFFSET = ") == 3
+    assert forced.stderr.startswith("FORCED: ")
+    nothing = run("export", "-", "--force", text=UNDETERMINED)
+    assert (nothing.exit_code, nothing.stdout) == (4, "")
+    assert "--force" not in nothing.stderr
