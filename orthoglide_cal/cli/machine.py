@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from orthoglide_cal.report.document import Document
 
+Answers = dict[str, Any]  # dotted key of the file → its value
+
 machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
 
 
@@ -101,7 +103,7 @@ def new(
         "--endstop": (endstop, "endstops_mm"),
     }
     kind = kind or "orthoglide"
-    answers: dict[str, Any] = {"kind": kind}
+    answers: Answers = {"kind": kind}
     asked = _asked_for(kind)
     for option, (value, *keys) in given.items():
         own = [key for key in keys if key in asked]
@@ -180,7 +182,7 @@ def _questions(schema: type[BaseModel], group: str = "") -> Iterator[tuple[str, 
             yield group + name, f"{title} ({field.description})"
 
 
-def _tolerances_asked(answers: dict[str, Any], target: Path) -> str | None:
+def _tolerances_asked(answers: Answers, target: Path) -> str | None:
     """Ask how large each error plausibly is, unless the usual will do: the file's text, or None."""
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.model.machines import MACHINES
@@ -213,7 +215,7 @@ def _tolerance(given: str) -> tuple[str, float]:
         ) from error
 
 
-def _asked(answers: dict[str, Any], key: str, question: str, target: Path) -> str:
+def _asked(answers: Answers, key: str, question: str, target: Path) -> str:
     """Ask until the answer makes a machine; it joins the others. Returns the file's text."""
     usual = _usual(key, answers)
     shown = " ".join(f"{each}" for each in (usual if isinstance(usual, list) else [usual]))
@@ -252,11 +254,11 @@ def _numbers(said: str, usual: Any) -> float | list[float]:
     return values[0] if wanted == 1 else values
 
 
-def _text(answers: dict[str, Any], target: Path) -> str:
+def _text(answers: Answers, target: Path) -> str:
     """The file's text. Raises InvalidFileError for values that make no machine."""
     from orthoglide_cal.files import new_machine
 
-    values: dict[str, Any] = {}
+    values: Answers = {}
     for key in dict.fromkeys((*_asked_for(answers["kind"]), *answers)):
         value = _plain(answers[key] if key in answers else _usual(key, answers))
         group, _, inner = key.rpartition(".")
@@ -275,7 +277,7 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _usual(key: str, answers: dict[str, Any]) -> Any:
+def _usual(key: str, answers: Answers) -> Any:
     """What is proposed: the prototype's value, for travel and workspace in proportion to L."""
     from orthoglide_cal.files import machine_values, read_machine_file, shipped_machine
 

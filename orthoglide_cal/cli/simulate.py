@@ -113,10 +113,10 @@ def simulate(
     import numpy as np
 
     from orthoglide_cal.files import (
+        probe_points_csv,
         readings_csv,
         session_json,
         session_of_readings,
-        touches_csv,
         write_session,
         write_text,
     )
@@ -149,7 +149,7 @@ def simulate(
         plan = bed_plan(LinearDelta.require(nominal), places, height or (0.0,), cycles or 1)
         true = np.array((*offsets, *more))
         made = synthetic_probe_points(wrong(plan), plan, true, rng, gauge)
-        text, what = touches_csv(made), "touches"
+        text, what = probe_points_csv(made), "touches"
     else:
         if places != _PLACES or height is not None or any(more):
             options = "--places, --height and --radius-angles"

@@ -26,7 +26,7 @@ from orthoglide_cal.files.machine_file import (
     shipped_machine,
     with_history,
 )
-from orthoglide_cal.files.probe_readings import check_same_printer, places_csv, touches_csv
+from orthoglide_cal.files.probe_readings import check_same_printer, places_csv, probe_points_csv
 from orthoglide_cal.files.readings import (
     Conditions,
     GaugeIdentity,

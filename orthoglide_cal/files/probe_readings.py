@@ -103,7 +103,7 @@ def places_csv(plan: ProbePlan) -> str:
     return "\n".join((",".join((*PLACE_COLUMNS, "z_mm", "reading_mm")), *rows)) + "\n"
 
 
-def touches_csv(readings: Readings) -> str:
+def probe_points_csv(readings: Readings) -> str:
     """Touches as a CSV that can be read again."""
     plan = readings.plan
     columns = (plan.order + 1, 60.0 * plan.hours, *plan.place.T[:2], plan.surface, readings.value)

@@ -134,7 +134,7 @@ def _refusal(event: Any, nodes: int, depth: int, files: int) -> tuple[str, str, 
     return None
 
 
-def _put(tree: Tree, stack: list[_Open], event: Any, value: Any) -> Steps | None:
+def _put(tree: Tree, stack: list[_Open], event: Any, value: object) -> Steps | None:
     """Put a node where it belongs; returns its path, None in what is left out."""
     line = event.start_mark.line + 1
     step: str | int
