@@ -56,22 +56,17 @@ class StandardInput(Keyboard):
     def disturbed(self) -> bool:
         return self.live and self._screen().disturbed()
 
-    def catch_up(self) -> None:
-        """Take in what was typed up to now, so that it counts as typed up to now."""
-        if self.live and (keys := self._screen().read(0.0)):
-            self._edit(keys, shown=False)
-
     def read(self, timeout_s: float | None) -> Line | None:
-        """A line without its end; None after the time-out. Raises EOFError."""
+        """See `Keyboard`."""
         until = time.monotonic() + (_FOREVER_S if timeout_s is None else timeout_s)
         while not self._lines:
-            left = until - time.monotonic()
-            if left < 0.0:
-                return None
+            left = max(until - time.monotonic(), 0.0)
             if self.live:
-                self._edit(self._screen().read(left), shown=True)
+                self._edit(self._screen().read(left), shown=timeout_s != 0.0)
             else:
                 self._append(left)
+            if left == 0.0 and not self._lines:
+                return None
         line = self._lines.popleft()
         if line is None:
             # In a terminal the end of input is a key like others; a pipe stays at its end.

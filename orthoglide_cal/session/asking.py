@@ -36,9 +36,6 @@ EVEN_S = 0.15
 BY_HAND_S = 0.06
 # And a hand needs so long to come back to the keys [s].
 BACK_AT_THE_KEYS_S = 0.3
-# What is asked, for a screen of so many columns: its last line is the prompt; those above it are
-# shown already, and shown again where something has come between.
-Prompt = Callable[[int], str]
 
 
 class Line(NamedTuple):
@@ -65,10 +62,10 @@ class Keyboard(Protocol):
         """What was typed of a line that has not ended."""
 
     def read(self, timeout_s: float | None) -> Line | None:
-        """A line; None after the time-out. Raises EOFError at the end."""
+        """A line; None after the time-out. Raises EOFError at the end.
 
-    def catch_up(self) -> None:
-        """Take in what was typed up to now (terminals only)."""
+        Without time it takes in what was typed up to now, and a terminal does not show it.
+        """
 
     def disturbed(self) -> bool:
         """True once after the screen has changed: another size, or the program was stopped."""
@@ -91,12 +88,6 @@ class Show(Protocol):
     """Shows text, of one or more lines."""
 
     def __call__(self, text: str, style: Style = Style.PLAIN, end: str = "\n") -> None: ...
-
-
-class TypedLine(NamedTuple):
-    """An answer from the keyboard."""
-
-    text: str
 
 
 class Unasked(NamedTuple):
@@ -180,7 +171,7 @@ class Asker:
     _keys: DeadTime = field(default_factory=DeadTime)
     _gauges: DeadTime = field(default_factory=DeadTime)
     _answered: tuple[float, DeadTime | None] = (0.0, None)  # when, and by which source
-    _prompt: Prompt = str
+    _prompt: str = ""
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
     _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
@@ -215,12 +206,13 @@ class Asker:
             each.begin(at, driving, each is source)
 
     def ask(
-        self, prompt: Prompt, step: SessionStep | None = None, takes: int = 0
-    ) -> TypedLine | Heard | Unasked:
-        """Show a prompt and wait for the answer.
+        self, prompt: str, step: SessionStep | None = None, takes: int = 0
+    ) -> str | Heard | Unasked:
+        """Show a prompt and wait for the answer: a typed line, or what a gauge says.
 
         Args:
-            prompt: what is asked.
+            prompt: its last line is shown. Those above it are on the screen already, and are shown
+                again where something has come between.
             step: the reading wanted, the first or after `takes` others; None if words are.
 
         Raises:
@@ -228,7 +220,6 @@ class Asker:
         """
         self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
         before = self._keys.unasked, self._gauges.unasked
-        self.keyboard.catch_up()
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
             self._drop(line.text, line.ended, self._keys)
         if self.gauge is not None and self._lost_since is None:
@@ -244,13 +235,13 @@ class Asker:
         if before != (self._keys.unasked, self._gauges.unasked):
             self._redraw()
         else:
-            self.show(prompt(self.columns).rpartition("\n")[2], Style.PROMPT, "")
+            self.show(prompt.rpartition("\n")[2], Style.PROMPT, "")
         self._line_is_open, self._shown = True, self.clock()
         while (answer := self._look(gauge)) is None:
             pass
         return answer
 
-    def _look(self, gauge: LiveGauge | None) -> TypedLine | Heard | Unasked | None:
+    def _look(self, gauge: LiveGauge | None) -> str | Heard | Unasked | None:
         """One look at the keyboard, then at the gauge, if it is asked."""
         if self.keyboard.disturbed():
             self._end_line()
@@ -266,7 +257,7 @@ class Asker:
                 return self._stream(self._keys)
             if text or gauge is None:
                 self._answered = (line.ended, self._keys)
-                return TypedLine(text)
+                return text
             self._asked = self.clock()
         if self._sending is not None and self._sending.is_quiet(self.clock()):
             self._sending.unasked, self._sending = 0, None
@@ -275,9 +266,6 @@ class Asker:
 
     def _line(self, gauge: LiveGauge | None) -> Line | None:
         """What the keyboard says now; it is waited for at most until the gauge has its turn."""
-        if self._held is not None and not self.keyboard.live:
-            time.sleep(POLL_S)  # the next line of a pipe is for the next prompt
-            return None
         try:
             return self.keyboard.read(POLL_S if gauge or self.keyboard.live else None)
         except EOFError:
@@ -328,7 +316,7 @@ class Asker:
                 why = item.elsewhere or "That is no reading: nothing is recorded."
                 said = f"The gauge says '{visible(item.token.raw)[:40]}'. {why}"
                 self._break_in(said, Style.BAD)
-            elif gauge.reads_itself:
+            elif gauge.reads_itself or not self.keyboard.live:
                 self._end_line()
                 return item
             else:  # a reading, if nothing follows it at once
@@ -373,7 +361,7 @@ class Asker:
     def _redraw(self) -> None:
         """Show the prompt again, with what stands above it and what was typed."""
         self.pushed = False
-        above, line, prompt = self._prompt(self.columns).rpartition("\n")
+        above, line, prompt = self._prompt.rpartition("\n")
         self.show(above + line, Style.PLAIN, "")
         self.show(prompt, Style.PROMPT, "")
         if self.keyboard.partial:

@@ -14,7 +14,7 @@ from orthoglide_cal.files import session_text, write_session
 from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
-from orthoglide_cal.session.asking import Asker, Style, TypedLine, Unasked
+from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, judge
 from orthoglide_cal.session.events import Doubt, Event, Questioned
 from orthoglide_cal.session.gauges.interface import Heard, Token
@@ -159,7 +159,7 @@ class Dialogue:
         """
         setup, visit = self._shown
         asker, setting = self.asker, self.setting
-        place = wording.place(step, setting, asker.columns)
+        place = wording.place(step, setting)
         if step.setup != setup:
             begun = step.setup in {s.setup for s in self.so_far.steps}
             rule, text = wording.set_up(setting, step.setup, begun, asker.columns)
@@ -175,11 +175,7 @@ class Dialogue:
         elif asker.pushed:
             asker.say(place)
         self._shown, asker.pushed = (step.setup, step.visit), False
-
-        def prompt(columns: int) -> str:
-            asked = wording.prompt(step, asker.hint, self.unit, columns)
-            return f"{wording.place(step, setting, columns)}\n{asked}"
-
+        prompt = f"{place}\n{wording.prompt(step, asker.hint, self.unit)}"
         self._receive(asker.ask(prompt, step, self.state.takes(step.number)), step)
 
     def _ask_about(self, pending: Questioned) -> None:
@@ -189,13 +185,14 @@ class Dialogue:
         value = wording.value_text(pending.value_mm, self.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
         self.asker.say(asked, Style.QUESTION)
-
-        def prompt(columns: int) -> str:
-            keys = wording.question_prompt(pending, self.asker.hint, may_move, columns)
-            return f"{wording.wrapped(asked, columns)}\n{keys}"
-
+        moved = ", m the stand moved" if may_move else ""
+        hint = f", {self.asker.hint}" if self.asker.hint else ""
+        prompt = (
+            f"{wording.wrapped(asked, self.asker.columns)}\n"
+            f"{step.number}. k keep it{moved}, or read it again{hint} > "
+        )
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
-        word = answer.text.lower() if isinstance(answer, TypedLine) else None
+        word = answer.lower() if isinstance(answer, str) else None
         if word in ("k", "y", "keep", "yes"):
             self._keep(pending)
         elif word == "m" and may_move:
@@ -211,10 +208,10 @@ class Dialogue:
 
     def _words(self, prompt: str) -> str:
         """The answer to a question that wants words. Raises Quit."""
-        answer = self.asker.ask(lambda columns: prompt)
+        answer = self.asker.ask(prompt)
         if isinstance(answer, Unasked):
             self._take_back(answer)
-        text = _clean(answer.text) if isinstance(answer, TypedLine) else ""
+        text = _clean(answer) if isinstance(answer, str) else ""
         if text == "q":
             raise Quit
         if text == "?":
@@ -224,19 +221,19 @@ class Dialogue:
 
     # ---- readings
 
-    def _receive(self, answer: TypedLine | Heard | Unasked, step: SessionStep) -> None:
+    def _receive(self, answer: str | Heard | Unasked, step: SessionStep) -> None:
         """Take an answer for a reading or a key."""
         if isinstance(answer, Unasked):
             self._take_back(answer)
         elif isinstance(answer, Heard):
             self._read(step, answer.token, answer.source)
-        elif (key := _KEY.fullmatch(answer.text)) is not None:
+        elif (key := _KEY.fullmatch(answer)) is not None:
             self._obey(key["key"].lower(), _clean(key["words"] or ""), step)
-        elif not answer.text:
+        elif not answer:
             self.asker.say("Type the reading, or ? for help.")
         else:
             try:
-                token, layout = parse_typed(answer.text)
+                token, layout = parse_typed(answer)
             except NotAReading as refusal:
                 self.asker.say(str(refusal), Style.BAD)
                 return
@@ -337,9 +334,7 @@ class Dialogue:
                 else:
                     self._skip(words or self._words("Why is it skipped? > "), step)
             case "t":
-                self.asker.say(
-                    wording.table(self.state, self.setting, self.unit, self.asker.columns)
-                )
+                self.asker.say(wording.table(self.state, self.setting, self.unit))
             case "p":
                 self.write(events.Paused(at=self.now()))
                 self._words("Paused; everything is saved. Touch no stand. Return goes on > ")

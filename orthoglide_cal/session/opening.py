@@ -30,7 +30,7 @@ from orthoglide_cal.planning.steps import (
 )
 from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import events, record, wording
-from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style, TypedLine
+from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Event, GaugeLabel, Opened, Planned
 from orthoglide_cal.session.following import Recommendation, first_of, recommended
@@ -42,7 +42,6 @@ from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.state import State, replay
 from orthoglide_cal.words import Unit
 
-_HOLDS = "Return, n, or the three offsets > "
 TYPED, SIMULATED = "typed", "simulated"
 
 
@@ -199,8 +198,8 @@ def _confirmed(
         if request.model is None and not found:
             asker.say(wording.PROTOTYPE, Style.BAD)
         asker.say(wording.CONFIRM_NEXT if found else wording.CONFIRM, Style.QUESTION)
-        answer = asker.ask(lambda columns: _HOLDS)
-        text = answer.text.lower() if isinstance(answer, TypedLine) else ""
+        answer = asker.ask("Return, n, or the three offsets > ")
+        text = answer.lower() if isinstance(answer, str) else ""
         if text in ("", "y", "yes"):
             return model, found
         if text in ("n", "no", "q"):

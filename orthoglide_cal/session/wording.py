@@ -26,8 +26,8 @@ from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for
 if TYPE_CHECKING:
     from orthoglide_cal.results import Parameter
 
-# A narrower screen gets pictures and prompts of its own.
-NARROW = 76
+# A narrower screen gets no pictures.
+NARROW = 60
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -162,8 +162,8 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
             f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
             " Then touch no stand.",
         ]
-    shown = picture(planned.leg, directions, contact, columns >= NARROW)
-    return rule, "\n".join(["", *shown, "", *words])
+    shown = [*picture(planned.leg, directions, contact), ""] if columns >= NARROW else []
+    return rule, "\n".join(["", *shown, *words])
 
 
 def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
@@ -181,16 +181,13 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     )
 
 
-def place(step: SessionStep, setting: Setting, columns: int) -> str:
+def place(step: SessionStep, setting: Setting) -> str:
     """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
     posture = setting.model.orthoglide.joints_at(step.leg, step.displacement_mm)
     point = Point.of(setting.model, posture - setting.short_mm(step))
-    narrow = columns < NARROW
-    head, indent = ("Drive to, in mm:\n", "") if narrow else ("Drive to  ", " " * 10)
-    gap, unit = (" ", "") if narrow else ("   ", "  mm")
     return (
-        f"{head}joints{gap}{_axes(point.joints, '.3f', gap)}{unit}\n"
-        f"{indent}tool  {gap}{_axes(point.tool.round(6) + 0.0, '.3f', gap)}{unit}"
+        f"Drive to  joints   {_axes(point.joints, '.3f', '   ')}  mm\n"
+        f"          tool     {_axes(point.tool.round(6) + 0.0, '.3f', '   ')}  mm"
     )
 
 
@@ -204,21 +201,11 @@ def _duration(minutes: float) -> str:
     return f"About {minutes:.0f} min" if minutes >= 0.95 else "Under a minute"
 
 
-def prompt(step: SessionStep, hint: str | None, unit: Unit, columns: int) -> str:
+def prompt(step: SessionStep, hint: str | None, unit: Unit) -> str:
     """What is asked, short enough to leave room for the answer."""
-    wide = columns >= NARROW
-    end = f"{' at the' if wide else ','} {step.end.upper()} end" if step.end else ""
-    asked = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{unit}]"
-    doing = f" ({hint})" if hint and wide else ""
-    return f"{asked}{doing} > "
-
-
-def question_prompt(reading: Questioned, hint: str | None, moved: bool, columns: int) -> str:
-    """What can be answered; `moved`: also that the stand was moved."""
-    narrow = columns < NARROW
-    keys = "k keep it" + (f", m {'' if narrow else 'the stand '}moved" if moved else "")
-    again = "" if narrow else " it again"
-    return f"{reading.step}. {keys}, or read{again}{f', {hint}' if hint and not narrow else ''} > "
+    end = f" at the {step.end.upper()} end" if step.end else ""
+    doing = f" ({hint})" if hint else ""
+    return f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{unit}]{doing} > "
 
 
 def value_text(value_mm: float, unit: Unit, sign: str = "+") -> str:
@@ -290,15 +277,15 @@ def truth(found: Sequence[Parameter], hidden_mm: Floats) -> str:
     return "\n".join(lines)
 
 
-def table(state: State, setting: Setting, unit: Unit, columns: int) -> str:
+def table(state: State, setting: Setting, unit: Unit) -> str:
     """The readings so far: one line per leg, gauge and posture, one column per cycle.
 
-    Where not all have room, the last ones up to the cycle in hand.
+    There is room for five: the last ones up to the cycle in hand.
     """
-    steps, room = setting.steps, max((columns - 25) // 10, 1)
+    steps = setting.steps
     begun = max((steps[number - 1].cycle for number in state.accepted), default=1)
-    end = max(begun, min(room, max(step.cycle for step in steps)))
-    shown = range(max(end - room, 0) + 1, end + 1)
+    end = max(begun, min(5, max(step.cycle for step in steps)))
+    shown = range(max(end - 5, 0) + 1, end + 1)
 
     def cell(number: int) -> str:
         if number not in state.accepted:
@@ -369,24 +356,17 @@ _AXES: _Marks = (
 # fmt: on
 
 
-def picture(leg: int, directions: Collection[int], contact: Contact, wide: bool) -> list[str]:
-    """The gauges of a set-up, at most 72 columns wide; 38 if not `wide`.
+def picture(leg: int, directions: Collection[int], contact: Contact) -> list[str]:
+    """The gauges of a set-up, less than `NARROW` columns wide.
 
     Fixed on stands half-way along the leg (double-posture), or one that slides on the xy-surface
     between the ends of the leg (single-posture).
     """
-    marks = list(_LEGS[leg])
-    if contact is not Contact.FIXED:
-        marks = list(_SLIDING[leg])
-        directions = ()
-    for direction in directions:
-        marks += _GAUGES[leg, direction]
-    marks += _AXES if wide else ()
-    canvas = [[" "] * 72 for _ in range(1 + max(row for row, _, _ in marks))]
-    for row, column, text in marks:
+    if contact is Contact.FIXED:
+        marks = [*_LEGS[leg], *(mark for axis in directions for mark in _GAUGES[leg, axis])]
+    else:
+        marks = [*_SLIDING[leg]]
+    canvas = [[" "] * NARROW for _ in range(8)]
+    for row, column, text in (*marks, *_AXES):
         canvas[row][column : column + len(text)] = text
-    lines = ["".join(line).rstrip() for line in canvas]
-    lines = lines[next(index for index, line in enumerate(lines) if line) :]
-    if wide:
-        return lines
-    return [*textwrap.dedent("\n".join(lines)).split("\n"), "+X is to the right, +Y away, +Z up."]
+    return [line for line in ("".join(row).rstrip() for row in canvas) if line]

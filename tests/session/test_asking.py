@@ -16,7 +16,6 @@ from orthoglide_cal.session.asking import (
     Asker,
     Line,
     Style,
-    TypedLine,
     Unasked,
 )
 from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
@@ -26,17 +25,9 @@ from .virtual import Screen, steps_of
 STEP = steps_of()[0]
 PROMPT = "1. Gauge Y > "
 PLACE = "Drive to X 1.000"
+ASKED = f"{PLACE}\n{PROMPT}"
+WORDS = "Why? > "
 ALONE = (ALONE_S, None, [])  # a look after which a reading is known to be alone
-
-
-def prompt(columns: int) -> str:
-    return f"{PLACE}\n{PROMPT}"
-
-
-def words(columns: int) -> str:
-    return "Why? > "
-
-
 READ = Heard(Token("-0.64", -0.64), "plain:x")
 ERROR = Heard(Token("ERR6\x1b"), "plain:x")
 
@@ -61,9 +52,6 @@ class Scene:
 
     def clock(self) -> float:
         return self.now
-
-    def catch_up(self) -> None:
-        self.log.append("catch up")
 
     def disturbed(self) -> bool:
         resized, self.resized = self.resized, False
@@ -120,30 +108,20 @@ def at(
 
 def test_the_prompt_alone_is_shown_and_the_keyboard_looked_at_in_turn() -> None:
     asker, screen, scene = at((1.0, None, []), (1.0, "-0.64 ", []))
-    assert asker.ask(prompt, STEP, 2) == TypedLine("-0.64")
-    assert scene.log == ["catch up", "begin 1 2", f"read {POLL_S}", f"read {POLL_S}"]
+    assert asker.ask(ASKED, STEP, 2) == "-0.64"
+    assert scene.log == ["begin 1 2", f"read {POLL_S}", f"read {POLL_S}"]
     assert screen.shown == [(PROMPT, Style.PROMPT)]
 
 
 def test_where_words_are_asked_the_gauge_is_not_heard() -> None:
     asker, _, scene = at((9.0, None, [READ]), (1.0, "", [READ]))
-    assert asker.ask(words) == TypedLine("")
+    assert asker.ask(WORDS) == ""
     assert scene.returns == [False]  # only to forget what it said before
 
 
-@pytest.mark.parametrize("live", [True, False])
-def test_a_reading_is_shown_in_the_line_of_the_prompt(
-    live: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # Of a pipe nothing is read until it is known to be alone: the next line is for the next prompt.
-    looks = [(0.1, None, []), (1.0, None, [READ]), *([ALONE] if live else [])]
-    asker, screen, scene = at(*looks, live=live)
-
-    def sleep(seconds: float) -> None:
-        scene.now += seconds
-
-    monkeypatch.setattr("orthoglide_cal.session.asking.time.sleep", sleep)
-    assert asker.ask(prompt, STEP) == READ
+def test_a_reading_is_shown_in_the_line_of_the_prompt() -> None:
+    asker, screen, _ = at((0.1, None, []), (1.0, None, [READ]), ALONE)
+    assert asker.ask(ASKED, STEP) == READ
     assert screen.text == f"{PROMPT}-0.64\n"
 
 
@@ -152,7 +130,7 @@ def test_a_reading_is_shown_in_the_line_of_the_prompt(
 )
 def test_what_is_no_reading_is_told_and_asked_again(message: Heard) -> None:
     asker, screen, _ = at((0.1, None, [message]), (0.1, None, [message, READ]), ALONE)
-    assert asker.ask(prompt, STEP) == READ
+    assert asker.ask(ASKED, STEP) == READ
     styles = [style for _, style in screen.shown if style is not Style.PLAIN]
     assert styles == [Style.PROMPT, Style.BAD, Style.PROMPT, Style.BAD, Style.PROMPT]
     assert screen.text.count(f"\n{PLACE}\n{PROMPT}") == 2
@@ -162,16 +140,16 @@ def test_what_is_no_reading_is_told_and_asked_again(message: Heard) -> None:
 
 def test_of_several_readings_at_once_one_is_taken() -> None:
     asker, _, _ = at((0.1, None, [READ, READ, READ]), ALONE)
-    assert asker.ask(prompt, STEP) == READ
+    assert asker.ask(ASKED, STEP) == READ
     with pytest.raises(EOFError):
-        asker.ask(prompt, STEP)
+        asker.ask(ASKED, STEP)
 
 
 def test_a_lost_gauge_is_tried_again_now_and_then_until_it_is_back() -> None:
     soon = 0.6 * RECONNECT_S
     looks = [(0.1, None, None), *[(soon, None, [READ])] * 6, ALONE]
     asker, screen, scene = at(*looks)
-    assert asker.ask(prompt, STEP) == READ
+    assert asker.ask(ASKED, STEP) == READ
     gauge = asker.gauge
     assert isinstance(gauge, Gauge)
     # At every second look it is time for another attempt; the third one succeeds.
@@ -184,7 +162,7 @@ def test_a_lost_gauge_is_tried_again_now_and_then_until_it_is_back() -> None:
 
 def test_keys_work_while_the_gauge_is_lost() -> None:
     asker, _, scene = at((0.1, None, None), (0.1, "", None), (0.1, "q", None))
-    assert asker.ask(prompt, STEP) == TypedLine("q")
+    assert asker.ask(ASKED, STEP) == "q"
     assert scene.returns == [False, False]
 
 
@@ -197,9 +175,9 @@ def test_a_line_in_the_dead_time_is_said_and_not_taken(driving: bool, second: st
     dead = AFTER_A_DRIVE_S if driving else BETWEEN_GAUGES_S
     looks = ((9.0, "-0.64", []), (0.97 * dead, second, []), (1.03 * BETWEEN_GAUGES_S, "0.5", []))
     asker, screen, _ = at(*looks, gauge=False)
-    assert asker.ask(prompt, STEP) == TypedLine("-0.64")
+    assert asker.ask(ASKED, STEP) == "-0.64"
     asker.rest(driving)
-    assert asker.ask(prompt, STEP) == TypedLine("0.5")
+    assert asker.ask(ASKED, STEP) == "0.5"
     said = [text for text, style in screen.shown if style is Style.ASIDE]
     assert said == [f"ignored: {second or 'Return'} arrived {0.97 * dead:.2f} s after the last one"]
     assert screen.text.endswith(f"{PLACE}\n{PROMPT}")  # shown again
@@ -207,28 +185,28 @@ def test_a_line_in_the_dead_time_is_said_and_not_taken(driving: bool, second: st
 
 def test_an_answer_that_was_no_reading_begins_no_dead_time() -> None:
     asker, _, _ = at((9.0, "t", []), (0.1, "-0.64", []), gauge=False)
-    asker.ask(prompt, STEP)
-    assert asker.ask(prompt, STEP) == TypedLine("-0.64")
+    asker.ask(ASKED, STEP)
+    assert asker.ask(ASKED, STEP) == "-0.64"
 
 
 def test_lines_from_a_pipe_and_from_a_simulated_gauge_are_never_too_soon() -> None:
     asker, _, _ = at((0.0, "1", []), (0.0, "2", []), live=False, gauge=False)
-    assert asker.ask(prompt, STEP) == TypedLine("1")
+    assert asker.ask(ASKED, STEP) == "1"
     asker.rest(driving=True)
-    assert asker.ask(prompt, STEP) == TypedLine("2")
+    assert asker.ask(ASKED, STEP) == "2"
     scene = Scene([(0.0, "", [READ]), (0.0, "", [READ])])
     asker = Asker(scene, Screen(), Gauge(scene, reads_itself=True), scene.clock)
     for _ in range(2):
-        assert asker.ask(prompt, STEP) == READ
+        assert asker.ask(ASKED, STEP) == READ
         asker.rest(driving=True)
 
 
 def test_a_gauge_in_the_dead_time_of_a_typed_reading_is_not_heard() -> None:
     late = (1.1 * AFTER_A_DRIVE_S, None, [READ])
     asker, screen, _ = at((9.0, "0.41", []), (0.5, None, [READ]), late, ALONE)
-    asker.ask(prompt, STEP)
+    asker.ask(ASKED, STEP)
     asker.rest(driving=True)
-    assert asker.ask(prompt, STEP) == READ
+    assert asker.ask(ASKED, STEP) == READ
     assert screen.text.count("ignored: -0.64 arrived 0.50 s after") == 1
 
 
@@ -239,13 +217,13 @@ def test_a_gauge_that_sends_by_itself_is_recognised(period: float, typed: bool) 
     look = (period, "0.41", []) if typed else (period, None, [READ])
     asker, _, _ = at((9.0, None, []), *[look] * 60, gauge=not typed)
     taken = 0
-    while not isinstance(answer := asker.ask(prompt, STEP), Unasked):
+    while not isinstance(answer := asker.ask(ASKED, STEP), Unasked):
         taken += 1
         asker.rest(driving=False)
     assert taken == answer.readings <= 1
     assert STREAM * period < ALONE_S or typed or taken == 1
     with pytest.raises(EOFError):  # from now on in silence
-        asker.ask(prompt, STEP)
+        asker.ask(ASKED, STEP)
 
 
 @pytest.mark.parametrize("period", [1.5, 2.5, 6.0])
@@ -256,12 +234,12 @@ def test_a_slow_stream_is_recognised_by_its_even_pace(period: float) -> None:
     even = [(period - 1.1 * ALONE_S, None, [READ]), (1.1 * ALONE_S, None, [])]
     asker, _, _ = at((9.0, None, []), *looks, *even * 12)
     taken = 0
-    while not isinstance(answer := asker.ask(prompt, STEP), Unasked):
+    while not isinstance(answer := asker.ask(ASKED, STEP), Unasked):
         taken += 1
         asker.rest(driving=False)
     assert taken == answer.readings == STREAM - 1
     with pytest.raises(EOFError):
-        asker.ask(prompt, STEP)
+        asker.ask(ASKED, STEP)
 
 
 def test_presses_at_a_persons_pace_are_heard() -> None:
@@ -270,7 +248,7 @@ def test_presses_at_a_persons_pace_are_heard() -> None:
         looks += [(pause, None, [READ]), (1.1 * ALONE_S, None, [])]
     asker, _, _ = at((9.0, None, []), *looks)
     for _ in range(6):
-        assert asker.ask(prompt, STEP) == READ
+        assert asker.ask(ASKED, STEP) == READ
         asker.rest(driving=False)
 
 
@@ -278,32 +256,32 @@ def test_a_gauge_that_is_quiet_again_is_heard() -> None:
     flood = [(0.1, None, [READ])] * 12
     quiet = (1.1 * AFTER_A_DRIVE_S, None, [])
     asker, screen, _ = at((9.0, None, []), *flood, quiet, (9.0, None, [READ]), ALONE)
-    assert asker.ask(prompt, STEP) == Unasked(0)
-    assert asker.ask(prompt, STEP) == READ
+    assert asker.ask(ASKED, STEP) == Unasked(0)
+    assert asker.ask(ASKED, STEP) == READ
     assert "The gauge is quiet now." in screen.text
 
 
 def test_keys_work_while_a_gauge_sends_by_itself() -> None:
     flood = [(0.1, None, [READ])] * 12
     asker, _, _ = at((9.0, None, []), *flood, (0.05, "q", [READ]))
-    assert asker.ask(prompt, STEP) == Unasked(0)
-    assert asker.ask(prompt, STEP) == TypedLine("q")
+    assert asker.ask(ASKED, STEP) == Unasked(0)
+    assert asker.ask(ASKED, STEP) == "q"
 
 
 def test_return_on_a_silent_gauge_says_what_to_check() -> None:
     soon = 0.6 * ANSWER_S
     asker, screen, _ = at((9.0, "", []), (soon, None, []), (soon, None, []), (soon, "q", []))
-    assert asker.ask(prompt, STEP) == TypedLine("q")
+    assert asker.ask(ASKED, STEP) == "q"
     assert screen.text.count("Is it on?") == 1
     asker, screen, _ = at((9.0, "", []), (soon, None, [READ]), *[ALONE] * 2)
-    assert asker.ask(prompt, STEP) == READ
+    assert asker.ask(ASKED, STEP) == READ
     assert "Is it on?" not in screen.text
 
 
 def test_a_screen_that_changed_shows_the_place_and_what_was_typed_again() -> None:
     asker, screen, scene = at((0.1, None, []), (0.1, "-0.64", []), gauge=False)
     scene.resized, scene.partial = True, "-0.6"
-    asker.ask(prompt, STEP)
+    asker.ask(ASKED, STEP)
     assert screen.text == f"{PROMPT}\n{PLACE}\n{PROMPT}-0.6"
 
 
@@ -311,7 +289,7 @@ def test_a_screen_that_changed_shows_the_place_and_what_was_typed_again() -> Non
 def test_the_end_of_input_is_the_end(live: bool, itself: bool) -> None:
     scene = Scene([], live)
     with pytest.raises(EOFError):
-        Asker(scene, Screen(), Gauge(scene, itself), scene.clock).ask(prompt, STEP)
+        Asker(scene, Screen(), Gauge(scene, itself), scene.clock).ask(ASKED, STEP)
 
 
 def test_a_gauge_that_reads_itself_goes_on_behind_the_end_of_a_pipe() -> None:
@@ -319,5 +297,5 @@ def test_a_gauge_that_reads_itself_goes_on_behind_the_end_of_a_pipe() -> None:
     gauge = Gauge(scene, reads_itself=True)
     gauge.poll = lambda asked: [READ] if asked else []  # type: ignore[method-assign]
     asker = Asker(scene, Screen(), gauge, scene.clock)
-    assert asker.ask(prompt, STEP) == READ
-    assert asker.ask(words) == TypedLine("")
+    assert asker.ask(ASKED, STEP) == READ
+    assert asker.ask(WORDS) == ""

@@ -156,9 +156,6 @@ class Script:
         except StopIteration:
             raise EOFError from None
 
-    def catch_up(self) -> None:
-        """Nothing was typed before a prompt."""
-
     def disturbed(self) -> bool:
         """There is no screen."""
         return False

@@ -73,9 +73,8 @@ def test_lines_are_typed_and_corrected(
 def test_what_was_typed_before_a_prompt_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     msvcrt = Msvcrt("0.41\r")
     with keyboard_of(monkeypatch, msvcrt) as keyboard:
-        keyboard.catch_up()
-        msvcrt.keys.extend("0.5")
         line = keyboard.read(0.0)
+        msvcrt.keys.extend("0.5")
         assert line is not None
         assert (line.text, msvcrt.shown) == ("0.41", "")
         assert keyboard.read(0.01) is None
