@@ -22,15 +22,6 @@ if TYPE_CHECKING:
     from orthoglide_cal.session import Dialogue, Show
 
 INTERRUPTED = 130
-_STYLES = {
-    "title": "bold",
-    "dim": "dim",
-    "good": "green",
-    "bad": "bold red",
-    "question": "bold yellow",
-    "prompt": "bold cyan",
-    "aside": "yellow",
-}
 
 
 def measure(
@@ -245,7 +236,7 @@ def _show_on(console: Console, aside: Console) -> Show:
     from orthoglide_cal.errors import visible_lines
     from orthoglide_cal.session import Style
 
-    paints = {style: Paint.parse(_STYLES.get(style, "")) for style in Style}
+    paints = {style: Paint.parse(style.value) for style in Style}
 
     def show(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
         # Lines are ready as they are: rich would spend more time on them than all checks together.

@@ -248,37 +248,31 @@ def gauge_moves(steps: Sequence[SessionStep]) -> int:
     return moves
 
 
-def clock(steps: Sequence[SessionStep], pace_min: float | None = None) -> list[float]:
+def clock(steps: Sequence[SessionStep]) -> list[float]:
     """When each of n steps is read, and when all are, shape (n + 1,) [min].
 
     It begins when the stands of the first are set up, and a bar for it is still to be turned.
-
-    Args:
-        steps: in order.
-        pace_min: the time per visit seen so far, slides of a stand along the leg included.
     """
-    pace = MINUTES_PER_POSTURE if pace_min is None else pace_min
-    slide = MINUTES_PER_SLIDE if pace_min is None else 0.0
     turned: set[tuple[int, int]] = set()
     times, now = [], 0.0
     for before, step in zip((None, *steps), steps, strict=False):
         if before is not None:
-            now += pace * (before.visit != step.visit)
+            now += MINUTES_PER_POSTURE * (before.visit != step.visit)
             if before.setup != step.setup:
                 now += MINUTES_PER_SETUP
             elif before.contact is not step.contact:
-                now += slide
+                now += MINUTES_PER_SLIDE
         bar = (step.planned.part, step.leg)
         if step.planned.turned and bar not in turned:
             turned.add(bar)
             now += MINUTES_PER_TURN
         times.append(now)
-    return [*times, now + pace if times else now]
+    return [*times, now + MINUTES_PER_POSTURE if times else now]
 
 
-def minutes_left(steps: Sequence[SessionStep], pace_min: float | None = None) -> float:
-    """Time that these steps will take [min]; `pace_min` as of `clock`."""
-    return clock(steps, pace_min)[-1]
+def minutes_left(steps: Sequence[SessionStep]) -> float:
+    """Time that these steps will take [min]."""
+    return clock(steps)[-1]
 
 
 def step_name(step: SessionStep) -> str:

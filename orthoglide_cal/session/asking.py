@@ -68,20 +68,20 @@ class Keyboard(Protocol):
         """
 
     def disturbed(self) -> bool:
-        """True once after the screen has changed: another size, or the program was stopped."""
+        """True once after the program was stopped and continued."""
 
 
 class Style(StrEnum):
-    """What a text is, for whoever shows it."""
+    """What a text is, and how it looks where colours are wanted."""
 
-    PLAIN = "plain"
-    TITLE = "title"
+    PLAIN = ""
+    TITLE = "bold"
     DIM = "dim"
-    GOOD = "good"
-    BAD = "bad"
-    QUESTION = "question"
-    PROMPT = "prompt"
-    ASIDE = "aside"  # of what was not asked for
+    GOOD = "green"
+    BAD = "bold red"
+    QUESTION = "bold yellow"
+    PROMPT = "bold cyan"
+    ASIDE = "yellow"  # of what was not asked for
 
 
 class Show(Protocol):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.estimation.forecast import Prediction
-from orthoglide_cal.model import AXES, Floats, Gauge, Ints, off_scale, too_steady
+from orthoglide_cal.model import AXES, Floats, Ints, off_scale, too_steady
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned, Taken
 from orthoglide_cal.session.gauges.interface import Token
@@ -33,7 +33,6 @@ _ORDINARY = math.erfc(3.0 / math.sqrt(2.0))
 # likelihood ratio that is watched all the time exceeds c by chance with a probability of at most
 # 1/c (Ville's inequality); a session watches nine of them.
 RATIO = 3e4
-_TURNS = 3
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 
@@ -71,69 +70,58 @@ class Evidence:
 
 
 def judge(
-    so_far: ReadingsSoFar,
-    step: SessionStep,
-    token: Token,
-    at: str,
-    source: str,
-    unit: Unit,
-    doubt: Question | None = None,
-) -> tuple[Taken | Questioned, bool] | None:
+    so_far: ReadingsSoFar, step: SessionStep, token: Token, at: str, source: str, unit: Unit
+) -> tuple[Taken | Questioned, bool]:
     """Check a reading against itself, the readings before it and the model.
 
     Args:
         so_far: the session before it.
-        step, token: what the reading is of, and what arrived.
+        step, token: what the reading is of, and what arrived; it has a value.
         at, source: as in the record.
         unit: of a reading that says none.
-        doubt: what is doubtful already.
 
     Returns:
-        The record to be written, and whether it was questioned before and has come again; None
-        if the token is no reading.
+        The record to be written, and whether it was questioned before and has come again.
     """
-    value = token.mm(unit)
+    value, state = token.mm(unit), so_far.state
     if value is None:
-        return None
-    state, gauge = so_far.state, so_far.setting.machine.gauge
+        raise ValueError("an error message is no reading")
     gone = datetime.fromisoformat(at) - datetime.fromisoformat(state.opened.at)
     # A clock that was set back must not turn the order of the readings around.
     earlier = [item.take.minutes for item in state.accepted.values()]
     minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
     coming = NextReading(so_far, step, minutes, token.unit or unit)
-    question = (
-        check_reading(coming, value, gauge)
-        or check_number(coming, value, gauge)
-        or check_repeats(coming, value, gauge)
-        or doubt
-    )
     taken = Taken(
         at=at, step=step.number, minutes=minutes, value_mm=value, raw=token.raw[:80], source=source
     )
+    question = check(coming, value)
     if question is None:
         return taken, False
-    first = "" if doubt is None or doubt is question else f"{doubt.text} "
+    doubt, text, about = question
     asked = Questioned(
-        **taken.model_dump(exclude={"kind"}),
-        doubt=question.doubt,
-        question=first + question.text,
-        about=question.about,
+        **taken.model_dump(exclude={"kind"}), doubt=doubt, question=text, about=about
     )
     near = 3.0 * coming.forecast.sigma_mm
-    before = [*(old.take for old in state.replaced), state.pending]
     again = any(
         isinstance(old, Questioned) and old.step == asked.step and abs(value - old.value_mm) <= near
-        for old in before
+        for old in (*(old.take for old in state.replaced), state.pending)
     )
     return asked, again
 
 
-def check_number(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
+def check(coming: NextReading, value: float) -> Question | None:
+    """The question that a reading [mm] raises, by those before it or by itself."""
+    return (
+        check_reading(coming, value) or check_number(coming, value) or check_repeats(coming, value)
+    )
+
+
+def check_number(coming: NextReading, value: float) -> Question | None:
     """The question that a number [mm] itself raises; None if the gauge can show it.
 
     What was kept once is not questioned again.
     """
-    unit = coming.unit
+    unit, gauge = coming.unit, coming.gauge
     earlier = coming.so_far.value[coming.series]
     # Further from zero, or later from the gauge's other readings, than its plunger travels.
     if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.range_mm:
@@ -156,12 +144,12 @@ def check_number(coming: NextReading, value: float, gauge: Gauge) -> Question | 
     return None
 
 
-def check_repeats(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
+def check_repeats(coming: NextReading, value: float) -> Question | None:
     """The question that repeats raise which hardly differ: a gauge that is held, or another unit.
 
     Asked once in a session; what was kept is not questioned again.
     """
-    settled = {doubt for doubt, _ in coming.so_far.settled}
+    gauge, settled = coming.gauge, {doubt for doubt, _ in coming.so_far.settled}
     # A session's first repeat is the first that can say something.
     if not coming.repeats or settled & {Doubt.DEAD, Doubt.SCATTER}:
         return None
@@ -181,7 +169,7 @@ def check_repeats(coming: NextReading, value: float, gauge: Gauge) -> Question |
     return Question(Doubt.SCATTER, text)
 
 
-def check_reading(coming: NextReading, value: float, gauge: Gauge) -> Question | None:
+def check_reading(coming: NextReading, value: float) -> Question | None:
     """The question that a reading `value` [mm] raises after those before it; None if it fits."""
     if not coming.series:
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
@@ -196,7 +184,7 @@ def check_reading(coming: NextReading, value: float, gauge: Gauge) -> Question |
     found = sorted(
         (
             (chance, question)
-            for question, chance, std in _explanations(coming, value, gauge, evidence)
+            for question, chance, std in _explanations(coming, value, evidence)
             if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
         ),
         key=lambda pair: -pair[0],
@@ -263,7 +251,7 @@ def _reversals(coming: NextReading) -> Iterator[Blunder]:
 
 
 def _explanations(
-    coming: NextReading, value: float, gauge: Gauge, evidence: Evidence
+    coming: NextReading, value: float, evidence: Evidence
 ) -> Iterator[tuple[Question, float, float]]:
     """Blunders that may have made this reading what it is.
 
@@ -273,9 +261,10 @@ def _explanations(
     values, rows = np.append(coming.so_far.value[past], value), np.append(past, new)
     mean, std = float(evidence.prediction.mean), float(evidence.prediction.std)
     corrected: list[tuple[Doubt, str, float]] = []
-    for turns in range(1, _TURNS + 1) if gauge.revolution_mm else ():
+    turn = coming.gauge.revolution_mm
+    for turns in (1, 2, 3) if turn else ():
         words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
-        size = math.copysign(turns * (gauge.revolution_mm or 0.0), value - mean)
+        size = math.copysign(turns * (turn or 0.0), value - mean)
         corrected.append((Doubt.REVOLUTION, words, value - size))
     corrected.append((Doubt.SIGN, "opposite sign?", -value))
     corrected += [(Doubt.POINT, "decimal point misplaced?", value * f) for f in (10.0, 0.1)]

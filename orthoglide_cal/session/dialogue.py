@@ -15,11 +15,10 @@ from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
-from orthoglide_cal.session.checks import Question, judge
-from orthoglide_cal.session.events import Doubt, Event, Questioned
-from orthoglide_cal.session.gauges.interface import Heard, Token
+from orthoglide_cal.session.checks import judge
+from orthoglide_cal.session.events import Event, Questioned
+from orthoglide_cal.session.gauges.interface import Heard, NotAReading, Token, parse_typed
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
-from orthoglide_cal.session.gauges.typed import NotAReading, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values, written_before
@@ -167,7 +166,7 @@ class Dialogue:
             asker.say(text)
         if step.visit != visit:
             left = [s for s in setting.steps if self.state.is_open(s.number)]
-            minutes = minutes_left(left, self.so_far.pace_min)
+            minutes = minutes_left(left)
             asker.say(f"\n{wording.step_line(step, setting, minutes)}", Style.TITLE)
             # What continues other readings has no posture program.
             block = "" if setting.first else f"Block N{step.block} of plan --program\n"
@@ -233,16 +232,9 @@ class Dialogue:
             self.asker.say("Type the reading, or ? for help.")
         else:
             try:
-                token, layout = parse_typed(answer)
+                self._read(step, parse_typed(answer), "typed")
             except NotAReading as refusal:
                 self.asker.say(str(refusal), Style.BAD)
-                return
-            doubt = None
-            if layout is not None:
-                value = wording.value_text(token.mm(self.unit) or 0.0, self.unit)
-                text = f"{token.raw!r} would be {value} typed on a {layout} keyboard layout:"
-                doubt = Question(Doubt.LAYOUT, f"{text} is it?")
-            self._read(step, token, "typed", doubt)
 
     def _take_back(self, stream: Unasked) -> None:
         """A gauge sends by itself: take back the readings that its messages became."""
@@ -257,14 +249,9 @@ class Dialogue:
         if taken:
             self.asker.say(f"{_are(taken)} taken back: the gauge sent that by itself.")
 
-    def _read(
-        self, step: SessionStep, token: Token, source: str, doubt: Question | None = None
-    ) -> None:
+    def _read(self, step: SessionStep, token: Token, source: str) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        judged = judge(self.so_far, step, token, self.now(), source, self.unit, doubt)
-        if judged is None:
-            return
-        reading, again = judged
+        reading, again = judge(self.so_far, step, token, self.now(), source, self.unit)
         self.write(reading)
         if not isinstance(reading, Questioned):
             self._acknowledge(step, reading.value_mm)
@@ -306,7 +293,7 @@ class Dialogue:
         reason = f"ended early, every offset is known within {until_mm:g} mm"
         drop = tuple(step.number for step in dropped)
         self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
-        minutes = minutes_left(dropped, so_far.pace_min)
+        minutes = minutes_left(dropped)
         self.asker.say(wording.shortened(dropped, minutes, until_mm), Style.GOOD)
         if self.next_step() is not None:
             self.asker.say(

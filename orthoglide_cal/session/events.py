@@ -36,7 +36,7 @@ class Doubt(StrEnum):
     GRID = "resolution"  # finer than the gauge can show
     DEAD = "dead"  # its repeats never differ
     SCATTER = "scatter"  # its repeats differ far less than the gauge does
-    LAYOUT = "keyboard"  # typed through a wrong keyboard layout
+    LAYOUT = "keyboard"  # typed through another keyboard layout; asked by earlier versions
     DOUBLE = "double"  # the same key stroke twice; asked by earlier versions
     REVOLUTION = "revolution"  # whole turns of the dial
     SIGN = "sign"  # read with the opposite sign

@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from dataclasses import dataclass, fields
 from functools import cached_property
-from itertools import pairwise
 from statistics import median
 
 import numpy as np
@@ -19,6 +18,7 @@ from orthoglide_cal.files import ReadingRow, readings_of, row_at
 from orthoglide_cal.model import (
     Contact,
     Floats,
+    Gauge,
     GaugePlan,
     Ints,
     Model,
@@ -249,17 +249,6 @@ class ReadingsSoFar:
             return left
         return [step for step in left if step.visit != closing[0].visit]
 
-    @property
-    def pace_min(self) -> float | None:
-        """Median time from one posture to the next within a set-up [min]; None at first."""
-        taken = list(zip(self.steps, self.minutes.tolist(), strict=True))
-        times = [
-            after - before
-            for (one, before), (other, after) in pairwise(taken)
-            if one.setup == other.setup and one.visit != other.visit
-        ]
-        return median(times) if len(times) >= 3 else None
-
 
 @dataclass(frozen=True, eq=False)
 class NextReading:
@@ -269,6 +258,11 @@ class NextReading:
     step: SessionStep
     minutes: float  # when it is taken, since the session began
     unit: Unit = Unit.MM  # in which it is given, and spoken of
+
+    @property
+    def gauge(self) -> Gauge:
+        """That it is read with."""
+        return self.so_far.setting.machine.gauge
 
     @cached_property
     def steps(self) -> tuple[SessionStep, ...]:

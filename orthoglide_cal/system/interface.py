@@ -28,7 +28,8 @@ class Terminal(Protocol):
         """The width of the screen, in characters."""
 
     def disturbed(self) -> bool:
-        """True once after the screen has changed: another size, or the program was stopped."""
+        """True once after the program was stopped and continued."""
+        return False
 
     def close(self) -> None:
         """Leave the terminal as it was."""

@@ -27,7 +27,7 @@ class PosixTerminal(Terminal):
         self._before = termios.tcgetattr(descriptor)
         self._handlers: dict[int, Any] = {
             number: signal.signal(number, self._on_signal)
-            for number in (signal.SIGCONT, signal.SIGWINCH, signal.SIGTSTP)
+            for number in (signal.SIGCONT, signal.SIGTSTP)
             if signal.getsignal(number) != signal.SIG_IGN
         }
         self._take()

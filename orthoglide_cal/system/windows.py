@@ -31,11 +31,10 @@ class Msvcrt(Protocol):
 
 
 class WindowsTerminal(Terminal):
-    """The console; it knows no signals, so only its width tells that the screen has changed."""
+    """The console; no program is stopped in it."""
 
     def __init__(self, msvcrt: Msvcrt) -> None:
         self._msvcrt = msvcrt
-        self._width = self.columns()
 
     def read(self, timeout_s: float) -> str:
         until = time.monotonic() + timeout_s
@@ -63,10 +62,6 @@ class WindowsTerminal(Terminal):
             with suppress(OSError):
                 return os.get_terminal_size(descriptor).columns or COLUMNS
         return COLUMNS
-
-    def disturbed(self) -> bool:
-        before, self._width = self._width, self.columns()
-        return self._width != before
 
     def close(self) -> None:
         """The console's mode was never changed; what was typed for nobody is dropped."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from orthoglide_cal.model import Machine
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Doubt, Taken
@@ -186,7 +187,7 @@ def test_after_a_stand_was_declared_moved_the_same_shape_is_expected_with_a_new_
     past = compared(state, steps, index, 0.2 * index)
     prediction = past.forecast.predict(past.so_far.value[past.past], past.past, len(past.steps) - 1)
     assert float(prediction.std) < 0.03
-    assert check_reading(past, values[index] + 2.0, PROTOTYPE.gauge) is None
+    assert check_reading(past, values[index] + 2.0) is None
 
 
 @pytest.mark.parametrize(
@@ -203,7 +204,7 @@ def test_numbers_that_the_gauge_cannot_show(
     state = state_of([])
     unit = Unit.INCH if inches else Unit.MM
     past = replace(compared(state, steps_of(), 0, 0.0), unit=unit)
-    question = check_number(past, value, PROTOTYPE.gauge)
+    question = check_number(past, value)
     assert (question.doubt if question else None) == doubt
 
 
@@ -214,18 +215,20 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
     values = readings_of(steps, 3)
     steady = [taken(step.number, 0.0, step.number / 5.0) for step in steps[:39]]
 
-    def coming(taken_before: list[Taken], index: int) -> NextReading:
-        return replace(compared(state_of(taken_before), steps, index, index / 5.0), unit=unit)
+    inches = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(resolution_mm=0.0254))
+
+    def coming(taken_before: list[Taken], index: int, machine: Machine = PROTOTYPE) -> NextReading:
+        past = compared(state_of(taken_before), steps, index, index / 5.0, machine)
+        return replace(past, unit=unit)
 
     read = [taken(n, value, n / 5.0) for n, value in enumerate(values, start=1)]
-    gauge = PROTOTYPE.gauge
     asked = [
-        check_number(coming([], 0), 12.7, gauge),
-        check_number(coming(read[:2], 2), 12.7, gauge),
-        check_number(coming([], 0), 0.0137, gauge.changed(resolution_mm=0.0254)),
-        check_reading(coming(read[:9], 9), values[9] + 0.3, gauge),
-        check_reading(coming(read[:50], 50), values[50] + 1.0, gauge),
-        check_repeats(coming(steady, 39), 0.001, gauge),
+        check_number(coming([], 0), 12.7),
+        check_number(coming(read[:2], 2), 12.7),
+        check_number(coming([], 0, inches), 0.0137),
+        check_reading(coming(read[:9], 9), values[9] + 0.3),
+        check_reading(coming(read[:50], 50), values[50] + 1.0),
+        check_repeats(coming(steady, 39), 0.001),
     ]
     texts = [question.text for question in asked if question]
     assert len(texts) == len(asked)
@@ -240,15 +243,15 @@ def test_a_finer_scale_that_was_confirmed_once_is_believed() -> None:
     fine = questioned(taken(1, 0.125), Doubt.GRID, "mistyped?")
     state = state_of([fine, Answered(at=AT, keep=True)])
     past = compared(state, steps_of(), 1, 0.2)
-    assert check_number(past, 0.345, PROTOTYPE.gauge) is None
+    assert check_number(past, 0.345) is None
 
 
 def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
     preset = questioned(taken(1, 100.0), Doubt.RANGE, "mistyped?")
     state = state_of([preset, Answered(at=AT, keep=True)])
     past = compared(state, steps_of(), 2, 0.4)
-    assert check_number(past, 100.4, PROTOTYPE.gauge) is None
-    far = check_number(past, 0.4, PROTOTYPE.gauge)
+    assert check_number(past, 100.4) is None
+    far = check_number(past, 0.4)
     assert far is not None
     assert far.doubt is Doubt.RANGE
 

@@ -233,7 +233,8 @@ def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["", "hello", "911", "1.2.3", "nan", "\x1b[A", "urr", "u1", "--", "k", "y", "m", "ü"]
+    "line",
+    ["", "hello", "911", "1.2.3", "nan", "\x1b[A", "urr", "u1", "--", "k", "y", "m", "ü", "ß0.64"],
 )
 def test_nothing_but_a_reading_is_a_reading(tmp_path: Path, line: str) -> None:
     dialogue, screen = answered(tmp_path / "s.journal", [line, line])
@@ -351,17 +352,6 @@ def test_a_moved_stand_gets_a_new_zero_and_the_offsets_stay_right(tmp_path: Path
     assert labels == [None] * 4 + ["(moved at step 29)"] * 6
     healthy, _ = answered(tmp_path / "h.journal", typed(right))
     assert np.abs(offsets(dialogue) - offsets(healthy)).max() < 0.01
-
-
-def test_a_keyboard_layout_is_asked_about_and_never_guessed(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    dialogue, _ = answered(path, ["ß0.64"])
-    assert values(dialogue) == {}
-    assert dialogue.state.pending is not None
-    assert dialogue.state.pending.doubt is Doubt.LAYOUT
-    dialogue, _ = answered(path, ["k"])
-    assert values(dialogue) == {1: -0.64}
-    assert "ß0.64" in dialogue.state.accepted[1].take.raw
 
 
 def test_a_clock_that_is_set_back_does_not_turn_the_order_around(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.session.gauges.interface import Token
+from orthoglide_cal.session.gauges.interface import NotAReading, Token, parse_typed
 from orthoglide_cal.session.gauges.serial_line import (
     PATIENCE_S,
     SERIAL_FORMATS,
@@ -20,7 +20,6 @@ from orthoglide_cal.session.gauges.serial_line import (
     Splitter,
 )
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
-from orthoglide_cal.session.gauges.typed import NotAReading, parse_typed
 from orthoglide_cal.words import Unit
 
 from .virtual import setting_of, steps_of
@@ -162,8 +161,8 @@ def test_noise_without_end_does_not_fill_the_memory() -> None:
     ],
 )  # fmt: skip
 def test_typed_numbers(text: str, value: float, unit: Unit | None) -> None:
-    token, layout = parse_typed(text)
-    assert (token.value, token.unit, layout) == (value, unit, None)
+    token = parse_typed(text)
+    assert (token.value, token.unit) == (value, unit)
 
 
 @pytest.mark.parametrize(
@@ -172,6 +171,7 @@ def test_typed_numbers(text: str, value: float, unit: Unit | None) -> None:
         "nan", "inf", "1e3", "1_000", "0x1f", "1,234.5", "1.234.567", "1 2", "911", "ERR6",
         "3 TO 999999.99 mm", "999999.99", "x", "+", "-", ".", "1.0 m/s", "1..2", "½", "١٢",
         "1" * 200, "\x1b[A", "\x00", "1.2\x7f", "; rm -rf", "--help", "1.5kg", "1.231.23",
+        "&:é\"'", "!<@#", "ß1.234", "/1.234",
     ],
 )  # fmt: skip
 def test_typed_text_that_is_no_reading(text: str) -> None:
@@ -181,22 +181,6 @@ def test_typed_text_that_is_no_reading(text: str) -> None:
     assert len(str(caught.value)) < 120
 
 
-@pytest.mark.parametrize(
-    ("text", "value", "layout"),
-    [
-        ("&:é\"'", 1.234, "French"), (")&:é", -1.2, "French"), ("!<@#", 1.23, "US"),
-        ("ß1.234", -1.234, "German"), ("/1.234", -1.234, "German"), ("à:à&", 0.01, "French"),
-    ],
-)  # fmt: skip
-def test_a_wrong_keyboard_layout_is_recognised_and_asked_about(
-    text: str, value: float, layout: str
-) -> None:
-    token, named = parse_typed(text)
-    assert token.value == value
-    assert named is not None
-    assert layout in named
-
-
 def test_any_typed_rubbish_is_survived() -> None:
     rng = np.random.default_rng(6)
     letters = np.array([*string.printable, "−", "é", "ß", "\u202e", "\x1b", "\x00", "𝟙"])
@@ -204,7 +188,7 @@ def test_any_typed_rubbish_is_survived() -> None:
     for _ in range(2000):
         text = "".join(rng.choice(letters, size=int(rng.integers(0, 12))))
         with contextlib.suppress(NotAReading):
-            value = parse_typed(text)[0].value
+            value = parse_typed(text).value
             assert value is not None
             assert math.isfinite(value)
             read += 1

@@ -78,7 +78,7 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
         if past.series:
             false |= gather(past, values[:, past.past], values[:, index]).questioned
         for value in values[:20, index].tolist():
-            assert check_number(past, value, machine.gauge) is None
+            assert check_number(past, value) is None
         state = advance(state, taken(step.number, 0.0, minutes))
     assert false.sum() < 10
 

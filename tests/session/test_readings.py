@@ -117,16 +117,6 @@ def test_too_few_readings_and_readings_that_no_file_takes_have_no_solution() -> 
     assert so_far_of([*events[:-1], taken(60, 310.3)], DOUBLE).solution is None
 
 
-def test_the_pace_is_the_median_time_between_postures_of_a_set_up() -> None:
-    steps = steps_of()
-    # Two readings a posture; a pause before step 9, and new stands before step 21.
-    minutes = np.cumsum([0.7 * (k % 2 == 0) + 9.0 * (k == 8) + 5.0 * (k == 20) for k in range(24)])
-    events = [taken(k + 1, 0.0, float(at)) for k, at in enumerate(minutes)]
-    assert so_far_of(events, DOUBLE).pace_min == pytest.approx(0.7)
-    assert so_far_of(events[:6], DOUBLE).pace_min is None
-    assert steps[20].setup == 2
-
-
 def reading(step: int, value: float, doubt: Doubt | None = None) -> Taken:
     if doubt is None:
         return taken(step, value)

@@ -11,7 +11,7 @@ import pytest
 from orthoglide_cal.session.wording import table, value_text
 from orthoglide_cal.words import Unit
 
-from .terminal import AT_ONCE, PATIENCE_S, PROMPT, Terminal, environment
+from .terminal import AT_ONCE, PATIENCE_S, PROMPT, environment
 from .virtual import answered, opened, readings_of, steps_of, typed
 
 # As a shell must be given it: a clone may stand at a path with a blank.
@@ -71,18 +71,6 @@ def test_a_table_shows_the_cycle_in_hand(tmp_path: Path, cycles: int) -> None:
     inches = table(dialogue.state, dialogue.setting, Unit.INCH).splitlines()
     assert "[in]" in inches[0]
     assert float(inches[1].split()[3]) == pytest.approx(float(shown[1].split()[3]) / 25.4, abs=6e-6)
-
-
-def test_a_resized_terminal_gets_place_and_prompt_again(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml") as terminal:
-        assert terminal.step() == 1
-        terminal.type("-0.6", end="")
-        terminal.expect(r"-0\.6$")
-        terminal.child.setwinsize(24, 40)
-        terminal.expect("tool     X 0.000   Y 0.000   Z 0.000  mm\r\n")
-        terminal.expect(r"1\. Gauge Y \[mm\] > -0\.6$")
-        terminal.type("4")
-        terminal.expect(r"saved -0\.640")
 
 
 @pytest.mark.parametrize("end", ["\t", "\r"])

@@ -14,7 +14,7 @@ from orthoglide_cal.model import Machine, Model
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
 from orthoglide_cal.session.asking import Asker, Line
-from orthoglide_cal.session.checks import Question, check_number, check_reading, check_repeats
+from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Answered, Doubt, Event, Opened, Questioned, Taken
 from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
@@ -116,18 +116,12 @@ def play(
     Stops after that many `questions`.
     """
     setting = setting_of(steps, machine)
-    gauge = setting.machine.gauge
     state = replay([opened()])
     asked = []
     for index, step in enumerate(steps):
         value = float(values[index])
         now = 0.2 * index + 4.0 * (step.setup - 1) if minutes is None else float(minutes[index])
-        beside = NextReading(ReadingsSoFar(state, setting), step, now)
-        question = (
-            check_reading(beside, value, gauge)
-            or check_number(beside, value, gauge)
-            or check_repeats(beside, value, gauge)
-        )
+        question = check(NextReading(ReadingsSoFar(state, setting), step, now), value)
         if question is None:
             state = advance(state, taken(step.number, value, now))
             continue

@@ -91,15 +91,6 @@ def test_ctrl_c_and_ctrl_z(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Windows(Msvcrt("\x1a")).terminal(0).read(0.1) == END_OF_INPUT
 
 
-def test_a_change_of_size_is_noticed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes = deque([80, 40, 40])
-    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((sizes[0], 24)))
-    terminal = Windows(Msvcrt()).terminal(0)
-    sizes.popleft()
-    assert [terminal.disturbed(), terminal.disturbed()] == [True, False]
-    assert terminal.columns() == 40
-
-
 def test_a_journal_is_locked_far_behind_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,16 +1,20 @@
-"""What every gauge is for the dialogue, and what it says."""
+"""What every gauge is for the dialogue, and what it or a person says."""
 
 from __future__ import annotations
 
 import re
 from typing import NamedTuple, Protocol
 
-from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.errors import OrthocalError, visible
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.words import MM_PER_INCH, Unit
 
 # Error messages that look like numbers: they must never become one.
 _ERROR_CODES = re.compile(r"[+-]?9{5,}(?:\.9+)?|9[0-9]{2}")
+_TYPED = re.compile(
+    r"(?P<value>[+-]?\s?(?:\d{1,6}(?:[.,]\d{0,6})?|[.,]\d{1,6}))\s*(?P<unit>mm|inch|in|\")?",
+    flags=re.ASCII | re.IGNORECASE,
+)
 _UNITS = {"m": Unit.MM, "mm": Unit.MM} | dict.fromkeys(("i", "in", "inch", '"'), Unit.INCH)
 
 
@@ -45,6 +49,33 @@ class Token(NamedTuple):
             return self.value
         # A gauge never shows more than a nanometre: drop the dust of the multiplication.
         return round(self.value * MM_PER_INCH, 6)
+
+
+class NotAReading(Exception):
+    """Typed text that is no reading; the message is the sentence to show."""
+
+
+def parse_typed(text: str) -> Token:
+    """What a person or a keyboard-wedge gauge types at a prompt.
+
+    Accepts a sign (also U+2212), decimal point or comma, and a unit; nothing else. Exponents,
+    digit groups and error codes are not readings.
+
+    Raises:
+        NotAReading: says why.
+    """
+    plain = text.strip().replace("\u2212", "-")
+    match = _TYPED.fullmatch(plain)
+    token = Token.of(match, text.strip()) if match else None
+    if token is not None and token.value is not None:
+        return token
+    clean = visible(plain)
+    shown = f"'{clean if len(clean) <= 24 else clean[:23] + '~'}'"
+    if token is not None or re.search(r"err|^\d\s+to\b", plain, flags=re.IGNORECASE):
+        raise NotAReading(f"{shown} is an error message of the gauge, not a reading.")
+    if re.fullmatch(r"[+-]?[\d.,\s]+", plain) and len(re.findall(r"[.,]", plain)) > 1:
+        raise NotAReading(f"{shown}: two numbers in one? Type one, such as -0.12.")
+    raise NotAReading(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 
 class Heard(NamedTuple):
