@@ -10,6 +10,7 @@ to p' = direct kinematics of the real machine at ρ + Δρ.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,36 @@ def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
     return np.asarray(model.real.joints(command, offsets))
 
 
+def _reached(model: Model, points: Floats, offsets: Floats) -> tuple[Floats, Floats]:
+    """Joints and tool, each (n, 3) [mm], where the controller means to drive to `points` (n, 3)."""
+    geometry = model.real.geometry
+    joints = _standing(model, model.machine.joints_for(points), offsets)
+    return joints, trilaterate(geometry.carriages(joints), geometry.lengths)
+
+
+# A plan asks for it once for each of its sessions.
+@functools.lru_cache(maxsize=4)
+def _corrected(model: Model) -> tuple[Floats, Floats]:
+    """With all offsets entered: how far the tool is off (n,) [mm], and its derivative (n, 3, 3)."""
+    points = _grid(model, SAMPLES)[1]
+    joints, tool = _reached(model, points, np.zeros(3))
+    left = np.linalg.norm(tool - points, axis=-1)
+    return left, tool_derivative(model.real.geometry, joints, tool)
+
+
+def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
+    """How far the tool is off once the offsets are entered, over the cube, each (n,) [mm].
+
+    Arguments and errors as of `workspace_error`.
+
+    Returns:
+        What the causes alone leave of it, and that with k·u of the tool position.
+    """
+    left, jacobian = _corrected(model)
+    spread = np.einsum("nij,jk,nik->n", jacobian, covariance, jacobian)
+    return left, left + k * np.sqrt(spread)
+
+
 def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> WorkspaceError:
     """Tool-position error before and after the offsets are entered.
 
@@ -76,18 +107,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         PostureError: a corner of the cube that the machine cannot reach.
     """
     axis, points = _grid(model, SAMPLES)
-    indicated, geometry = model.machine.joints_for(points), model.real.geometry
-
-    def reached(remaining: Floats) -> tuple[Floats, Floats]:
-        joints = _standing(model, indicated, remaining)
-        return joints, trilaterate(geometry.carriages(joints), geometry.lengths)
-
-    before = np.linalg.norm(reached(offsets)[1] - points, axis=-1)
-    joints, tool = reached(np.zeros(3))
-    jacobian = tool_derivative(geometry, joints, tool)
-    spread = np.einsum("nij,jk,nik->n", jacobian, covariance, jacobian)
-    left = np.linalg.norm(tool - points, axis=-1)
-    after = left + k * np.sqrt(spread)
+    before = np.linalg.norm(_reached(model, points, offsets)[1] - points, axis=-1)
+    left, after = error_after(model, covariance, k)
     shape = (SAMPLES, SAMPLES, SAMPLES)
     levels = [0, SAMPLES // 2, SAMPLES - 1]
     return WorkspaceError(

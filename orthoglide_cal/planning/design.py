@@ -14,7 +14,7 @@ wanted accuracy takes. Postures that displace other carriages, too, as far as th
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -79,7 +79,6 @@ def design_of(machine: Orthoglide) -> Design:
     Raises:
         RankDeficientError: no such postures determine the offsets.
     """
-    model = Model(machine)
     postures = SHARES @ np.array(machine.joint_limits_mm)
     every = np.array(list(product(range(MOST_VISITS + 1), repeat=len(postures))), dtype=np.intp)
     visits = every.sum(axis=1)
@@ -87,10 +86,10 @@ def design_of(machine: Orthoglide) -> Design:
     # Of designs that are equally good the shortest comes first.
     every = every[np.argsort(every.sum(axis=1), kind="stable")]
     least, best = 1.0 / NOTHING**0.5, None
-    for place in PLACES:
+    for place, jacobian in zip(PLACES, _jacobians(machine, postures), strict=True):
         touched = place + postures / machine.leg_length_mm
         count = every[~np.any(every[:, keeps_off(touched)], axis=1)]
-        needed = _cost(model, postures, place, count)
+        needed = _cost(jacobian, count)
         if needed.min(initial=least) < least * (1.0 - ROUNDING):
             least = float(needed.min())
             chosen = count[int(np.argmax(needed <= least * (1.0 + ROUNDING)))]
@@ -99,7 +98,7 @@ def design_of(machine: Orthoglide) -> Design:
         raise RankDeficientError(
             "No postures within the joint limits let the gauges see the joint offsets.",
             "Check joint_limits_mm and leg_length_mm in the machine file.",
-            model.machine.parameter_names,
+            machine.parameter_names,
         )
     return best
 
@@ -114,26 +113,30 @@ def readings_needed(model: Model, plan: GaugePlan) -> float:
     return float(variance.max()) * len(plan)
 
 
-def _cost(model: Model, postures: Floats, place: float, count: Ints) -> Floats:
+def _jacobians(machine: Orthoglide, postures: Floats) -> Floats:
+    """∂readings/∂Δρ for each of `PLACES`, gauge and posture, shape (places, 6, p, 3)."""
+    plan = visiting(tuple(postures.tolist()))
+    every = plan.subset(np.tile(np.argsort(plan.setup, kind="stable"), len(PLACES)))
+    every = replace(every, gauge_at=np.repeat(PLACES, len(plan)))
+    slope = simulate_with_jacobian(Model(machine), np.zeros(3), every)[1]
+    return slope.reshape(len(PLACES), plan.setups, len(postures), 3)
+
+
+def _cost(jacobian: Floats, count: Ints) -> Floats:
     """Readings for a largest variance of an offset of σ², for c designs, shape (c,).
 
     Args:
-        model: the machine.
-        postures: displacements, shape (p,) [mm].
-        place: of the gauges along the leg.
+        jacobian: of each gauge at each posture, shape (g, p, 3).
         count: readings of each gauge at each posture in a cycle, shape (c, p).
     """
-    plan = visiting(tuple(postures.tolist()), place)
-    slope = simulate_with_jacobian(model, np.zeros(len(model.machine.parameter_names)), plan)[1]
-    slope = np.stack([slope[plan.setup == setup] for setup in range(plan.setups)])
     total = count.sum(axis=1)
     # Σ w J Jᵀ − (Σ w J)(Σ w J)ᵀ/Σ w, summed over the gauges.
-    squares = np.einsum("cp,gpi,gpj->cij", count, slope, slope)
-    sums = np.einsum("cp,gpi->cgi", count, slope)
+    squares = np.tensordot(count, np.einsum("gpi,gpj->pij", jacobian, jacobian), axes=1)
+    sums = np.tensordot(count, jacobian, axes=(1, 1))
     precision = squares - np.einsum("cgi,cgj->cij", sums, sums) / total[:, None, None]
-    covariance = np.linalg.inv(precision + NOTHING * np.eye(slope.shape[-1]))
+    covariance = np.linalg.inv(precision + NOTHING * np.eye(3))
     largest = np.diagonal(covariance, axis1=1, axis2=2).max(axis=1)
-    return np.asarray(largest * total * plan.setups)
+    return np.asarray(largest * total * len(jacobian))
 
 
 def _in_turn(postures: Floats, count: Ints) -> tuple[float, ...]:

@@ -26,7 +26,7 @@ from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.model.plan import AnyPlan
 from orthoglide_cal.model.protocols import plan_of
-from orthoglide_cal.model.workspace import workspace_error
+from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import separations
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
@@ -116,8 +116,8 @@ class SessionForecast(Schema):
         """
         if not self.model.machine.has_cube:
             return None
-        covariance, k = self.budget.covariance_mm2, self.budget.k
-        return workspace_error(self.model, np.zeros(3), covariance, k).after_max_mm
+        after = error_after(self.model, self.budget.covariance_mm2, self.budget.k)[1]
+        return float(after.max())
 
     @computed_field
     @cached_property

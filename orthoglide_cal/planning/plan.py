@@ -232,12 +232,12 @@ def measurement_plan(
     reached = target is None or max(chosen.expanded_mm.values()) <= target
     return MeasurementPlan.of(
         chosen,
-        forecast(model, protocol, MOST_CYCLES, stands=stands).floor,
+        forecast(model, protocol, MOST_CYCLES, Method.READINGS, stands).floor,
         separations(model, session_of(model, protocol, min(cycles, MOST_COMPARED), stands).plan),
         bar_warning=bar_warning(chosen.plan, model.orthoglide),
         gauges=stands,
         target=None if target is None else Target(target, reached, cycles if reached else None),
-        by_cycles=tuple(forecast(model, protocol, n, stands=stands) for n in numbers),
+        by_cycles=tuple(forecast(model, protocol, n, Method.READINGS, stands) for n in numbers),
         compare=compare,
         design=_fewest_readings(model, cycles, compare[-1]),
         next=following,
