@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import Floats, Model, differentiate, simulate
+from orthoglide_cal.model import (
+    Cause,
+    Floats,
+    Model,
+    differentiate,
+    simulate,
+    simulate_with_jacobian,
+)
 from tests import truth
 from tests.causes.condition import (
     MACHINES,
@@ -17,6 +24,7 @@ from tests.causes.condition import (
     state_of,
     with_stands_at_rest,
 )
+from tests.subjects import Subject, on_each_kind
 from tests.truth import again
 
 both_machines = pytest.mark.parametrize(("model", "hidden"), MACHINES.values(), ids=list(MACHINES))
@@ -32,55 +40,33 @@ def zero_free(values: Floats, setup: np.ndarray) -> Floats:
 
 
 @both_machines
-def test_readings_of_a_healthy_machine_are_those_of_the_truth(
-    model: Model, hidden: truth.Machine
+@pytest.mark.parametrize("cause", [None, *SIZES])
+def test_readings_are_those_of_the_truth(
+    model: Model, hidden: truth.Machine, cause: str | None
 ) -> None:
-    plan = standard(hidden)
-    for offsets in np.random.default_rng(20).uniform(-3.0, 3.0, (20, 3)):
-        true = truth.signals(plan, hidden, state_of(None, offsets))[0]
-        error = zero_free(simulate(model, offsets, as_plan(plan)) - true, plan.setup)
-        assert np.abs(error).max() < 1e-9
+    """To rounding; where a cause moves the carriages, once both set the gauges up at rest.
 
-
-@both_machines
-@pytest.mark.parametrize("cause", SIZES)
-def test_readings_are_those_of_the_truth(model: Model, hidden: truth.Machine, cause: str) -> None:
-    """To rounding; where a cause moves the carriages, once both set the gauges up at rest."""
-    plan = standard(hidden)
-    if cause not in AT_REST:
-        plan = with_stands_at_rest(plan)
-    effect = effect_of(cause)
-    if cause == "backlash":
-        # Where the carriages stand before their first motion also shifts the six stands.
-        effect = CAUSES["backlash"].at(np.array([*SIZES["backlash"][:3], 0.0, 0.0, 0.0]))
-    for offsets in OFFSETS:
-        state = state_of(cause, offsets)
-        if cause == "backlash":
-            state[0, 18:21] = 0.0
-        true = truth.signals(plan, hidden, state)[0]
-        mine = simulate(model.extended([effect]), offsets, as_plan(plan))
-        assert np.abs(zero_free(mine - true, plan.setup)).max() < 1e-9
-        without = simulate(model, offsets, as_plan(plan))
-        assert np.abs(zero_free(mine - without, plan.setup)).max() > 1e-3
-
-
-@both_machines
-@pytest.mark.parametrize("cause", ["backlash", "thermal_drift"])
-def test_where_the_stands_differ_it_is_by_the_lean_of_the_leg(
-    model: Model, hidden: truth.Machine, cause: str
-) -> None:
-    """A stand δ further along a leg that leans by dy/dx reads δ·dy/dx less: some 1e-4 mm here.
-
-    δ is at most half the lost motion and the first position, or what has drifted by the time
-    the last leg is reached; the legs lean by at most (offsets + drift)/L·tan α, about 1 %.
+    Where they differ, a stand δ further along a leg that leans by dy/dx reads δ·dy/dx less: some
+    1e-4 mm. δ is at most half the lost motion and the first position, or what has drifted by the
+    time the last leg is reached; the legs lean by (offsets + drift)/L·tan α, about 1 %.
     """
-    plan = standard(hidden)
+    plan, worse = standard(hidden), model.extended([effect_of(cause)] if cause else [])
     for offsets in OFFSETS:
-        true = truth.signals(plan, hidden, state_of(cause, offsets))[0]
-        mine = simulate(model.extended([effect_of(cause)]), offsets, as_plan(plan))
-        without = simulate(model, offsets, as_plan(plan))
-        assert np.abs(zero_free(mine - true, plan.setup)).max() < 0.06 * 0.01
-        assert np.abs(zero_free(mine - without, plan.setup)).max() > 0.01
+        state, at_rest, same = state_of(cause, offsets), plan, worse
+        if cause in ("backlash", "thermal_drift"):
+            true = truth.signals(plan, hidden, state)[0]
+            mine = simulate(worse, offsets, as_plan(plan))
+            assert np.abs(zero_free(mine - true, plan.setup)).max() < 0.06 * 0.01
+            at_rest = with_stands_at_rest(plan)
+        if cause == "backlash":
+            # Where the carriages stand before their first motion also shifts the six stands.
+            same = model.extended([CAUSES[cause].at(np.array([*SIZES[cause][:3], 0.0, 0.0, 0.0]))])
+            state[0, 18:21] = 0.0
+        true = truth.signals(at_rest, hidden, state)[0]
+        mine = simulate(same, offsets, as_plan(at_rest))
+        assert np.abs(zero_free(mine - true, at_rest.setup)).max() < 1e-9
+        without = simulate(model, offsets, as_plan(at_rest))
+        assert (np.abs(zero_free(mine - without, at_rest.setup)).max() > 1e-2) == bool(cause)
 
 
 @both_machines
@@ -89,20 +75,6 @@ def test_carriages_approach_from_where_the_truth_says(model: Model, hidden: trut
     approach = model.machine.command(as_plan(plan)).approach
     assert np.array_equal(approach, plan.approach)
     assert set(np.unique(approach)) == {-1.0, 0.0, 1.0}
-
-
-@both_machines
-def test_all_causes_at_once_are_those_of_the_truth(model: Model, hidden: truth.Machine) -> None:
-    """Rails, legs, motion and bars together, in any order in which they were accepted."""
-    plan = standard(hidden)
-    state = state_of(None, OFFSETS[0])
-    for cause in AT_REST:
-        state += state_of(cause, np.zeros(3))
-    true = truth.signals(plan, hidden, state)[0]
-    for order in (AT_REST, AT_REST[::-1]):
-        worse = model.extended(effect_of(cause) for cause in order)
-        error = zero_free(simulate(worse, OFFSETS[0], as_plan(plan)) - true, plan.setup)
-        assert np.abs(error).max() < 1e-9
 
 
 STEP = (0.5, -0.3, 1.2)
@@ -120,14 +92,17 @@ STEP = (0.5, -0.3, 1.2)
     ],
     ids=str,
 )
-def test_so_are_readings_of_another_part(
+def test_all_causes_at_once_are_those_of_the_truth(
     model: Model, hidden: truth.Machine, changed: dict[str, Any]
 ) -> None:
-    """Rails, legs, motion and bars, after a bar was turned, offsets entered, or stands moved."""
+    """Rails, legs, motion and bars together, in any order in which they were accepted.
+
+    Also after a bar was turned, offsets entered, or stands moved.
+    """
     plan = again(truth.make_session(1, hidden, truth.MICRON), **changed).plan
     assert plan.count == 120
-    worse = model.extended(effect_of(cause) for cause in AT_REST)
-    for offsets in OFFSETS:
+    for offsets, order in zip(OFFSETS, [AT_REST, AT_REST[::-1]] * 2, strict=True):
+        worse = model.extended(effect_of(cause) for cause in order)
         state = state_of(None, offsets)
         for cause in AT_REST:
             state += state_of(cause, np.zeros(3))
@@ -136,43 +111,57 @@ def test_so_are_readings_of_another_part(
         assert np.abs(zero_free(mine - true, plan.zero)).max() < 1e-9
 
 
-@both_machines
-@pytest.mark.parametrize("cause", SIZES)
-def test_derivatives_by_the_parameters_are_those_of_the_readings(
-    model: Model, hidden: truth.Machine, cause: str
-) -> None:
-    """∂readings/∂θ where nothing is zero, beside two other causes; differences err by 1e-8."""
-    plan = as_plan(standard(hidden))
-    kind, theta = CAUSES[cause], effect_of(cause).theta
-    known = model.extended(effect_of(id) for id in ("axis_gap", "encoder_scale") if id != cause)
-    slope = differentiate(known, OFFSETS[1], plan, [kind.at(theta)])[1]
-    step = 1e-3 * kind.scale
-    for k in range(theta.size):
-        moved = step * np.eye(theta.size)[k]
+each_with_parameters = on_each_kind([cause for cause in CAUSES.values() if cause.unknowns])
+
+
+def beside(cause: Cause, subject: Subject) -> Model:
+    """The subject's model with other causes, so that nothing is zero."""
+    others = (CAUSES[id] for id in ("axis_gap", "encoder_scale", "tower_lean", "bed_shape"))
+    return subject.model.extended(
+        each.at(each.scale * np.linspace(0.3, -0.8, each.unknowns))
+        for each in others
+        if type(subject.machine) in each.sizes and each is not cause
+    )
+
+
+@each_with_parameters
+def test_derivatives_are_those_of_the_readings(cause: Cause, subject: Subject) -> None:
+    """By what is calibrated and by the cause's parameters; differences err by 1e-8."""
+    model, plan, p = beside(cause, subject), subject.plan, len(subject.values)
+    place = cause.places(plan, subject.machine)[-1]
+    theta = cause.scale * np.linspace(0.4, -0.7, cause.unknowns)
+    slope = differentiate(model, subject.values, plan, [cause.at(theta, place)])[1]
+    assert slope.shape == (len(plan), p + cause.unknowns)
+    full = model.extended([cause.at(theta, place)])
+    values, by_values = simulate_with_jacobian(full, subject.values, plan)
+    assert values == pytest.approx(simulate(full, subject.values, plan), abs=1e-12)
+    assert slope[:, :p] == pytest.approx(by_values, abs=1e-10)
+    at, steps = np.concatenate((subject.values, theta)), np.full(p + cause.unknowns, 1e-4)
+    steps[p:] *= cause.scale
+    for k, step in enumerate(steps):
         up, down = (
-            simulate(known.extended([kind.at(theta + sign * moved)]), OFFSETS[1], plan)
-            for sign in (1.0, -1.0)
+            simulate(model.extended([cause.at(x[p:], place)]), x[:p], plan)
+            for x in (at + step * np.eye(len(at))[k], at - step * np.eye(len(at))[k])
         )
         difference = (up - down) / (2.0 * step)
         size = np.abs(difference).max()
         assert size > 1e-3
-        assert slope[:, 3 + k] == pytest.approx(difference, abs=1e-6 * max(1.0, size))
+        assert slope[:, k] == pytest.approx(difference, abs=1e-7 if k < p else 1e-6 * size)
 
 
-@both_machines
-@pytest.mark.parametrize("cause", SIZES)
-def test_many_sizes_at_once_are_as_one_by_one(
-    model: Model, hidden: truth.Machine, cause: str
-) -> None:
-    plan = as_plan(standard(hidden))
-    kind, theta = CAUSES[cause], effect_of(cause).theta
+@each_with_parameters
+def test_many_machines_at_once_are_as_one_by_one(cause: Cause, subject: Subject) -> None:
+    """With other sizes and other values each, or of the same values."""
+    model, plan = beside(cause, subject), subject.plan
+    place = cause.places(plan, subject.machine)[-1]
+    theta = cause.scale * np.linspace(0.4, -0.7, cause.unknowns)
     factors = np.array([0.3, 1.0, -1.7])
-    many = model.extended([kind.at(factors[:, None] * theta)])
-    # Of as many machines with other offsets, and of one.
-    for given in (OFFSETS[:3], OFFSETS[0]):
-        rows = zip(
-            simulate(many, given, plan), np.broadcast_to(given, (3, 3)), factors, strict=True
-        )
-        for row, offsets, factor in rows:
-            alone = simulate(model.extended([kind.at(factor * theta)]), offsets, plan)
-            assert np.abs(row - alone).max() < 1e-12
+    many = model.extended([cause.at(factors[:, None] * theta, place)])
+    for given in (np.outer([1.0, -0.4, 0.7], subject.values), subject.values):
+        found, slopes = simulate_with_jacobian(many, given, plan)
+        assert np.array_equal(found, simulate(many, given, plan))
+        for k, values in enumerate(np.broadcast_to(given, (3, given.shape[-1]))):
+            alone = model.extended([cause.at(factors[k] * theta, place)])
+            expected, by_values = simulate_with_jacobian(alone, values, plan)
+            assert np.abs(found[k] - expected).max() < 1e-12
+            assert np.abs(slopes[k] - by_values).max() < 1e-12

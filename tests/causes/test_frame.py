@@ -14,8 +14,8 @@ from orthoglide_cal.model import (
     zero_free,
 )
 from orthoglide_cal.model.kinematics import Geometry
-from tests.machines import NOMINAL, PROTOTYPE, both_machines
-from tests.model.geometries import bent_rails, nominal_rails, on_rails
+from tests.machines import PROTOTYPE, both_machines
+from tests.model.geometries import bent_rails, on_rails
 
 OFFSETS = np.array([0.8, -1.3, 0.5])
 PAIRS = ((0, 1), (1, 2), (2, 0))
@@ -29,7 +29,7 @@ def seen(machine: Machine, offsets: Floats, plan: GaugePlan, rails: Geometry) ->
 @both_machines
 def test_moving_the_whole_machine_changes_no_reading(machine: Machine) -> None:
     plan, moved = double_posture(machine), np.array([1.7, -2.9, 0.6])
-    nominal = nominal_rails(machine)
+    nominal = machine.nominal_rails
     away = Geometry(nominal.points + moved, nominal.directions, nominal.lengths)
     before = seen(machine, OFFSETS, plan, nominal)
     assert seen(machine, OFFSETS, plan, away) == pytest.approx(before, abs=1e-10)
@@ -47,7 +47,7 @@ def test_gaps_and_offsets_say_all_that_rails_moved_across_can_do(machine: Machin
     and seen from the moved origin each offset is smaller by it.
     """
     plan, rng = double_posture(machine), np.random.default_rng(8)
-    nominal = nominal_rails(machine)
+    nominal = machine.nominal_rails
     for _ in range(5):
         shift = rng.uniform(-1.0, 1.0, (3, 3)) * (1.0 - np.eye(3))
         moved = Geometry(shift, nominal.directions, nominal.lengths)
@@ -80,7 +80,7 @@ def test_turning_the_machine_is_seen_to_second_order_only(machine: Machine) -> N
     ω²: halving both the turn and the offsets quarters it.
     """
     plan, angles = double_posture(machine), np.array([1.1e-3, -0.7e-3, 1.6e-3])
-    nominal = nominal_rails(machine)
+    nominal = machine.nominal_rails
 
     def change(scale: float) -> Floats:
         leaning = Geometry(
@@ -102,7 +102,7 @@ def test_squareness_and_turns_say_all_that_leaning_rails_can_do(machine: Machine
     itself moves readings by ten times as much.
     """
     plan, rng = double_posture(machine), np.random.default_rng(9)
-    nominal, cause = nominal_rails(machine), CAUSES["axis_squareness"]
+    nominal, cause = machine.nominal_rails, CAUSES["axis_squareness"]
     for _ in range(5):
         lean = rng.uniform(-1e-3, 1e-3, (3, 3)) * (1.0 - np.eye(3))
         ways = np.eye(3) + lean
@@ -128,23 +128,3 @@ def test_gaps_and_angles_add_to_rails_that_are_bent_already() -> None:
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     assert leaning.directions == pytest.approx(ways, abs=1e-12)
     assert np.array_equal(leaning.points, rails.points)
-
-
-def test_an_angle_between_two_rails_is_what_the_parameter_says() -> None:
-    angles = np.array([2.1e-3, -0.9e-3, 1.4e-3])
-    rails = CAUSES["axis_squareness"].geometry(NOMINAL.real.geometry, angles)
-    for angle, (i, j) in zip(angles, PAIRS, strict=True):
-        between = np.arccos(rails.directions[i] @ rails.directions[j])
-        assert between == pytest.approx(np.pi / 2 - angle, abs=1e-5)
-    assert np.linalg.norm(rails.directions, axis=1) == pytest.approx([1.0] * 3, abs=1e-15)
-
-
-def test_a_gap_is_the_distance_between_two_rails() -> None:
-    gaps = np.array([0.41, -0.27, 0.63])
-    rails = CAUSES["axis_gap"].geometry(NOMINAL.real.geometry, gaps)
-    for gap, (i, j) in zip(gaps, PAIRS, strict=True):
-        normal = np.cross(rails.directions[i], rails.directions[j])
-        apart = abs((rails.points[i] - rails.points[j]) @ normal)
-        assert apart == pytest.approx(abs(gap), abs=1e-12)
-        along = 3 - i - j
-        assert rails.points[i, along] - rails.points[j, along] == pytest.approx(gap)

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import orthoglide_cal
-from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import AXES, Readings, double_posture
+from orthoglide_cal.files import readings_csv
+from orthoglide_cal.model import double_posture
 from orthoglide_cal.model.synthetic import synthetic_session
 from tests.machines import NOMINAL, PROTOTYPE, ROOT
 
@@ -45,11 +45,6 @@ CAUSES = (LegSag(),)
 '''
 SIZES = np.array([0.12, -0.17, 0.09])
 OFFSETS = np.array([0.4, -0.7, 0.2])
-LIST = """
-from orthoglide_cal.causes import CAUSES
-print(*CAUSES)
-print(CAUSES["leg_sag"].title)
-"""
 
 
 @pytest.fixture
@@ -62,48 +57,20 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, *arguments: str) -> str:
-    """Standard output of Python in a folder, with the package that lies there."""
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def sagging() -> Readings:
-    """A session on a machine whose legs sag, made without the file."""
-    plan, rng = double_posture(PROTOTYPE), np.random.default_rng(5)
-    made = synthetic_session(NOMINAL, plan, OFFSETS, rng)
-    bend = SIZES[plan.leg] * (plan.displacement / 100.0) ** 2
-    return replace(made, value=np.round(made.value + bend, 2))
-
-
-def test_one_more_file_is_one_more_cause(package: Path) -> None:
-    causes, title = run(package, "-c", LIST).splitlines()
-    assert "leg_sag" in causes.split()
-    assert len(causes.split()) == len(CAUSES) + 1
-    assert title == "a leg sags"
-
-
 def test_one_more_file_is_one_more_answer(package: Path) -> None:
     """Weighed, named, with its parameters, units and advice."""
-    made = sagging()
-    rows = [
-        f"{AXES[leg]},{AXES[direction]},{posture},{60.0 * hours:.3f},{value:.2f}"
-        for (leg, direction), posture, hours, value in zip(
-            made.plan.series, made.posture, made.plan.hours, made.value, strict=True
-        )
-    ]
-    table = "\n".join(["leg,direction,posture,minutes,reading_mm", *rows])
-    (package / "readings.csv").write_text(table + "\n", encoding="utf-8")
-    command = ("-m", "orthoglide_cal", "diagnose", "--json", "readings.csv")
-    answer = json.loads(run(package, *command))
+    plan = double_posture(PROTOTYPE)
+    made = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(5))
+    bend = SIZES[plan.leg] * (plan.displacement / 100.0) ** 2
+    made = replace(made, value=np.round(made.value + bend, 2))
+    (package / "readings.csv").write_text(readings_csv(made), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "orthoglide_cal", "diagnose", "--json", "readings.csv"],
+        cwd=package, env={**os.environ, "PYTHONPATH": str(package)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode in (0, 4), done.stderr
+    answer = json.loads(done.stdout)
     assert answer["assumed"] == ["leg_sag"]
     assert answer["verdict"] == "named"
     (cause,) = answer["causes"]

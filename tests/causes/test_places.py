@@ -118,29 +118,21 @@ def test_each_pattern_is_what_the_cause_says() -> None:
         assert np.array_equal(cause.patterns(MIXED, (Place(index),))[:, 0], pattern), id
 
 
-def test_a_turn_is_as_long_as_the_dial_says() -> None:
+def test_turns_are_those_of_the_dial_and_counted_in_whole_numbers() -> None:
+    slip = CAUSES["gauge_slip"]
     inch = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(revolution_mm=2.54))
-    slip = CAUSES["gauge_slip"].at(np.array([-1.0]), Place((3, 0)))
-    change = simulate(Model(inch, (slip,)), np.zeros(3), PLAN)
+    missed = slip.at(np.array([-1.0]), Place((3, 0)))
+    change = simulate(Model(inch, (missed,)), np.zeros(3), PLAN)
     assert change[3] == pytest.approx(-2.54)
     assert np.count_nonzero(np.abs(change) > 1e-9) == 1
-
-
-def test_only_a_gauge_with_a_dial_has_turns_to_miscount() -> None:
-    slip = CAUSES["gauge_slip"]
     plain = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(revolution_mm=None))
     assert slip.possible(PROTOTYPE)
     assert not slip.possible(plain)
     assert not slip.possible(PROTOTYPE.changed(tolerances={"gauge_slip": 0.0}))
     assert CAUSES["misread"].possible(plain)
-
-
-def test_turns_are_counted_in_whole_numbers() -> None:
-    counts = {cause.id: cause.counts for cause in PATTERNS if cause.counts}
-    assert list(counts) == ["gauge_slip"]
-    turns = counts["gauge_slip"]
+    (turns,) = (cause.counts for cause in PATTERNS if cause.counts)
+    assert turns == slip.counts == {-size: weight for size, weight in turns.items()}
     assert sum(turns.values()) == pytest.approx(1.0)
-    assert {-size: weight for size, weight in turns.items()} == turns
     assert 0 not in turns
     assert {cause.id for cause in PATTERNS if cause.hides_reading} == {"misread"}
 
@@ -222,25 +214,19 @@ def test_labels_count_in_time_and_name_any_displacement() -> None:
 
 @every_relabel
 @pytest.mark.parametrize("plan", [PLAN, MIXED], ids=["in time", "mixed"])
-def test_twice_is_not_at_all(cause: RelabelCause, plan: GaugePlan) -> None:
-    values = np.random.default_rng(4).uniform(-2.0, 2.0, len(plan))
+def test_twice_is_not_at_all_whatever_the_gauge_zeros(cause: RelabelCause, plan: GaugePlan) -> None:
+    """On contrasts W of the record it acts as W T Wᵀ: zeros of any size have no part in it."""
+    rng, contrasts = np.random.default_rng(6), zero_free(plan)
+    clean = simulate(NOMINAL, np.array([0.6, -0.9, 0.3]), plan) + rng.normal(0.0, 0.1, len(plan))
     for place in cause.places(plan, PROTOTYPE):
         assert cause.reversible(plan, place)
-        once = written(cause, None, place, plan, values)
-        assert np.abs(once - values).max() > 0.1
+        once = written(cause, None, place, plan, clean)
+        assert np.abs(once - clean).max() > 0.1
         twice = written(cause, None, place, plan, once)
-        assert twice == pytest.approx(values / cause.unit_mm(place) ** 2, rel=1e-12)
-
-
-@every_relabel
-def test_undoing_it_needs_no_gauge_zeros(cause: RelabelCause) -> None:
-    """On contrasts W of the record it acts as W T Wᵀ: zeros of any size have no part in it."""
-    rng, contrasts = np.random.default_rng(6), zero_free(PLAN)
-    clean = simulate(NOMINAL, np.array([0.6, -0.9, 0.3]), PLAN) + rng.normal(0.0, 0.1, len(PLAN))
-    for place in cause.places(PLAN, PROTOTYPE):
-        zeros = rng.uniform(-4.0, 4.0, 6)[PLAN.setup]
-        data = contrasts @ written(cause, None, place, PLAN, clean + zeros)
-        undone = contrasts @ written(cause, None, place, PLAN, contrasts.T @ data)
+        assert twice * cause.unit_mm(place) ** 2 == pytest.approx(clean, rel=1e-12)
+        zeros = rng.uniform(-4.0, 4.0, 6)[plan.setup]
+        data = contrasts @ written(cause, None, place, plan, clean + zeros)
+        undone = contrasts @ written(cause, None, place, plan, contrasts.T @ data)
         undone *= cause.unit_mm(place) ** 2
         assert undone == pytest.approx(contrasts @ clean, abs=1e-12)
         assert np.abs(data - contrasts @ clean).max() > 0.1

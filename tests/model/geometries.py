@@ -39,11 +39,6 @@ def on_rails(machine: Machine, rails: Geometry) -> Model:
     return Model(machine, (GivenRails(rails).at(np.zeros(0)),))
 
 
-def nominal_rails(machine: Machine) -> Geometry:
-    """Those that the model has without causes."""
-    return machine.nominal_rails
-
-
 def bent_rails(machine: Machine, seed: int = 8) -> Geometry:
     """Rails that neither meet nor are orthogonal, unequal legs: degrees and millimetres."""
     rng = np.random.default_rng(seed)

@@ -1,10 +1,8 @@
-"""The paper's kinematics written anew for the tests: eqs. (3) to (9) with the errata.
+"""The paper's kinematics written anew for the tests: eqs. (3) and (4) with the errata.
 
 Closed forms that hold for the nominal machine alone, and Newton's method for rails in any place.
 The program uses neither.
 """
-
-import math
 
 import numpy as np
 
@@ -21,35 +19,21 @@ def inverse(tool: Floats, leg_length: float, offsets: Floats = NONE) -> Floats:
     return np.asarray(tool + np.sqrt(leg_length**2 - others) - offsets)
 
 
-def direct(joints: Floats, leg_length: float, offsets: Floats = NONE, assembly: int = -1) -> Floats:
+def direct(joints: Floats, leg_length: float, offsets: Floats = NONE) -> Floats:
     """Tool position p for indicated joint positions ρ, shape (..., 3) [mm].
 
         p_i = q_i/2 + t/q_i,   q = ρ + Δρ                              (eq. 4)
         A t² + B t + B C = 0,  A = Σ (q_i q_j)²  (errata, eq. 4, A),
         B = (q_x q_y q_z)²,    C = (Σ q_i² − 4 L²)/4
 
-    `assembly` is m; −1 is the prototype's, with p = 0 at ρ = (L, L, L) (errata, sec. 2.4).
+    In the prototype's assembly, with p = 0 at ρ = (L, L, L) (errata, sec. 2.4: m = −1).
     """
     q = joints + offsets
     # Divided by B: (Σ 1/q²) t² + t + C = 0, which stays well scaled.
     a = (1.0 / q**2).sum(axis=-1)
     c = ((q**2).sum(axis=-1) - 4.0 * leg_length**2) / 4.0
-    t = (-1.0 + assembly * np.sqrt(1.0 - 4.0 * a * c)) / (2.0 * a)
+    t = (-1.0 - np.sqrt(1.0 - 4.0 * a * c)) / (2.0 * a)
     return np.asarray(q / 2.0 + t[..., None] / q)
-
-
-def inverse_jacobian(tool: Floats, joints: Floats) -> Floats:
-    """J⁻¹ = ∂ρ/∂p (eq. 5): entry (i, j) is p_j/(p_i − ρ_i), 1 on the diagonal, (..., 3, 3)."""
-    matrix = tool[..., None, :] / (tool - joints)[..., :, None]
-    return np.where(np.eye(3, dtype=bool), 1.0, matrix)
-
-
-def displaced_jacobian(leg: int, displacement: float, leg_length: float) -> Floats:
-    """J with one leg displaced by d: identity plus T_α, α = asin(d/L), in its column (eq. 8)."""
-    matrix = np.eye(3)
-    matrix[:, leg] = math.tan(math.asin(displacement / leg_length))
-    matrix[leg, leg] = 1.0
-    return matrix
 
 
 def tool_near(rails: Geometry, joints: Floats, start: Floats = NONE) -> Floats:

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import read_input
 from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
     Differences,
+    Floats,
     Gauge,
-    Model,
     Readings,
     Source,
     gauge_doubts,
@@ -27,7 +26,7 @@ from orthoglide_cal.results.release import release
 from tests import truth
 from tests.cli.program import lines, run
 from tests.diagnosis.sessions import known, model_of, read, readings_of
-from tests.machines import SAMPLES
+from tests.machines import PROTOTYPE
 from tests.readings import some
 
 DEAD, SCATTER, GRID, RANGE, UNIT = (
@@ -40,6 +39,10 @@ def kinds(readings: Readings, gauge: Gauge) -> set[str]:
     every = (DEAD, SCATTER, GRID, RANGE, UNIT)
     found = gauge_doubts(readings, gauge)
     return {kind for kind in every for doubt in found if kind in doubt.what}
+
+
+def stated(gauge: truth.Gauge) -> Gauge:
+    return Gauge(resolution_mm=gauge.resolution, range_mm=10.0, repeatability_mm=gauge.noise)
 
 
 def drawn(gauge: truth.Gauge, seed: int = 3) -> tuple[Readings, Gauge]:
@@ -83,12 +86,6 @@ def test_nor_are_causes_of_the_machine_and_the_stands(gauge: truth.Gauge) -> Non
             assert not gauge_doubts(readings, model.machine.gauge), (cause, seed)
 
 
-def test_nor_are_the_samples() -> None:
-    for path in sorted(SAMPLES.glob("*.csv")):
-        given = read_input(str(path))
-        assert gauge_doubts(given.measured, given.model.machine.instrument) == (), path.name
-
-
 # --- repeats ----------------------------------------------------------------------------------
 
 
@@ -96,7 +93,6 @@ def test_nor_are_the_samples() -> None:
 @pytest.mark.parametrize("size", [2, 3, 4])
 def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: int) -> None:
     """Against 400,000 draws of six cells at the worst and at any place between two divisions."""
-    stated = Gauge(resolution_mm=gauge.resolution, range_mm=10.0, repeatability_mm=gauge.noise)
     rng = np.random.default_rng(size)
     for place in (0.0, None):
         where = rng.uniform(-0.5, 0.5, (400_000, 6, 1)) if place is None else place
@@ -106,24 +102,21 @@ def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: 
         for share in (1e-3, 1e-2, 0.1):
             limit = float(np.quantile(squares, share))
             true = float(np.mean(squares <= limit + 1e-12))
-            bound = chance_of_less_scatter(limit, Counter({size: 6}), stated)
+            bound = chance_of_less_scatter(limit, Counter({size: 6}), stated(gauge))
             assert true * (1.0 - 4.0 / np.sqrt(400_000 * true)) < bound < 12.0 * true
 
 
 @both_gauges
 def test_many_repeats_are_weighed_in_parts(gauge: truth.Gauge) -> None:
     """A thousand of each posture; and gauges that nobody has."""
-    stated = Gauge(resolution_mm=gauge.resolution, range_mm=10.0, repeatability_mm=gauge.noise)
-    rng, sizes = np.random.default_rng(8), Counter({1003: 6})
+    own, rng, sizes = stated(gauge), np.random.default_rng(8), Counter({1003: 6})
     shown = np.rint(rng.normal(0.0, gauge.noise, (6, 1003)) / gauge.resolution) * gauge.resolution
     squares = float(((shown - shown.mean(axis=1, keepdims=True)) ** 2).sum())
-    assert chance_of_less_scatter(squares, sizes, stated) == 1.0
-    assert chance_of_less_scatter(0.5 * squares, sizes, stated) < 1e-6
+    assert chance_of_less_scatter(squares, sizes, own) == 1.0
+    assert chance_of_less_scatter(0.5 * squares, sizes, own) < 1e-6
     for absurd in (1e300, 1e-300):
-        for other in (
-            stated.changed(repeatability_mm=absurd),
-            stated.changed(resolution_mm=absurd),
-        ):
+        for name in ("repeatability_mm", "resolution_mm"):
+            other = own.changed(**{name: absurd})
             assert 0.0 <= chance_of_less_scatter(squares, sizes, other) <= 1.0
 
 
@@ -221,72 +214,48 @@ def test_readings_in_inches_are_judged_in_inches() -> None:
 
 
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
-def test_differences_of_means_are_allowed_their_decimals(kind: DataKind) -> None:
-    rng, gauge = (
-        np.random.default_rng(4),
-        Gauge(resolution_mm=0.01, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.006),
-    )
-    which = DIFFERENCES[kind]
+def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches(
+    kind: DataKind,
+) -> None:
+    rng, gauge, which = np.random.default_rng(4), PROTOTYPE.gauge, DIFFERENCES[kind]
+
+    def doubts(value: Floats) -> bool:
+        return bool(gauge_doubts(Differences(kind, which, value, Source("made", "")), gauge))
+
     shown = np.round(rng.normal(0.0, 0.8, (200, len(which), 7)), 2)
     for readings in shown:
         for high, low, digits in ((1, 1, 2), (3, 3, 3), (3, 4, 4), (3, 4, 9), (2, 3, 4)):
-            value = np.round(
-                readings[:, :high].mean(axis=1) - readings[:, -low:].mean(axis=1), digits
-            )
-            given = Differences(kind, which, value, Source("made", ""))
-            assert gauge_doubts(given, gauge) == ()
-
-
-@pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
-def test_differences_in_inches_have_too_many(kind: DataKind) -> None:
-    rng, gauge = (
-        np.random.default_rng(4),
-        Gauge(resolution_mm=0.01, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.006),
-    )
-    which, found = DIFFERENCES[kind], 0
-    for _ in range(100):
-        value = np.round(np.round(rng.normal(0.0, 0.8, len(which)), 2) / 25.4, 4)
-        found += bool(gauge_doubts(Differences(kind, which, value, Source("made", "")), gauge))
-    assert found >= 95
+            means = readings[:, :high].mean(axis=1), readings[:, -low:].mean(axis=1)
+            assert not doubts(np.round(means[0] - means[1], digits))
+    assert sum(doubts(np.round(each / 25.4, 4)) for each in shown[:100, :, 0]) >= 95
 
 
 # --- what follows -----------------------------------------------------------------------------
 
 
-def doubtful() -> tuple[Readings, Model]:
-    readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))
-    return replace(readings, value=np.full(len(readings), 0.12)), model
-
-
 def test_doubtful_readings_are_not_released() -> None:
-    dead, model = doubtful()
-    solution = solve(dead, model)
+    readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))
+    solution = solve(replace(readings, value=np.full(len(readings), 0.12)), model)
     decision = release(solution, None)
     assert not decision.usable
     assert "never differ" in decision.reasons[0]
     assert "never differ" in solution.warnings[0]
-    healthy = solve(*known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL)))
-    assert release(healthy, None).usable
-
-
-def text_of(header: str, rows: list[str]) -> str:
-    return "\n".join((header, *rows)) + "\n"
+    assert release(solve(readings, model), None).usable
 
 
 def test_every_command_says_so(tmp_path: Path) -> None:
-    session = truth.make_session(1, truth.PROTOTYPE, truth.DIAL)
-    path = str(tmp_path / "inches.csv")
+    session, path = truth.make_session(1, truth.PROTOTYPE, truth.DIAL), tmp_path / "inches.csv"
     header, *rows = truth.readings_csv(session).splitlines()
     exact = [
         f"{row.rpartition(',')[0]},{value / 25.4:.4f}"
         for row, value in zip(rows, session.readings.tolist(), strict=True)
     ]
-    Path(path).write_text(text_of(header, exact), encoding="utf-8")
-    (checked,) = lines(run("validate", path, "--json"))
+    text = "\n".join((header, *exact, ""))
+    path.write_text(text, encoding="utf-8")
+    (checked,) = lines(run("validate", str(path), "--json"))
     assert any("reading_in" in remark for remark in checked["remarks"])
-    (solved,) = lines(run("solve", path, "--json"))
+    (solved,) = lines(run("solve", str(path), "--json"))
     assert any("reading_in" in warning for warning in solved["warnings"])
-    assert run("export", path).exit_code == 4
-    mended = text_of(header.replace("reading_mm", "reading_in"), exact)
-    Path(path).write_text(mended, encoding="utf-8")
-    assert run("export", path).exit_code == 0
+    assert run("export", str(path)).exit_code == 4
+    path.write_text(text.replace("reading_mm", "reading_in"), encoding="utf-8")
+    assert run("export", str(path)).exit_code == 0

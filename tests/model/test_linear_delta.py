@@ -1,5 +1,6 @@
 """The linear delta against an independent one: both kinematics, readings, derivatives, batches."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +8,10 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnreachableError
-from orthoglide_cal.model import Effect, Floats, Model, differentiate, simulate
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model import Effect, Floats, Model, simulate
 from orthoglide_cal.model.model import simulate_with_jacobian
 from orthoglide_cal.model.probe_plan import GRAIN_MM, ProbePlan, texture
+from tests.model.test_plan import groups
 from tests.printers import (
     PRINTER,
     UNEVEN,
@@ -62,23 +63,21 @@ def terms_of(names: tuple[str, ...], sizes: Floats) -> dict[tuple[int, int], flo
     }
 
 
-def trigger_plan(machine: Delta, truth: Truth, hours: float = 0.0) -> ProbePlan:
-    """Places at which the truth's probe triggers, on three heights, over some hours."""
+def trigger_plan(machine: Delta, truth: Truth) -> ProbePlan:
+    """Places at which the truth's probe triggers, on three heights, over 1.5 hours."""
     at = np.tile(places_of(Layout(places=41), machine.bed), (3, 1))
     blocks = np.repeat([0.0, 15.0, 60.0], 41)
-    clock = np.linspace(0.0, hours, len(at))
+    clock = np.linspace(0.0, 1.5, len(at))
     z = touches(machine, truth, at[:, 0], at[:, 1], blocks, clock)
     return touched(np.column_stack((at, z)), blocks, clock)
 
 
-def missed(
-    machine: Delta, truth: Truth, values: Floats, *effects: Effect, hours: float = 0
-) -> float:
+def missed(machine: Delta, truth: Truth, values: Floats, effects: Sequence[Effect] = ()) -> float:
     """How far the program's readings are from those of the truth, at most [mm]."""
-    plan = trigger_plan(machine, truth, hours)
+    plan = trigger_plan(machine, truth)
     read = plan.place[:, 2] - plan.surface
     assert np.abs(read).max() > 0.01
-    found = simulate(Model(printer(machine), effects), values, plan)
+    found = simulate(Model(printer(machine), tuple(effects)), values, plan)
     return float(np.abs(found - read).max())
 
 
@@ -129,93 +128,38 @@ def test_a_place_beyond_the_arms_is_refused() -> None:
 
 
 @every_machine
-@pytest.mark.parametrize("index", range(6), ids=LinearDelta.parameter_names)
-def test_each_parameter_reads_as_the_truth_says(machine: Delta, index: int) -> None:
-    values = np.where(np.arange(6) == index, VALUES, 0.0)
-    assert missed(machine, truth_with(machine, values), values) < NANOMETRE
-
-
-@every_machine
-def test_all_parameters_are_those_of_the_truth(machine: Delta) -> None:
-    truth = Truth(endstops=frozen([0.7, -0.4, 0.3]), radius=0.6, angles=frozen([0.2, -0.15, 0.0]))
-    assert missed(machine, truth, true_values(machine, truth)) < NANOMETRE
-
-
-@every_machine
-@pytest.mark.parametrize("tower", range(3))
-@pytest.mark.parametrize("side", range(2), ids=["out", "side"])
-def test_each_lean(machine: Delta, tower: int, side: int) -> None:
-    leans = np.zeros((3, 2))
-    leans[tower, side] = 2.5
-    truth = truth_with(machine, NONE, leans=leans)
-    assert missed(machine, truth, NONE, of_leans(leans)) < NANOMETRE
-
-
-@every_machine
-def test_radii_arms_and_scales(machine: Delta) -> None:
-    found = {
-        "tower_radius": missed(
-            machine, truth_with(machine, NONE, radii=RADII), NONE, CAUSES["tower_radius"].at(RADII)
-        ),
-        "leg_length": missed(
-            machine, truth_with(machine, NONE, arms=ARMS), NONE, CAUSES["leg_length"].at(ARMS)
-        ),
-        "encoder_scale": missed(
-            machine,
-            truth_with(machine, NONE, scales=SCALES),
-            NONE,
-            CAUSES["encoder_scale"].at(1e-3 * SCALES),
-        ),
-    }
-    assert max(found.values()) < NANOMETRE, found
-
-
-@every_machine
-def test_bed_probe_and_time(machine: Delta) -> None:
-    bed, tilt = CAUSES["bed_shape"], CAUSES["probe_tilt"]
+def test_readings_are_those_of_the_truth(machine: Delta) -> None:
+    """With each parameter, each lean and each other cause alone, and with everything at once."""
+    bed, tilt, rates = CAUSES["bed_shape"], CAUSES["probe_tilt"], np.array([0.1, -0.05, 0.2])
     sizes, lower = np.linspace(-0.2, 0.3, 7), np.array([0.11, -0.07, 0.05])
     flat = truth_with(machine, VALUES)
     bent = replace(flat, bed=Surface(machine.bed, terms_of(bed.names, sizes)))
     # What hangs lower triggers earlier.
     hanging = replace(flat, tilt=Surface(machine.bed, terms_of(tilt.names, -lower)))
-    found = {
-        "bed_shape": missed(machine, bent, VALUES, bed.at(sizes)),
-        "probe_tilt": missed(machine, hanging, VALUES, tilt.at(lower)),
-        "probe_drift": missed(
-            machine,
-            replace(flat, drift=0.2),
+    several = truth_with(machine, VALUES, LEANS, RADII, scales=SCALES)
+    own = Truth(endstops=frozen([0.7, -0.4, 0.3]), radius=0.6, angles=frozen([0.2, -0.15, 0.0]))
+    leans = 2.5 * np.eye(6).reshape(6, 3, 2)
+    radius, arms = CAUSES["tower_radius"].at(RADII), CAUSES["leg_length"].at(ARMS)
+    scale, drift = CAUSES["encoder_scale"].at(1e-3 * SCALES), CAUSES["probe_drift"].at([-0.3])
+    cases = [
+        *((truth_with(machine, one), one, ()) for one in np.diag(VALUES)),
+        *((truth_with(machine, NONE, leans=one), NONE, (of_leans(one),)) for one in leans),
+        (own, true_values(machine, own), ()),
+        (truth_with(machine, NONE, radii=RADII), NONE, (radius,)),
+        (truth_with(machine, NONE, arms=ARMS), NONE, (arms,)),
+        (truth_with(machine, NONE, scales=SCALES), NONE, (scale,)),
+        (bent, VALUES, (bed.at(sizes),)),
+        (hanging, VALUES, (tilt.at(lower),)),
+        (replace(flat, drift=-0.3), VALUES, (drift,)),
+        (replace(flat, rates=frozen(rates)), VALUES, (CAUSES["thermal_drift"].at(rates),)),
+        (
+            replace(several, bed=bent.bed, drift=-0.3),
             VALUES,
-            CAUSES["probe_drift"].at(np.array([0.2])),
-            hours=1.5,
+            (of_leans(LEANS), radius, scale, bed.at(sizes), drift),
         ),
-        "thermal_drift": missed(
-            machine,
-            replace(flat, rates=frozen([0.1, -0.05, 0.2])),
-            VALUES,
-            CAUSES["thermal_drift"].at(np.array([0.1, -0.05, 0.2])),
-            hours=1.5,
-        ),
-    }
-    assert max(found.values()) < NANOMETRE, found
-
-
-@every_machine
-def test_everything_at_once(machine: Delta) -> None:
-    names = CAUSES["bed_shape"].names
-    sizes = np.linspace(0.3, -0.2, 7)
-    truth = replace(
-        truth_with(machine, VALUES, LEANS, RADII, scales=SCALES),
-        bed=Surface(machine.bed, terms_of(names, sizes)),
-        drift=-0.3,
-    )
-    effects = (
-        of_leans(LEANS),
-        CAUSES["tower_radius"].at(RADII),
-        CAUSES["encoder_scale"].at(1e-3 * SCALES),
-        CAUSES["bed_shape"].at(sizes),
-        CAUSES["probe_drift"].at(np.array([-0.3])),
-    )
-    assert missed(machine, truth, VALUES, *effects, hours=0.7) < NANOMETRE
+    ]
+    found = [missed(machine, *case) for case in cases]
+    assert max(found) < NANOMETRE, found
 
 
 @every_machine
@@ -265,76 +209,6 @@ def test_a_misread_touch_is_one_touch() -> None:
 
 # --- derivatives and batches ------------------------------------------------------------------
 
-EFFECTS = (
-    of_leans(LEANS),
-    CAUSES["encoder_scale"].at(1e-3 * SCALES),
-    CAUSES["bed_shape"].at(np.linspace(-0.2, 0.3, 7)),
-)
-
-
-@pytest.mark.parametrize("effects", [(), EFFECTS], ids=["nominal", "wrong"])
-def test_derivatives_are_those_of_the_readings(effects: tuple[Effect, ...]) -> None:
-    model, plan = Model(PRINTER, effects), standard_plan()
-    values, slope = simulate_with_jacobian(model, VALUES, plan)
-    assert slope.shape == (len(plan), 6)
-    assert values == pytest.approx(simulate(model, VALUES, plan), abs=0.0)
-    h = 1e-4
-    for k in range(6):
-        ahead, behind = (simulate(model, VALUES + s * h * np.eye(6)[k], plan) for s in (1, -1))
-        assert slope[:, k] == pytest.approx((ahead - behind) / (2 * h), abs=1e-7)
-
-
-def test_derivatives_by_what_causes_may_be() -> None:
-    model, plan = Model(PRINTER), standard_plan()
-    _, columns = differentiate(model, VALUES, plan, EFFECTS)
-    assert columns.shape == (len(plan), 6 + 6 + 3 + 7)
-    full = Model(PRINTER, EFFECTS)
-    assert columns[:, :6] == pytest.approx(simulate_with_jacobian(full, VALUES, plan)[1], abs=1e-10)
-    first, column = 6, 6
-    for index, effect in enumerate(EFFECTS):
-        for k in range(effect.theta.size):
-            h = 1e-4 * effect.cause.scale
-            ahead, behind = (
-                simulate(
-                    Model(
-                        PRINTER,
-                        (
-                            *EFFECTS[:index],
-                            replace(
-                                effect, theta=effect.theta + s * h * np.eye(effect.theta.size)[k]
-                            ),
-                            *EFFECTS[index + 1 :],
-                        ),
-                    ),
-                    VALUES,
-                    plan,
-                )
-                for s in (1, -1)
-            )
-            size = np.abs(columns[:, column]).max()
-            assert columns[:, column] == pytest.approx((ahead - behind) / (2 * h), abs=1e-6 * size)
-            column += 1
-    assert column == columns.shape[1] > first
-
-
-def test_many_machines_at_once_are_each_alone() -> None:
-    plan, rng = standard_plan(), np.random.default_rng(4)
-    many = VALUES + rng.normal(0.0, 0.2, (5, 6))
-    leans = 1e-3 * rng.normal(0.0, 2.0, (5, 6))
-    cause = CAUSES["tower_lean"]
-    found = simulate(Model(PRINTER, (cause.at(leans),)), many, plan)
-    assert found.shape == (5, len(plan))
-    alone = [
-        simulate(Model(PRINTER, (cause.at(lean),)), one, plan)
-        for lean, one in zip(leans, many, strict=True)
-    ]
-    assert found == pytest.approx(np.stack(alone), abs=1e-9)
-    values, slope = simulate_with_jacobian(Model(PRINTER), many, plan)
-    assert slope.shape == (5, len(plan), 6)
-    one, one_slope = simulate_with_jacobian(Model(PRINTER), many[3], plan)
-    assert values[3] == pytest.approx(one, abs=1e-9)
-    assert slope[3] == pytest.approx(one_slope, abs=1e-9)
-
 
 def test_leans_and_radii_go_together_in_either_order() -> None:
     """Also where many machines are tried at once, each with its own leans."""
@@ -372,10 +246,6 @@ def test_touches_have_no_unknown_zero_and_distances_share_nothing() -> None:
 
 def test_touches_of_one_spot_repeat_each_other() -> None:
     """Wherever the controller stopped; not on a block, nor in another sitting."""
-
-    def groups(kind: np.ndarray) -> list[list[int]]:
-        return sorted(np.flatnonzero(kind == each).tolist() for each in np.unique(kind))
-
     place = np.array([[10.0, 5.0, z] for z in (0.1, 0.13, 30.1, 30.2, 0.09)])
     place = np.vstack((place, [[10.5, 5.0, 0.1]]))
     plan = replace(

@@ -120,20 +120,18 @@ def test_what_a_cause_takes_from_the_model(cause: Cause, subject: Subject) -> No
 
 
 def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
-    gap, silent = CAUSES["axis_gap"], PROTOTYPE.changed(tolerances={"misread": 0.2})
-    stated = PROTOTYPE.changed(tolerances={"axis_gap": 0.07})
-    assert (gap.size(stated), gap.assumed(stated)) == (0.07, False)
-    assert (gap.size(silent), gap.assumed(silent)) == (gap.sizes[type(PROTOTYPE)], True)
-    assert gap.possible(stated)
-    assert gap.possible(silent)
-    assert gap.prior_std(stated) == pytest.approx([0.07] * 3)
-    assert gap.prior_std(silent) == pytest.approx([gap.sizes[type(PROTOTYPE)]] * 3)
-
-
-def test_what_is_ruled_out_or_has_no_size_is_not_possible() -> None:
-    gap = CAUSES["axis_gap"]
+    """Tolerances of 0.02 mm and, of first positions, 0.3 of that; 1 mrad as rad."""
+    gap, own = CAUSES["axis_gap"], CAUSES["axis_gap"].sizes[type(PROTOTYPE)]
+    for tolerances, size, assumed in (({"axis_gap": 0.07}, 0.07, False), ({}, own, True)):
+        machine = PROTOTYPE.changed(tolerances=tolerances)
+        assert (gap.size(machine), gap.assumed(machine)) == (size, assumed)
+        assert gap.possible(machine)
+        assert gap.prior_std(machine) == pytest.approx([size] * 3)
     assert not gap.possible(PROTOTYPE.changed(tolerances={"axis_gap": 0.0}))
     assert not gap.possible(PRINTER.changed(tolerances={}))
+    assert CAUSES["backlash"].prior_std(PROTOTYPE) == pytest.approx([0.02] * 3 + [0.006] * 3)
+    assert CAUSES["axis_squareness"].prior_std(PROTOTYPE) == pytest.approx([1e-3] * 3)
+    assert CAUSES["sign_flip"].prior_std(PROTOTYPE).shape == (0,)
 
 
 # --- effects ----------------------------------------------------------------------------------
@@ -141,19 +139,15 @@ def test_what_is_ruled_out_or_has_no_size_is_not_possible() -> None:
 
 def test_estimates_are_in_the_units_of_the_files() -> None:
     """Internal rad → mrad; the square roots of the diagonal."""
-    spread = covariance(3, 1e-4)
-    effect = Effect(
-        CAUSES["axis_squareness"], np.array([1.2e-3, -0.7e-3, 0.4e-3]), covariance=spread
-    )
-    assert effect.std == pytest.approx(np.sqrt([spread[k, k] for k in range(3)]), rel=1e-12)
+    spread, values = covariance(3, 1e-4), np.array([1.2, -0.7, 0.4])
+    effect = Effect(CAUSES["axis_squareness"], 1e-3 * values, covariance=spread)
+    stds = 1e3 * np.sqrt(np.diag(spread))
+    assert 1e3 * effect.std == pytest.approx(stds, rel=1e-12)
     assert list(effect.estimates) == ["xy", "yz", "zx"]
-    for k, (estimate, value) in enumerate(
-        zip(effect.estimates.values(), (1.2, -0.7, 0.4), strict=True)
-    ):
+    for estimate, value, std in zip(effect.estimates.values(), values, stds, strict=True):
         assert isinstance(estimate, Estimate)
         assert estimate.unit == "mrad"
-        assert estimate.value == pytest.approx(value, rel=1e-12)
-        assert estimate.std == pytest.approx(1e3 * np.sqrt(spread[k, k]), rel=1e-12)
+        assert (estimate.value, estimate.std) == pytest.approx((value, std), rel=1e-12)
 
 
 def test_what_is_known_exactly_has_no_uncertainty() -> None:
@@ -206,13 +200,6 @@ def test_moved_effects_span_the_uncertainty() -> None:
     assert sorted(np.abs(moved.theta - theta).max() for moved in flat.moved()) == pytest.approx(
         [0.01, 0.02]
     )
-
-
-def test_plausible_sizes_come_from_the_machine() -> None:
-    """Tolerances 0.02 mm and, of the first positions, 0.3 of that; 1 mrad as rad."""
-    assert CAUSES["backlash"].prior_std(PROTOTYPE) == pytest.approx([0.02] * 3 + [0.006] * 3)
-    assert CAUSES["axis_squareness"].prior_std(PROTOTYPE) == pytest.approx([1e-3] * 3)
-    assert CAUSES["sign_flip"].prior_std(PROTOTYPE).shape == (0,)
 
 
 def test_a_cause_does_nothing_where_it_does_not_act() -> None:

@@ -108,16 +108,15 @@ def test_a_turned_bar_rises_where_it_fell() -> None:
 
 
 def test_readings_that_differ_in_it_are_no_repeats() -> None:
-    joined = [
-        PlannedReading(0, 1, d, Contact.FIXED, part=part, turned=turned, entered=entered)
-        for part, turned, entered in (
-            (0, False, (0.0, 0.0, 0.0)),
-            (1, True, (0.0, 0.0, 0.0)),
-            (2, False, (0.5, 0.0, 0.0)),
-        )
-        for d in (0.0, 60.0)
-    ]
-    plan = plan_of(joined)
+    plan = plan_of(
+        [
+            PlannedReading(
+                0, 1, d, Contact.FIXED, part=part, turned=part == 1, entered=(step, 0.0, 0.0)
+            )
+            for part, step in ((0, 0.0), (1, 0.0), (2, 0.5))
+            for d in (0.0, 60.0)
+        ]
+    )
     assert plan.setup.tolist() == [0, 0, 1, 1, 2, 2]
     assert plan.parts == 3
     assert len(set(plan.cells.tolist())) == len(plan.distinct[0]) == 6

@@ -9,8 +9,8 @@ from orthoglide_cal.errors import SingularError, UnreachableError
 from orthoglide_cal.model import Floats, Machine
 from orthoglide_cal.model.kinematics import Geometry, rail_position, tool_derivative, trilaterate
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
-from tests.model.geometries import bent_rails, nominal_rails, tool_positions
-from tests.model.paper_kinematics import direct, displaced_jacobian, inverse, inverse_jacobian
+from tests.model.geometries import bent_rails, tool_positions
+from tests.model.paper_kinematics import direct, inverse
 
 OFFSETS = np.array([0.7, -1.3, 2.1])
 POINT = np.array([31.0, -47.0, 12.0])
@@ -23,23 +23,6 @@ def reached(rails: Geometry, joints: Floats) -> Floats:
     return trilaterate(rails.carriages(joints), rails.lengths)
 
 
-def sphere_errors(tool: Floats, joints: Floats, length: float) -> Floats:
-    """|p − q_i e_i| − L for the three legs (eq. 1), shape (..., 3) [mm]."""
-    carriages = np.eye(3) * joints[..., None]
-    return np.linalg.norm(tool[..., None, :] - carriages, axis=-1) - length
-
-
-@both_machines
-def test_the_closed_forms_of_the_paper_satisfy_the_sphere_equations(machine: Machine) -> None:
-    """Eqs. (3) and (4) as corrected in the errata, in both assemblies."""
-    length, tool = machine.leg_length_mm, tool_positions(machine)
-    joints = inverse(tool, length, OFFSETS)
-    assert np.abs(sphere_errors(tool, joints + OFFSETS, length)).max() < 1e-10
-    for assembly in (-1, 1):
-        point = direct(joints, length, OFFSETS, assembly)
-        assert np.abs(sphere_errors(point, joints + OFFSETS, length)).max() < 1e-9
-
-
 @both_machines
 def test_the_controller_moves_the_carriages_as_eq_3_says(machine: Machine) -> None:
     tool = tool_positions(machine).reshape(4, 20, 5, 3)
@@ -50,17 +33,9 @@ def test_the_controller_moves_the_carriages_as_eq_3_says(machine: Machine) -> No
 
 @both_machines
 def test_general_form_agrees_with_eq_4_over_the_workspace(machine: Machine) -> None:
-    length, rails = machine.leg_length_mm, nominal_rails(machine)
+    length, rails = machine.leg_length_mm, machine.nominal_rails
     joints = inverse(tool_positions(machine, 2000), length).reshape(50, 40, 3)
     assert np.abs(reached(rails, joints + OFFSETS) - direct(joints, length, OFFSETS)).max() < 1e-9
-
-
-def test_the_prototype_has_the_assembly_with_the_tool_at_the_origin() -> None:
-    """Errata, sec. 2.4: m = −1 gives p = 0, m = +1 gives (2/3) L (1, 1, 1)."""
-    joints = np.full(3, L)
-    assert np.abs(reached(nominal_rails(PROTOTYPE), joints)).max() < 1e-12
-    assert np.abs(direct(joints, L)).max() < 1e-12
-    assert direct(joints, L, assembly=1) == pytest.approx(np.full(3, 2.0 * L / 3.0), abs=1e-10)
 
 
 @both_machines
@@ -71,26 +46,16 @@ def test_bent_rails_keep_the_legs_as_long_as_they_are(machine: Machine) -> None:
     assert np.abs(lengths - rails.lengths).max() < 1e-10
     # The carriages stand ahead of the tool, as the prototype's do.
     assert np.all(joints > ((tool[:, None] - rails.points) * rails.directions).sum(axis=-1))
-
-
-@both_machines
-def test_direct_undoes_inverse_on_bent_rails(machine: Machine) -> None:
-    rails, tool = bent_rails(machine), tool_positions(machine)
-    assert np.abs(reached(rails, rail_position(rails, tool)) - tool).max() < 1e-9
-
-
-@both_machines
-def test_inverse_undoes_direct_on_bent_rails(machine: Machine) -> None:
-    rails = bent_rails(machine)
-    joints = rail_position(rails, tool_positions(machine)) + 0.37
-    assert np.abs(rail_position(rails, reached(rails, joints)) - joints).max() < 1e-9
+    # Direct undoes inverse, and inverse direct.
+    assert np.abs(reached(rails, joints) - tool).max() < 1e-9
+    assert np.abs(rail_position(rails, reached(rails, joints + 0.37)) - joints - 0.37).max() < 1e-9
 
 
 @both_machines
 @pytest.mark.parametrize("bent", [False, True])
 def test_the_derivative_is_that_of_the_direct_kinematics(machine: Machine, bent: bool) -> None:
     """Against complex steps, and these against finite differences that err by 1e-8."""
-    rails = (bent_rails if bent else nominal_rails)(machine)
+    rails = bent_rails(machine) if bent else machine.nominal_rails
     tool = tool_positions(machine, 50)
     joints = rail_position(rails, tool)
     computed = tool_derivative(rails, joints, tool)
@@ -100,36 +65,6 @@ def test_the_derivative_is_that_of_the_direct_kinematics(machine: Machine, bent:
         move = 1e-3 * np.eye(3)[k]
         difference = (reached(rails, joints + move) - reached(rails, joints - move)) / 2e-3
         assert np.abs(stepped - difference).max() < 1e-7
-
-
-@both_machines
-def test_derivative_inverts_eq_5_on_nominal_rails(machine: Machine) -> None:
-    tool = tool_positions(machine, 50)
-    joints = inverse(tool, machine.leg_length_mm)
-    product = inverse_jacobian(tool, joints) @ tool_derivative(nominal_rails(machine), joints, tool)
-    assert np.abs(product - np.eye(3)).max() < 1e-12
-
-
-@both_machines
-@pytest.mark.parametrize("leg", [0, 1, 2])
-def test_derivative_is_eq_8_where_one_leg_is_displaced(machine: Machine, leg: int) -> None:
-    """Identity with T_α in the column of the displaced leg; the identity at iso (eq. 6)."""
-    for moved in (*machine.joint_limits_mm, 0.0):
-        tool = moved * np.eye(3)[leg]
-        joints = inverse(tool, machine.leg_length_mm)
-        computed = tool_derivative(nominal_rails(machine), joints, tool)
-        expected = displaced_jacobian(leg, moved, machine.leg_length_mm)
-        assert computed == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize(("moved", "printed"), [(60.0, 0.197), (-100.0, -0.3405)])
-def test_tangents_of_the_prototype(moved: float, printed: float) -> None:
-    """Errata, Table 1: −0.3405 at the min posture, +0.197 at the max posture (eq. 9)."""
-    tool, offsets = np.array([moved, 0.0, 0.0]), 1e-4 * np.array([1.0, -2.0, 3.0])
-    joints = NOMINAL.orthoglide.joints_at(0, moved)
-    error = reached(nominal_rails(PROTOTYPE), joints + offsets) - tool
-    along = printed * offsets[0]
-    assert error == pytest.approx([offsets[0], along + offsets[1], along + offsets[2]], abs=1e-7)
 
 
 def test_many_machines_in_one_call() -> None:
@@ -161,12 +96,8 @@ def test_a_batch_that_may_fail_marks_what_fails() -> None:
     point = trilaterate(centres, np.full(3, L), strict=False)
     assert point[0] == pytest.approx(np.zeros(3), abs=1e-10)
     assert np.isnan(point[1:]).all()
-
-
-def test_carriages_on_a_line_are_singular() -> None:
-    centres = np.array([[0.0, 0.0, 0.0], [10.0, 20.0, 5.0], [30.0, 60.0, 15.0]])
     with pytest.raises(SingularError, match="lie on a line"):
-        trilaterate(centres, np.full(3, L))
+        trilaterate(line, np.full(3, L))
 
 
 @pytest.mark.parametrize(
@@ -188,8 +119,8 @@ def test_legs_in_one_plane_are_singular() -> None:
     Also where rounding leaves some volume, on rails turned by any angle, and in a batch.
     """
     turn = np.linalg.qr(np.random.default_rng(4).normal(0.0, 1.0, (3, 3)))[0]
-    turned = replace(nominal_rails(PROTOTYPE), directions=turn)
-    for rails in (nominal_rails(PROTOTYPE), turned):
+    turned = replace(PROTOTYPE.nominal_rails, directions=turn)
+    for rails in (PROTOTYPE.nominal_rails, turned):
         tool = np.array([[20.0, 30.0, 50.0], [50.0, 50.0, 50.0]]) @ rails.directions
         assert np.isfinite(tool_derivative(rails, np.full((1, 3), 150.0), tool[:1])).all()
         with pytest.raises(SingularError, match="three legs lie in one plane"):

@@ -18,8 +18,8 @@ from orthoglide_cal.model import (
 from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.model.synthetic import synthetic_session, written_down
+from tests.estimation.sessions import PERFECT
 from tests.machines import NOMINAL, PROTOTYPE
-from tests.readings import some
 
 OFFSETS = np.array([0.4, -0.9, 0.6])
 
@@ -42,26 +42,12 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
 
 def test_a_gauge_without_steps_or_noise_shows_what_there_is() -> None:
     plan = double_posture(PROTOTYPE)
-    perfect = Gauge.model_construct(
-        resolution_mm=0.0, range_mm=10.0, revolution_mm=None, repeatability_mm=0.0
-    )
     signal = simulate(NOMINAL, OFFSETS, plan)
-    values = written_down(signal, plan, perfect, np.random.default_rng(3))
-    rest = values - signal
+    rest = written_down(signal, plan, PERFECT, np.random.default_rng(3)) - signal
     assert zero_free(plan) @ rest == pytest.approx(0.0, abs=1e-12)
     assert np.unique(np.round(rest, 9)).size == 6
-
-
-def test_a_session_with_another_gauge() -> None:
-    plan, fine = (
-        double_posture(PROTOTYPE),
-        Gauge.model_construct(
-            resolution_mm=0.0, range_mm=10.0, revolution_mm=None, repeatability_mm=0.0
-        ),
-    )
-    made = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4), fine)
-    rest = zero_free(plan) @ (made.value - simulate(NOMINAL, OFFSETS, plan))
-    assert rest == pytest.approx(0.0, abs=1e-8)
+    made = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4), PERFECT)
+    assert zero_free(plan) @ (made.value - signal) == pytest.approx(0.0, abs=1e-8)
     own = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4))
     assert np.array_equal(own.value, np.round(own.value, 2))
     assert np.abs(own.value - made.value).max() > 1e-3
@@ -103,19 +89,6 @@ def test_cycles_are_counted_in_time_within_a_set_up() -> None:
     made = synthetic_session(NOMINAL, shuffled, OFFSETS, np.random.default_rng(1))
     assert made.posture == ("iso", "30", "iso", "30", "30", "30", "30")
     assert made.cycle.tolist() == [2, 3, 1, 1, 2, 1, 1]
-
-
-def test_some_of_the_readings() -> None:
-    made = synthetic_session(NOMINAL, double_posture(PROTOTYPE), OFFSETS, np.random.default_rng(2))
-    chosen = np.array([31, 7, 42])
-    part = some(made, chosen)
-    assert part.value.tolist() == made.value[chosen].tolist()
-    assert part.line.tolist() == [33, 9, 44]
-    assert part.posture == tuple(made.posture[i] for i in chosen)
-    assert part.plan.leg.tolist() == [1, 0, 2]
-    assert part.plan.setups == 3
-    mask = made.plan.leg == 2
-    assert some(made, mask).value.tolist() == made.value[40:].tolist()
 
 
 def test_a_machine_that_cannot_take_the_postures_is_an_error() -> None:

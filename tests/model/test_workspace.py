@@ -1,6 +1,6 @@
 """Tool-position error and compensation, against kinematics written anew for the tests."""
 
-from __future__ import annotations
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -8,7 +8,12 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model import Floats, Machine
 from orthoglide_cal.model.kinematics import Geometry
-from orthoglide_cal.model.workspace import SAMPLES, compensation, workspace_error
+from orthoglide_cal.model.workspace import (
+    SAMPLES,
+    WorkspaceError,
+    compensation,
+    workspace_error,
+)
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
 from tests.model.geometries import bent_rails, on_rails
 from tests.model.paper_kinematics import direct, inverse, tool_near
@@ -20,6 +25,16 @@ OFFSETS = np.array([-0.53, 0.59, -1.76])
 COVARIANCE = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, -2.0], [0.0, -2.0, 5.0]]) * 1e-4
 # (slice, y, x): corners, edges and the inside of the cube.
 PLACES = ((0, 0, 0), (1, 3, 12), (2, 16, 5))
+
+
+GAPS, SCALES, LONGER = (0.3, -0.2, 0.25), (1.0, -2.0, 0.5), (0.05, -0.02, 0.03)
+
+
+def at_places(found: WorkspaceError) -> Iterator[tuple[tuple[int, ...], Floats]]:
+    """Indices of some places of the cube, and their points [mm]."""
+    for level, row, column in PLACES:
+        point = np.array([found.axis_mm[column], found.axis_mm[row], found.levels_mm[level]])
+        yield (level, row, column), point
 
 
 def moved_rails(gaps: tuple[float, ...], longer: tuple[float, ...]) -> Geometry:
@@ -35,12 +50,10 @@ def test_before_is_the_distance_that_the_offsets_cause() -> None:
     assert (axis[0], axis[-1]) == NOMINAL.orthoglide.reachable_cube
     assert found.levels_mm == pytest.approx([axis[0], (axis[0] + axis[-1]) / 2.0, axis[-1]])
     assert found.nominal_edge_mm == PROTOTYPE.workspace_mm
-    for level, row, column in PLACES:
-        point = np.array([axis[column], axis[row], found.levels_mm[level]])
+    for place, point in at_places(found):
         reached = tool_near(RAILS, inverse(point, LENGTH) + OFFSETS, point)
-        assert found.before_mm[level, row, column] == pytest.approx(
-            np.linalg.norm(reached - point), abs=1e-9
-        )
+        expected = np.linalg.norm(reached - point)
+        assert found.before_mm[place] == pytest.approx(expected, abs=1e-9)
     assert found.after_mm == pytest.approx(0.0, abs=1e-12)
 
 
@@ -60,32 +73,27 @@ def test_the_whole_cube_counts_not_the_slices_alone() -> None:
 def test_after_is_what_the_uncertainty_leaves() -> None:
     """k √(tr J C Jᵀ), with J from finite differences, which err by 1e-8 of it."""
     found = workspace_error(NOMINAL, OFFSETS, COVARIANCE, 3.0)
-    for level, row, column in PLACES:
-        point = np.array([found.axis_mm[column], found.axis_mm[row], found.levels_mm[level]])
+    for place, point in at_places(found):
         joints, moves = inverse(point, LENGTH), 1e-3 * np.eye(3)
         slope = [
             (tool_near(RAILS, joints + move, point) - tool_near(RAILS, joints - move, point)) / 2e-3
             for move in moves
         ]
         spread = np.trace(np.transpose(slope) @ COVARIANCE @ slope)
-        assert found.after_mm[level, row, column] == pytest.approx(3.0 * np.sqrt(spread), rel=1e-6)
+        assert found.after_mm[place] == pytest.approx(3.0 * np.sqrt(spread), rel=1e-6)
 
 
 def test_entering_offsets_leaves_the_errors_of_accepted_causes() -> None:
     """Rails apart, longer legs, wrong scales: before with the offsets, after without them."""
-    gaps, scales, longer = (0.3, -0.2, 0.25), (1.0, -2.0, 0.5), (0.05, -0.02, 0.03)
-    model = extended(axis_gap=gaps, encoder_scale=scales, leg_length=longer)
+    model = extended(axis_gap=GAPS, encoder_scale=SCALES, leg_length=LONGER)
     found = workspace_error(model, OFFSETS, np.zeros((3, 3)), 2.0)
-    rails = moved_rails(gaps, longer)
-    for level, row, column in PLACES:
-        point = np.array([found.axis_mm[column], found.axis_mm[row], found.levels_mm[level]])
+    rails = moved_rails(GAPS, LONGER)
+    for place, point in at_places(found):
         travel = inverse(point, LENGTH) - LENGTH
-        joints = LENGTH + (1.0 + 1e-3 * np.array(scales)) * travel
+        joints = LENGTH + (1.0 + 1e-3 * np.array(SCALES)) * travel
         for values, offsets in ((found.before_mm, OFFSETS), (found.after_mm, np.zeros(3))):
             reached = tool_near(rails, joints + offsets, point)
-            assert values[level, row, column] == pytest.approx(
-                np.linalg.norm(reached - point), abs=1e-9
-            )
+            assert values[place] == pytest.approx(np.linalg.norm(reached - point), abs=1e-9)
 
 
 def test_carriages_that_stand_have_no_past() -> None:
@@ -131,8 +139,7 @@ def test_the_cube_is_no_larger_than_the_workspace_and_stays_where_it_was() -> No
 def test_compensated_joints_put_the_tool_right() -> None:
     """Each row, on a machine built here from the causes' definitions: rails apart, other legs,
     other scales."""
-    gaps, scales, longer = (0.3, -0.2, 0.25), (1.0, -2.0, 0.5), (0.05, -0.02, 0.03)
-    model = extended(axis_gap=gaps, encoder_scale=scales, leg_length=longer, backlash=(0.1,) * 3)
+    model = extended(axis_gap=GAPS, encoder_scale=SCALES, leg_length=LONGER, backlash=(0.1,) * 3)
     table = compensation(model, points=3)
     assert table.causes == ("axis_gap", "encoder_scale", "leg_length")
     assert table.left_out == ("backlash",)
@@ -140,21 +147,19 @@ def test_compensated_joints_put_the_tool_right() -> None:
     axis = (low, (low + high) / 2.0, high)
     grid = [[x, y, z] for z in axis for y in axis for x in axis]
     assert table.points_mm == pytest.approx(np.array(grid), abs=1e-12)
-    rails = moved_rails(gaps, longer)
+    rails = moved_rails(GAPS, LONGER)
     for point, correction in zip(table.points_mm, table.corrections_mm, strict=True):
         indicated = inverse(point, LENGTH) + correction
-        joints = LENGTH + (1.0 + 1e-3 * np.array(scales)) * (indicated - LENGTH)
+        joints = LENGTH + (1.0 + 1e-3 * np.array(SCALES)) * (indicated - LENGTH)
         assert tool_near(rails, joints, point) == pytest.approx(point, abs=1e-7)
     assert np.abs(table.corrections_mm).max() > 0.05
 
 
 def test_nothing_to_compensate_is_said() -> None:
-    with pytest.raises(UsageError, match="no accepted cause"):
-        compensation(NOMINAL, 7)
-    with pytest.raises(UsageError, match="no accepted cause"):
-        compensation(extended(backlash=(0.1, 0.1, 0.1)), 7)
-    with pytest.raises(UsageError, match="no accepted cause"):
-        compensation(on_rails(PROTOTYPE, bent_rails(PROTOTYPE)), 7)
+    bent = on_rails(PROTOTYPE, bent_rails(PROTOTYPE))
+    for model in (NOMINAL, extended(backlash=(0.1, 0.1, 0.1)), bent):
+        with pytest.raises(UsageError, match="no accepted cause"):
+            compensation(model, 7)
     gap = extended(axis_gap=(0.1, 0.1, 0.1))
     for points in (1, 52):
         with pytest.raises(UsageError, match=f"2 to 51 points along each edge, not {points}"):
