@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Place, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Plan
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
@@ -33,7 +33,7 @@ class PatternCause(Cause):
     counts: Mapping[int, float] = MappingProxyType({})
     hides_reading: bool = False
 
-    def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         """Those that were written down wrongly."""
         if self.stage is not Stage.RECORD:
             return ()
@@ -43,45 +43,35 @@ class PatternCause(Cause):
         """One unit of its size in what the patterns are multiplied by."""
         return 1.0
 
-    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """Readings added by one internal unit at each place, shape (n, places)."""
         raise NotImplementedError
 
-    def spoiled(self, place: Place, plan: GaugePlan) -> Ints:
+    def spoiled(self, place: Place, plan: Plan) -> Ints:
         """Those that its pattern changes."""
         return np.flatnonzero(self.patterns(plan, (place,))[:, 0])
 
     def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        where: Numbers,
-        plan: AnyPlan,
-        machine: Machine,
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
         if self.stage is not Stage.CONTACT:
             return heights
-        return heights + self._added(theta, place, plan, machine)
+        return heights + self._added(effect, plan, machine)
 
-    def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine
-    ) -> Numbers:
+    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
         if self.stage is not Stage.RECORD:
             return readings
-        return readings + self._added(theta, place, plan, machine)
+        return readings + self._added(effect, plan, machine)
 
-    def inverted(
-        self, readings: Floats, theta: Floats, place: Place, plan: GaugePlan, machine: Machine
-    ) -> Floats:
+    def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
         """Readings − pattern · theta."""
-        return readings - self._added(theta, place, plan, machine)
+        return readings - self._added(effect, plan, machine)
 
-    def _added(self, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine) -> Numbers:
-        unit = self.millimetres(machine)
-        return np.asarray(unit * (theta * self.patterns(plan, (place,))[:, 0]))
+    def _added(self, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
+        pattern = self.patterns(plan, (effect.place,))[:, 0]
+        return np.asarray(self.millimetres(machine) * (effect.theta * pattern))
 
 
 class RelabelCause(Cause):
@@ -99,37 +89,34 @@ class RelabelCause(Cause):
         """The unit that was written down [mm]."""
         return 1.0
 
-    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
         raise NotImplementedError
 
-    def reversible(self, plan: GaugePlan, place: Place) -> bool:
+    def reversible(self, plan: Plan, place: Place) -> bool:
         """Whether `relabel` can express it: each reading was written down in place of another."""
         return True
 
-    def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
+    def really_read(self, plan: Plan, place: Place) -> Plan:
         """The plan with each reading under the leg and direction that was really read."""
         return plan
 
-    def spoiled(self, place: Place, plan: GaugePlan) -> Ints:
+    def spoiled(self, place: Place, plan: Plan) -> Ints:
         """Those that were written down with another sign or label."""
         index, sign = self.relabel(plan, place)
         moved = (index != np.arange(len(plan))) | (sign != 1.0)
-        return np.flatnonzero(moved | (self.really_read(plan, place).direction != plan.direction))
+        asked, read = map(GaugePlan.require, (plan, self.really_read(plan, place)))
+        return np.flatnonzero(moved | (read.direction != asked.direction))
 
-    def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine
-    ) -> Numbers:
+    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
         """Readings as they were written down."""
-        index, sign = self.relabel(plan, place)
-        return np.asarray(sign * readings[..., index] / self.unit_mm(place))
+        index, sign = self.relabel(plan, effect.place)
+        return np.asarray(sign * readings[..., index] / self.unit_mm(effect.place))
 
-    def inverted(
-        self, readings: Floats, theta: Floats, place: Place, plan: GaugePlan, machine: Machine
-    ) -> Floats:
+    def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
         """Relabelled once more, in mm."""
-        index, sign = self.relabel(plan, place)
-        return np.asarray(sign * readings[index] * self.unit_mm(place))
+        index, sign = self.relabel(plan, effect.place)
+        return np.asarray(sign * readings[index] * self.unit_mm(effect.place))
 
 
 class ExchangeCause(RelabelCause):
@@ -140,7 +127,7 @@ class ExchangeCause(RelabelCause):
     another plan.
     """
 
-    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
+    def concerned(self, plan: Plan, place: Place) -> Bools:
         """In which readings labels were exchanged, shape (n,)."""
         return np.full(len(plan), True)
 
@@ -148,17 +135,18 @@ class ExchangeCause(RelabelCause):
         """What was read where this was written down; twice is not at all."""
         raise NotImplementedError
 
-    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """Exchange the readings; nothing where they do not pair up."""
         index = _partners(self, plan, place)
         return np.arange(len(plan)) if index is None else index, np.ones(len(plan))
 
-    def reversible(self, plan: GaugePlan, place: Place) -> bool:
+    def reversible(self, plan: Plan, place: Place) -> bool:
         """Whether every reading has its partner."""
         return _partners(self, plan, place) is not None
 
-    def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
+    def really_read(self, plan: Plan, place: Place) -> Plan:
         """Each reading under the leg and direction that was read, at the posture of that leg."""
+        plan = GaugePlan.require(plan)
         really = np.array([self.really(series, place) for series in plan.series])
         asked = np.stack((plan.leg, plan.direction), axis=1)
         leg, direction = np.where(self.concerned(plan, place)[:, None], really, asked).T
@@ -167,8 +155,9 @@ class ExchangeCause(RelabelCause):
 
 # Asked again and again of one plan while it is diagnosed.
 @functools.lru_cache(maxsize=64)
-def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray | None:
+def _partners(cause: ExchangeCause, plan: Plan, place: Place) -> np.ndarray | None:
     """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
+    plan = GaugePlan.require(plan)
     index, concerned = np.arange(len(plan)), cause.concerned(plan, place)
     for series in set(plan.series):
         own, other = (
@@ -209,20 +198,21 @@ class InPart(NamedTuple):
         """The place that means this."""
         return Place((*self.where, self.part) if self.part else self.where)
 
-    def words(self, plan: GaugePlan) -> str:
+    def words(self, plan: Plan) -> str:
         """For people: "leg x, direction y"; with the part where the plan has several."""
         where = Series(*self.where).words if len(self.where) == 2 else f"leg {AXES[self.where[0]]}"
         return where + part_words(plan, self.part)
 
-    def readings(self, plan: GaugePlan) -> Bools:
+    def readings(self, plan: Plan) -> Bools:
         """Which readings are there, shape (n,)."""
+        plan = GaugePlan.require(plan)
         there = np.stack((plan.leg, plan.direction), axis=1)[:, : len(self.where)] == self.where
         return np.asarray(there.all(axis=1) & (plan.part == self.part))
 
 
-def series_places(plan: GaugePlan) -> tuple[Place, ...]:
+def series_places(plan: Plan) -> tuple[Place, ...]:
     """One place for each (leg, direction) that was read, in each part."""
-    found = sorted(set(zip(plan.part.tolist(), plan.series, strict=True)))
+    found = sorted(set(zip(plan.part.tolist(), GaugePlan.require(plan).series, strict=True)))
     return tuple(InPart(tuple(series), part).place for part, series in found)
 
 
@@ -231,7 +221,7 @@ def series_at(place: Place) -> InPart:
     return InPart.of(place, 2)
 
 
-def apart(plan: GaugePlan, readings: Ints) -> tuple[int, ...]:
+def apart(plan: Plan, readings: Ints) -> tuple[int, ...]:
     """Of some readings of a set-up and the rest of it, the fewer: its zero is unknown.
 
     A step that leaves one reading behind is one wrong reading, as is one that moves one.

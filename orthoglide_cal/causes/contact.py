@@ -13,10 +13,10 @@ from orthoglide_cal.causes.base import (
     series_at,
     series_places,
 )
-from orthoglide_cal.model.cause import Cause, Place, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Floats, Numbers
+from orthoglide_cal.model.plan import Floats, Numbers, Plan
 from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
@@ -42,18 +42,13 @@ class BarSkew(Cause):
     )
 
     def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        where: Numbers,
-        plan: GaugePlan,
-        machine: Machine,
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
+        plan = GaugePlan.require(plan)
         own = np.array([plan.of(series) for series in _SERIES])
         # Turned half round, a bar rises where it fell.
-        slope: Numbers = theta @ (own * np.where(plan.turned, -1.0, 1.0))
+        slope: Numbers = effect.theta @ (own * np.where(plan.turned, -1.0, 1.0))
         return heights + slope * where * Orthoglide.require(machine).leg_length_mm
 
 
@@ -71,15 +66,15 @@ class GaugeDrift(PatternCause):
     instrument = "the gauge left on its bar for an hour, machine standing"
     advice = "Clamp the stand of {where} afresh on a clean surface, and repeat this leg."
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every (leg, direction)."""
         return series_places(plan)
 
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The leg and direction."""
         return series_at(place).words(plan)
 
-    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """Hours since the session began, in the series."""
         return np.stack([series_at(at).readings(plan) * plan.hours for at in places], axis=1)
 
@@ -101,25 +96,25 @@ class StandShift(PatternCause):
         " isotropic reading."
     )
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """From every reading on but the first of each set-up."""
         return tuple(Place((i,)) for i in later_readings(plan))
 
-    def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         """The only reading before it, or the only one after it with the stand gone; else none.
 
         That is one wrong reading: nothing that is read later can show that it was a knock.
         """
         (knocked,) = place.index
         again = apart(plan, self.spoiled(place, plan))
-        will_show = bool(plan.standing[knocked]) and knocked in again
+        will_show = bool(GaugePlan.require(plan).standing[knocked]) and knocked in again
         return () if will_show or len(again) > 1 else again
 
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The first reading after the knock."""
         return f"from {machine.reading_words(plan, place.index[0])} on"
 
-    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """1 from the place on, within its set-up."""
         return plan.onwards[:, [place.index[0] for place in places]]
 

@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Place, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Stage
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.plan import Numbers, Plan
 from orthoglide_cal.model.probe_plan import ProbePlan
 
 
@@ -24,21 +24,15 @@ class _Surface(Cause):
     lasting = True
 
     def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        where: Numbers,
-        plan: ProbePlan,
-        machine: Machine,
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
         x, y, _ = np.moveaxis(where / LinearDelta.require(machine).bed_radius_mm, -1, 0)
         terms = (
-            theta[..., k, None] * x ** name.count("x") * y ** name.count("y")
+            effect.theta[..., k, None] * x ** name.count("x") * y ** name.count("y")
             for k, name in enumerate(self.names)
         )
-        return np.asarray(heights + ~plan.distance * sum(terms))
+        return np.asarray(heights + ~ProbePlan.require(plan).distance * sum(terms))
 
 
 class BedShape(_Surface):
@@ -87,16 +81,10 @@ class ProbeDrift(Cause):
     advice = "Let bed and probe reach their temperature, wait ten minutes, and probe again."
 
     def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        where: Numbers,
-        plan: ProbePlan,
-        machine: Machine,
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Reading += rate · hours; theta (..., 1) [mm/h]."""
-        return heights + ~plan.distance * theta * plan.hours
+        return heights + ~ProbePlan.require(plan).distance * effect.theta * plan.hours
 
 
 CAUSES = (BedShape(), ProbeTilt(), ProbeDrift())

@@ -21,14 +21,14 @@ from orthoglide_cal.model.gauge_doubts import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Bools, Floats
+from orthoglide_cal.model.plan import Bools, Floats, Plan
 from orthoglide_cal.model.readings import GaugePlan, Series
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
 CLERICAL = 0.1
 
 
-def whole_table(plan: GaugePlan) -> tuple[Place, ...]:
+def whole_table(plan: Plan) -> tuple[Place, ...]:
     """The whole table, as the place of a slip in writing it; none where parts were joined."""
     return () if plan.parts > 1 else (EVERYWHERE,)
 
@@ -46,15 +46,15 @@ class Misread(PatternCause):
     instrument = "every reading taken twice"
     advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every reading."""
         return tuple(Place((i,)) for i in range(len(plan)))
 
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The reading."""
         return machine.reading_words(plan, place.index[0])
 
-    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """1 at the reading."""
         return np.eye(len(plan))[:, [place.index[0] for place in places]]
 
@@ -83,7 +83,7 @@ class GaugeSlip(PatternCause):
             and Orthoglide.require(machine).gauge.revolution_mm is not None
         )
 
-    def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         """Those that stand apart from the rest of their set-up."""
         return apart(plan, self.spoiled(place, plan))
 
@@ -91,18 +91,18 @@ class GaugeSlip(PatternCause):
         """One revolution of the dial [mm]."""
         return Orthoglide.require(machine).gauge.revolution_mm or 0.0
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every reading alone, and every reading but the first of a set-up with all after it."""
         followed = plan.onwards.sum(axis=0) > 1
         kept = [i for i in later_readings(plan) if followed[i]]
         return (*(Place((i, 0)) for i in range(len(plan))), *(Place((i, 1)) for i in kept))
 
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The reading, or the first of several."""
         reading = machine.reading_words(plan, place.index[0])
         return f"from {reading} on" if place.index[1] else reading
 
-    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """1 where turns were miscounted (to be multiplied by the length of a revolution)."""
         both = np.stack((np.eye(len(plan)), plan.onwards))
         reading, onward = np.array([place.index for place in places]).T
@@ -122,7 +122,7 @@ class SignFlip(RelabelCause):
     instrument = "a feeler gauge under each plunger: its reading must grow"
     advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every (leg, direction), then all readings of a table of one part."""
         return (*series_places(plan), *whole_table(plan))
 
@@ -130,11 +130,11 @@ class SignFlip(RelabelCause):
         """All gauges are the wrong way round, or a spreadsheet turned them: rare."""
         return CLERICAL if place == EVERYWHERE else 1.0
 
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The leg and direction."""
         return "all readings" if place == EVERYWHERE else series_at(place).words(plan)
 
-    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """Same readings, sign −1 in the series."""
         turned = True if place == EVERYWHERE else series_at(place).readings(plan)
         return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
@@ -157,18 +157,19 @@ class SwappedGauges(ExchangeCause):
         " were right, the two other legs were written for each other."
     )
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every leg that was read in two directions in a part."""
+        direction = GaugePlan.require(plan).direction
         legs = (InPart((leg,), part) for part in range(plan.parts) for leg in range(3))
         return tuple(
-            leg.place for leg in legs if np.unique(plan.direction[leg.readings(plan)]).size == 2
+            leg.place for leg in legs if np.unique(direction[leg.readings(plan)]).size == 2
         )
 
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The leg."""
         return InPart.of(place, 1).words(plan)
 
-    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
+    def concerned(self, plan: Plan, place: Place) -> Bools:
         """Those of the leg in the part."""
         return InPart.of(place, 1).readings(plan)
 
@@ -189,7 +190,7 @@ class ExchangedColumns(ExchangeCause):
     instrument = "one plunger pushed at a time: its own row must change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """A table of one part."""
         return whole_table(plan)
 
@@ -209,11 +210,11 @@ class WrongUnit(RelabelCause):
     instrument = "a gauge block under the plunger"
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
-    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Every unit that is taken for mm, in a table of one part."""
         return tuple(Place((k,)) for _ in whole_table(plan) for k in range(len(UNITS)))
 
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """The unit."""
         return UNITS[place.index[0]].mistake
 
@@ -221,7 +222,7 @@ class WrongUnit(RelabelCause):
         """Of the unit."""
         return UNITS[place.index[0]].mm
 
-    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """The same readings."""
         return np.arange(len(plan)), np.ones(len(plan))
 

@@ -73,6 +73,7 @@ def write_places(found: SessionForecast, target: Path) -> None:
         UsageError: another kind of file, a layout with distances, or the file exists.
     """
     from orthoglide_cal.files import places_csv, write_text
+    from orthoglide_cal.model.probe_plan import ProbePlan
 
     if not found.can_be_sent:
         raise UsageError(
@@ -80,7 +81,7 @@ def write_places(found: SessionForecast, target: Path) -> None:
             "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
             " choose a layout without distances: --layout bed-13",
         )
-    text = places_csv(found.plan)
+    text = places_csv(ProbePlan.require(found.plan))
     if str(target) == "-":
         print(text, end="")
         return

@@ -57,7 +57,6 @@ def report(
     )
 
     from orthoglide_cal.files import latest_session
-    from orthoglide_cal.model import View
     from orthoglide_cal.report.case import Case, about
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
@@ -68,7 +67,7 @@ def report(
         if after is not None:
             later = common.read_input(after, machine, data)
             source = given.measured.source
-            if View.BED in {given.measured.view, later.measured.view}:
+            if given.model.machine.probes or later.model.machine.probes:
                 raise UsageError(
                     "A report of a printer is of one file.",
                     f"Compare them: {about('verify', source, after, machine=machine)}",

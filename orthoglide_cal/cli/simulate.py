@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from orthoglide_cal.model import Cause, Effect, Machine, Model, Place
-    from orthoglide_cal.model.plan import AnyPlan
+    from orthoglide_cal.model.plan import Plan
 
 
 # What is meant where nothing is said: the gauge in the middle of the leg; places on a bed.
@@ -135,11 +135,11 @@ def simulate(
     rng = np.random.default_rng(chosen)
     yaml = target is not None and target.suffix.lower() in (".yaml", ".yml")
 
-    def wrong(plan: AnyPlan) -> Model:
+    def wrong(plan: Plan) -> Model:
         """The machine with all that is wrong with it, or with these readings."""
         return known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
 
-    plan: AnyPlan
+    plan: Plan
     record = None
     if known.machine.probes:
         if protocol is not Protocol.DOUBLE or gauge_at != _MIDDLE:
@@ -175,7 +175,7 @@ def simulate(
         tell(f"seed {chosen}")
 
 
-def _effect_named(text: str, plan: AnyPlan, machine: Machine, rng: np.random.Generator) -> Effect:
+def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect that `--cause ID[@PLACE]=VALUES` describes.
 
     `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit
@@ -233,9 +233,9 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     return np.concatenate([np.array(values) * cause.scale, hidden])
 
 
-def _place(cause: Cause, text: str, plan: AnyPlan, machine: Machine) -> Place:
+def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
     from orthoglide_cal.causes import RelabelCause
-    from orthoglide_cal.model import Place, View
+    from orthoglide_cal.model import Place
 
     places = cause.places(plan, machine)
     index: tuple[int, ...] = ()
@@ -253,7 +253,7 @@ def _place(cause: Cause, text: str, plan: AnyPlan, machine: Machine) -> Place:
         fits = cause.reversible(plan, place)
     if not fits:
         here = f" at {text!r}" if text else ""
-        one = "12 (a touch)" if plan.view is View.BED else "12 (a reading) or x (a leg)"
+        one = "12 (a touch)" if machine.probes else "12 (a reading) or x (a leg)"
         example = {0: "no place", 1: one, 2: "x,y (leg, direction) or 12"}
         raise UsageError(
             f"{cause.id} cannot act{here} in this session.",

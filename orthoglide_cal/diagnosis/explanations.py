@@ -31,12 +31,12 @@ from orthoglide_cal.model import (
     DataKind,
     Effect,
     Floats,
-    GaugePlan,
     Ints,
     Machine,
     Measured,
     Model,
     Place,
+    Plan,
     Readings,
     ReadOnly,
     differentiate_each,
@@ -141,7 +141,7 @@ class Whitened(ReadOnly):
         return self.problem.model.machine
 
     @property
-    def plan(self) -> GaugePlan:
+    def plan(self) -> Plan:
         """What the n readings are of."""
         return self.problem.plan
 
@@ -155,7 +155,7 @@ class Whitened(ReadOnly):
         model = _scaled(self.problem.model, factor, CAUSES.values())
         return replace(self, problem=replace(self.problem, model=model))
 
-    def under(self, plan: GaugePlan) -> Whitened:
+    def under(self, plan: Plan) -> Whitened:
         """The same data as readings of another plan."""
         return replace(self, problem=replace(self.problem, plan=plan))
 
@@ -212,7 +212,7 @@ def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
     return replace(model, machine=machine.changed(tolerances={**machine.tolerances, **sizes}))
 
 
-def as_read(plan: GaugePlan, effects: Sequence[Effect]) -> GaugePlan:
+def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
     """The plan of what was really read, where an exchange cannot be expressed in the data."""
     for effect in effects:
         cause, place = effect.cause, effect.place

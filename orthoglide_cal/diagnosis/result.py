@@ -201,9 +201,7 @@ class Diagnosis(ReadOnly):
         value, machine = measured.value, self.model.machine
         for effect in (cause.effect for cause in self.causes):
             if not effect.cause.lasting:
-                value = effect.cause.inverted(
-                    value, effect.theta, effect.place, measured.plan, machine
-                )
+                value = effect.cause.inverted(value, effect, measured.plan, machine)
         return replace(measured, value=value)
 
     def require_recommended(self, id: str) -> None:

@@ -20,7 +20,7 @@ from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_mean, log
 from orthoglide_cal.diagnosis.explanations import Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
-from orthoglide_cal.model import Cause, Floats, GaugePlan, Machine, Place
+from orthoglide_cal.model import Cause, Floats, Machine, Place, Plan
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
@@ -95,9 +95,7 @@ class Score:
 
 # The same beside every base.
 @functools.lru_cache(maxsize=64)
-def _to_read_again(
-    cause: PatternCause | RelabelCause, plan: GaugePlan, place: Place
-) -> tuple[int, ...]:
+def _to_read_again(cause: PatternCause | RelabelCause, plan: Plan, place: Place) -> tuple[int, ...]:
     return cause.to_read_again(plan, place)
 
 

@@ -22,9 +22,9 @@ import numpy as np
 
 from orthoglide_cal.model import (
     Floats,
-    GaugePlan,
     Ints,
     Model,
+    Plan,
     ReadOnly,
     simulate,
     simulate_with_jacobian,
@@ -57,7 +57,7 @@ class Problem(ReadOnly):
     """
 
     model: Model
-    plan: GaugePlan
+    plan: Plan
     matrix: Floats
 
     def predict(self, offsets: Floats) -> Floats:
@@ -94,8 +94,8 @@ class Problem(ReadOnly):
         return predicted, jacobian
 
     @cached_property
-    def _folded(self) -> tuple[GaugePlan, Floats]:
-        """GaugePlan and R with readings that repeat each other predicted once.
+    def _folded(self) -> tuple[Plan, Floats]:
+        """Plan and R with readings that repeat each other predicted once.
 
         With a cause that may tell them apart nothing is folded.
         """

@@ -25,9 +25,9 @@ from orthoglide_cal.model import (
     Difference,
     Differences,
     Floats,
-    GaugePlan,
     Measured,
     Model,
+    Plan,
     Posture,
     Readings,
     ReadOnly,
@@ -146,7 +146,7 @@ def pose(measured: Measured, model: Model, method: Method, *, folded: bool = Fal
 
 
 def pose_plan(
-    plan: GaugePlan, model: Model, kind: DataKind, *, folded: bool = False
+    plan: Plan, model: Model, kind: DataKind, *, folded: bool = False
 ) -> tuple[Problem, tuple[Difference, ...]]:
     """What a method makes of readings, whatever they will be: the problem, and its differences.
 

@@ -105,7 +105,7 @@ def places_csv(plan: ProbePlan) -> str:
 
 def probe_points_csv(readings: Readings) -> str:
     """Touches as a CSV that can be read again."""
-    plan = readings.plan
+    plan = ProbePlan.require(readings.plan)
     columns = (plan.order + 1, 60.0 * plan.hours, *plan.place.T[:2], plan.surface, readings.value)
     rows = [
         f"{number},{minutes:.2f},{x:g},{y:g},{z:g},{value + z:.6f}"

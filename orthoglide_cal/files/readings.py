@@ -257,7 +257,7 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
     1e-6 minutes. Set-ups that the reader could not distinguish by part, leg, direction, position
     and gauge get labels of their own.
     """
-    plan, gauges = readings.plan, readings.gauge
+    plan, gauges = GaugePlan.require(readings.plan), readings.gauge
     seq, minutes = (np.argsort(plan.in_time) + 1).tolist(), (plan.hours * 60.0).tolist()
     places = places_of(
         plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
@@ -399,7 +399,8 @@ def _remarks(
     readings: Readings, records: Sequence[Record], marks: set[str], machine: Orthoglide
 ) -> list[str]:
     """What the user should know although nothing is wrong."""
-    remarks, plan, travel = [], readings.plan, machine.gauge.range_mm
+    remarks, plan = [], GaugePlan.require(readings.plan)
+    travel = machine.gauge.range_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
     if beyond.size:
         first = beyond[0]

@@ -34,7 +34,6 @@ from orthoglide_cal.model.plan import (
     Numbers,
     Plan,
     ReadOnly,
-    View,
     cell_contrasts,
     without_zeros,
     zero_free,

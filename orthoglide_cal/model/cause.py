@@ -18,7 +18,7 @@ import numpy as np
 
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, ReadOnly
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.real import Command
 
 
@@ -139,19 +139,19 @@ class Cause:
         """Number of its parameters, nuisance ones included."""
         return len(self.names) + len(self.nuisance)
 
-    def places(self, plan: AnyPlan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Where it may act on these readings; the whole machine by default."""
         return (EVERYWHERE,)
 
-    def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
+    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         """A place in words; empty for the whole machine."""
         return ""
 
-    def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
+    def spoiled(self, place: Place, plan: Plan) -> Ints:
         """Indices of the readings that it spoils at a place; none for the whole machine."""
         return np.zeros(0, dtype=np.intp)
 
-    def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         """Indices of the readings that taking again would correct; () if that corrects nothing."""
         return ()
 
@@ -191,29 +191,19 @@ class Cause:
         return joints
 
     def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        where: Numbers,
-        plan: AnyPlan,
-        machine: Machine,
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Gauge positions (..., n) [mm]; `where` as in `GaugeResponse`."""
         return heights
 
-    def inverted(
-        self, readings: Floats, theta: Floats, place: Place, plan: AnyPlan, machine: Machine
-    ) -> Floats:
+    def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
         """Readings (n,) as they would be without a fault of the contact or the record [mm].
 
         As they are where it cannot be inverted in them.
         """
         return readings
 
-    def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: AnyPlan, machine: Machine
-    ) -> Numbers:
+    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
         """What was written down (..., n) [mm]."""
         return readings
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from orthoglide_cal.model.measured import DataKind, Difference
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.protocols import double_posture, single_posture
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
 
@@ -52,13 +52,14 @@ def _cells(kind: DataKind, difference: Difference, machine: Orthoglide) -> tuple
 
 
 def reduction(
-    kind: DataKind, differences: Sequence[Difference], machine: Orthoglide, plan: GaugePlan
+    kind: DataKind, differences: Sequence[Difference], machine: Orthoglide, plan: Plan
 ) -> Floats:
     """R, shape (k, n), so that R·readings are these differences.
 
     Repeats are averaged within a gauge set-up, then over the set-ups that hold both cells.
     A row is all zero where the plan lacks one of the cells.
     """
+    plan = GaugePlan.require(plan)
     matrix = np.zeros((len(differences), len(plan)))
     for row, difference in zip(matrix, differences, strict=True):
         minuend, subtrahend = (cell.mask(plan) for cell in _cells(kind, difference, machine))

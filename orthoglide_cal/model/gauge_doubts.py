@@ -18,6 +18,7 @@ import numpy as np
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.words import MM, MM_PER_INCH
 
 # Chance at which healthy readings are doubted.
@@ -106,7 +107,7 @@ def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...
 
 def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
     """Repeats that differ too little, decimals that it does not show, travel that it has not."""
-    plan, value, step = readings.plan, readings.value, gauge.resolution_mm
+    plan, value, step = GaugePlan.require(readings.plan), readings.value, gauge.resolution_mm
     found = too_steady(value, plan.setup, plan.cells, gauge)
     if found is not None:
         where = plan.series[int(np.argmax(plan.setup == found.setup))].words
@@ -300,7 +301,7 @@ def _ordinary(readings: Readings, value: Floats, gauge: Instrument) -> bool:
 
     Without repeats they do not: nothing says so.
     """
-    plan = readings.plan
+    plan = GaugePlan.require(readings.plan)
     left, repeat = _about_means(value, plan.setup, plan.cells)
     again = np.bincount(repeat)[repeat] > 1
     if not again.any():

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.plan import AnyPlan, Floats
+from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.probe_plan import ProbePlan
 
 # Pace assumed where nobody measured the time: a touch, and putting a block under the probe [min].
@@ -45,7 +45,7 @@ class Layout(NamedTuple):
 
     name: str
     what: str
-    plan: AnyPlan
+    plan: Plan
     minutes: float
     cycles: int = 1
     gauge_moves: int = 0

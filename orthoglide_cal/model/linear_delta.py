@@ -49,7 +49,7 @@ from orthoglide_cal.model.layouts import (
     telling,
 )
 from orthoglide_cal.model.machine import Length, Machine, Named
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import FIRMWARE
@@ -244,8 +244,9 @@ class LinearDelta(Machine):
         """
         return np.asarray(rail_position(self.nominal_rails, np.asarray(tool, dtype=np.float64)))
 
-    def command(self, plan: ProbePlan) -> Command:
+    def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
+        plan = ProbePlan.require(plan)
         places = np.concatenate((plan.place, plan.other))
         first, nothing = self.joints_for(places), read_only(np.zeros(places.shape))
         # From touch to touch; a printed object was approached from all sides.
@@ -281,14 +282,10 @@ class LinearDelta(Machine):
         return any(getattr(self, name) != getattr(after, name) for name in parameters)
 
     def sensed(
-        self,
-        real: RealMachine,
-        parameters: Numbers,
-        plan: ProbePlan,
-        strict: bool,
-        derivative: bool,
+        self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
     ) -> GaugeResponse:
         """What probe and calliper read, and where the tool is then."""
+        plan = ProbePlan.require(plan)
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
         joints = real.joints(self.command(plan), offsets).swapaxes(-1, -2)
         joints = components(joints, 2)
@@ -303,26 +300,26 @@ class LinearDelta(Machine):
             readings = np.where(plan.distance, apart - wanted, readings)
         return GaugeResponse(readings, first, None)
 
-    def reading_words(self, plan: ProbePlan, index: int) -> str:
+    def reading_words(self, plan: Plan, index: int) -> str:
         """Such as "x 12.5, y -30 mm (touch 12)"."""
+        plan = ProbePlan.require(plan)
         # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(plan.order <= plan.order[index]))
         what = "distance" if plan.distance[index] else "touch"
         return f"x {x}, y {y} mm ({what} {number})"
 
-    def uncertain(
-        self, plan: ProbePlan, predict: Callable[[ProbePlan], Floats]
-    ) -> Iterator[Influence]:
+    def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
         """The local shape of the bed."""
         yield self.local_shape(plan)
 
-    def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
+    def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
         """What can be touched next: in words, its plan, and its minutes.
 
         On a flat bed a frame that is out of square and a bed that is bent are the same; higher up
         only the frame is another one.
         """
+        plan = ProbePlan.require(plan)
         touches = np.flatnonzero(~plan.distance)
         some = plan.subset(touches[_spread(plan.place[touches, :2], FEW)])
         for height in BLOCKS_MM:
@@ -350,10 +347,11 @@ class LinearDelta(Machine):
         """Touches that tell a frame out of square from a bent bed more or less, quickest first."""
         return telling(self.bed_radius_mm)
 
-    def local_shape(self, plan: ProbePlan) -> Influence:
+    def local_shape(self, plan: Plan) -> Influence:
         """What neighbours share, and what nobody calls an error: the local shape of the bed."""
         assumed, size = self.probe.texture_mm is None, self.probe.texture_std_mm
-        return Influence(Origin.BED_TEXTURE, size, "mm", assumed, size * plan.texture, local=True)
+        columns = size * ProbePlan.require(plan).texture
+        return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True)
 
     def _above(self, radius: Numbers | float) -> Numbers:
         """Height of each carriage over the tool in the middle, (..., 3) [mm]."""

@@ -19,7 +19,7 @@ from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.layouts import Layout
-from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers
+from orthoglide_cal.model.plan import Floats, Numbers, Plan
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import Vocabulary
@@ -260,7 +260,7 @@ class Machine(Schema):
         """
         raise NotImplementedError
 
-    def command(self, plan: AnyPlan) -> Command:
+    def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages for each reading of a plan.
 
         Raises:
@@ -269,13 +269,13 @@ class Machine(Schema):
         raise NotImplementedError
 
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool
+        self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
     ) -> GaugeResponse:
         """What gauges or probes are pushed to, and its derivative where that is asked for and
         known in closed form; arguments and errors as of `simulate`."""
         raise NotImplementedError
 
-    def reading_words(self, plan: AnyPlan, index: int) -> str:
+    def reading_words(self, plan: Plan, index: int) -> str:
         """One reading of a plan in words."""
         raise NotImplementedError
 
@@ -284,7 +284,7 @@ class Machine(Schema):
         was homed anew: what the real ones exceed them by is then unknown again."""
         return False
 
-    def further(self, plan: AnyPlan) -> Iterator[tuple[str, AnyPlan, float]]:
+    def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
         """What can be measured next besides its protocols: in words, its plan, its minutes."""
         return iter(())
 
@@ -296,11 +296,11 @@ class Machine(Schema):
         """Ways to measure that distinguish its rivals more or less, quickest first."""
         return ()
 
-    def local_shape(self, plan: AnyPlan) -> Influence | None:
+    def local_shape(self, plan: Plan) -> Influence | None:
         """What neighbouring readings share, and what nobody calls an error; None for nothing."""
         return None
 
-    def uncertain(self, plan: AnyPlan, predict: Callable[[AnyPlan], Floats]) -> Iterator[Influence]:
+    def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
         """What nobody knows exactly of the gauges or of what they touch.
 
         Args:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, ReadOnly, View, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture, Series
 
 
@@ -112,7 +112,7 @@ class Readings(ReadOnly):
         remarks: what the reader wants the user to know (unknown columns, assumed times).
     """
 
-    plan: AnyPlan
+    plan: Plan
     value: Floats
     line: Ints
     timed: bool
@@ -145,19 +145,14 @@ class Readings(ReadOnly):
         return (self.kind, *map(DataKind, self.plan.reductions))
 
     @property
-    def view(self) -> View:
-        """What a picture of them is drawn on."""
-        return View(self.plan.view)
-
-    @property
     def weight(self) -> Floats:
         """How much an error of each counts in a root mean square compared to a common one, (n,)."""
-        return np.asarray(self.plan.precision)
+        return self.plan.precision
 
     @property
     def weighing(self) -> str:
         """The same in words, to be put behind "r.m.s."; empty where all count alike."""
-        return str(self.plan.weighing)
+        return self.plan.weighing
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -175,7 +170,7 @@ class Differences(ReadOnly):
         remarks: what the reader wants the user to know.
     """
 
-    view, weighing = View.LEGS, ""
+    weighing = ""
     kind: DataKind
     which: tuple[Difference, ...]
     value: Floats

@@ -24,7 +24,7 @@ import numpy as np
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.machine import JointOffsets, Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan
+from orthoglide_cal.model.plan import Floats, Numbers, Plan
 from orthoglide_cal.model.real import RealMachine
 
 
@@ -188,13 +188,13 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
 
 
 def _simulate(
-    model: Model, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool = False
+    model: Model, parameters: Numbers, plan: Plan, strict: bool, derivative: bool = False
 ) -> tuple[Numbers, Floats | None]:
     """Readings; if it is wanted and known in closed form, their derivative by the parameters."""
     machine = model.machine
     readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
     for effect in model.accepted:
-        readings = effect.cause.contact(readings, effect.theta, effect.place, where, plan, machine)
+        readings = effect.cause.contact(readings, effect, where, plan, machine)
     for effect in model.accepted:
-        readings = effect.cause.record(readings, effect.theta, effect.place, plan, machine)
+        readings = effect.cause.record(readings, effect, plan, machine)
     return readings, jacobian

@@ -29,7 +29,7 @@ from orthoglide_cal.model.kinematics import (
     tool_derivative_components,
 )
 from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, part_words
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import OFFSETS
@@ -270,24 +270,21 @@ class Orthoglide(Machine):
         excess = max(high - low - self.workspace_mm, 0.0) / 2.0
         return low + excess, high - excess
 
-    def command(self, plan: GaugePlan) -> Command:
+    def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages for each reading of a plan.
 
         Raises:
             UnreachableError: a displacement is not shorter than the legs.
         """
+        plan = GaugePlan.require(plan)
         joints = self.joints_at(plan.leg, plan.displacement)
         return Command(read_only(joints), self.home_mm, plan.hours, plan.in_time, plan.entered)
 
     def sensed(
-        self,
-        real: RealMachine,
-        parameters: Numbers,
-        plan: GaugePlan,
-        strict: bool,
-        derivative: bool,
+        self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
     ) -> GaugeResponse:
         """What the gauges are pushed to; the derivative where the offsets alone move carriages."""
+        plan = GaugePlan.require(plan)
         joints, moments = _joints(real, self.command(plan), plan, parameters)
         batch = batch_of(joints, real.geometry)
         try:
@@ -302,8 +299,9 @@ class Orthoglide(Machine):
             jacobian = behind_batch(self.touched_derivative(points, plan, moments, fraction), 2)
         return GaugeResponse(behind_batch(heights, 1), behind_batch(fraction, 1), jacobian)
 
-    def reading_words(self, plan: GaugePlan, index: int) -> str:
+    def reading_words(self, plan: Plan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
+        plan = GaugePlan.require(plan)
         moved = float(plan.displacement[index])
         posture = self.posture_at(moved) or f"{moved:g} mm"
         alike = (plan.setup == plan.setup[index]) & (plan.displacement == moved)
@@ -312,10 +310,9 @@ class Orthoglide(Machine):
         where = f"{plan.series[index].words}, {posture}, cycle {cycle}"
         return f"{where}{part_words(plan, int(plan.part[index]))} (reading {number})"
 
-    def uncertain(
-        self, plan: GaugePlan, predict: Callable[[GaugePlan], Floats]
-    ) -> Iterator[Influence]:
+    def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
         """What nobody knows exactly of the gauges: their scale, and where they stand."""
+        plan = GaugePlan.require(plan)
         gauge, predicted = self.gauge, predict(plan)
         scale = gauge.scale_std * predicted[:, None]
         yield Influence(Origin.GAUGE_SCALE, gauge.scale_std, "", gauge.scale_u is None, scale)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
@@ -21,15 +20,6 @@ Ints = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
-# A plan of whatever kind: which one only its machine, and the causes of that kind, know.
-AnyPlan = Any
-
-
-class View(StrEnum):
-    """What a picture of readings is drawn on."""
-
-    LEGS = "legs"
-    BED = "bed"
 
 
 def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
@@ -76,7 +66,6 @@ class Plan:
     hours: Floats
     part: Ints = field(default_factory=lambda: read_only(0, np.intp))
 
-    view: ClassVar[View]
     # Length of a row of the arrays that have more than one number for each reading.
     rows: ClassVar[Mapping[str, int]] = MappingProxyType({})
 
@@ -91,6 +80,17 @@ class Plan:
                 raise ValueError(f"{item.name} has shape {array.shape}, order has {n}")
             object.__setattr__(self, item.name, read_only(array, array.dtype))
 
+    @classmethod
+    def require(cls, plan: Plan) -> Self:
+        """The plan, if it is of this kind.
+
+        Raises:
+            TypeError: it is of another one.
+        """
+        if not isinstance(plan, cls):
+            raise TypeError(f"{cls.__name__} is wanted, not {type(plan).__name__}")
+        return plan
+
     def __len__(self) -> int:
         return int(self.order.size)
 
@@ -103,6 +103,11 @@ class Plan:
     def in_time(self) -> Ints:
         """Indices of the readings from first to last, shape (n,)."""
         return read_only(np.argsort(self.order, kind="stable"), np.intp)
+
+    @property
+    def fixed(self) -> bool:
+        """Whether they are all of gauges on stands that are fixed in space; not by default."""
+        return False
 
     @property
     def reductions(self) -> tuple[str, ...]:
@@ -154,12 +159,16 @@ class Plan:
         """Readings equal but for zero and time: one of each kind, (m,), each one's kind, (n,)."""
         raise NotImplementedError
 
+    def entry(self, index: int) -> Mapping[str, object]:
+        """What one reading is of: name → value, in the unit of the name."""
+        raise NotImplementedError
+
     @property
     def last_travel(self) -> Ints:
         """The last readings, from which the carriages go to the next one, in time order."""
         return self.in_time[-1:]
 
-    def subset(self, chosen: Ints) -> Self:
+    def subset(self, chosen: Ints | Bools) -> Self:
         """The plan of some of its readings (indices or mask)."""
         parts = {item.name: getattr(self, item.name)[chosen] for item in fields(self)}
         return type(self)(**parts)

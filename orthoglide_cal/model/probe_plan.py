@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, View, alike, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, alike, read_only
 
 # Side of the patches that are left out together, in radii of the bed.
 PATCH = 1.0 / 3.0
@@ -39,7 +39,6 @@ class ProbePlan(Plan):
     distance: Bools
     weight: Floats
 
-    view = View.BED
     rows = MappingProxyType({"place": 3, "other": 3})
     setups = 0  # a probe's zero and the endstops are one and the same
 
@@ -97,6 +96,12 @@ class ProbePlan(Plan):
         patch = np.floor(self.place[:, :2] / (reach * PATCH)).astype(np.intp)
         own = np.where(self.distance, 1 + np.arange(len(self)), 0)
         return alike(*patch.T, own)[1]
+
+    def entry(self, index: int) -> Mapping[str, object]:
+        """Where it was, on which surface, and whether it is a distance."""
+        place = dict(zip(("x_mm", "y_mm", "z_mm"), self.place[index].tolist(), strict=True))
+        surface, distance = float(self.surface[index]), bool(self.distance[index])
+        return {**place, "surface_mm": surface, "distance": distance}
 
     def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
         """Shapes of the bed that are finer than a cause has; with time: what wanders."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from functools import cached_property
@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, View, alike, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, alike, read_only
 
 AXES = ("x", "y", "z")
 
@@ -88,7 +88,6 @@ class GaugePlan(Plan):
     turned: Bools = field(default_factory=lambda: read_only(False, np.bool_))
     entered: Floats = field(default_factory=lambda: read_only(np.zeros(3)))
 
-    view = View.LEGS
     rows = MappingProxyType({"entered": 3})
 
     @property
@@ -183,13 +182,24 @@ class GaugePlan(Plan):
         where = (self.setup, self.displacement, self.contact, self.gauge_at)
         return alike(*where, *self.state)[1]
 
-    def subset(self, chosen: Ints) -> Self:
+    def subset(self, chosen: Ints | Bools) -> Self:
         """As of any plan; set-ups are renumbered.
 
         The first chosen reading of a set-up is then the one at which it began.
         """
         part = super().subset(chosen)
         return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
+
+    def entry(self, index: int) -> Mapping[str, object]:
+        """Leg, direction, end, displacement, place of the gauge, and part from 1."""
+        return {
+            "leg": AXES[self.leg[index]],
+            "direction": AXES[self.direction[index]],
+            "end": Contact(self.contact[index]).end,
+            "displacement_mm": float(self.displacement[index]),
+            "gauge_at": float(self.gauge_at[index]),
+            "part": int(self.part[index]) + 1,
+        }
 
     @property
     def last_travel(self) -> Ints:

@@ -107,8 +107,7 @@ def bed_plan(
     """
     at = mixed(rings(places, REACH * machine.bed_radius_mm))
     parts = [(at, height) for height in heights] * cycles
-    plan: ProbePlan = layout_of("simulated", "", parts).plan
-    return plan
+    return ProbePlan.require(layout_of("simulated", "", parts).plan)
 
 
 def synthetic_probe_points(

@@ -14,6 +14,7 @@ import numpy as np
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model import AXES, Contact, Floats, GaugePlan
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.plan import Plan
 
 # The plunger keeps this share of the leg from both joints: forks, bolts and the stand's arm.
 MARGIN = 0.1
@@ -63,8 +64,9 @@ class BarWarning(NamedTuple):
     leaves: bool
 
 
-def bar_warning(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
+def bar_warning(plan: Plan, machine: Orthoglide) -> BarWarning | None:
     """What is wrong where plungers touch their bars; None if nothing is, or no gauge is fixed."""
+    plan = GaugePlan.require(plan)
     rows = np.flatnonzero(plan.contact == Contact.FIXED)
     if not rows.size:
         return None
@@ -93,7 +95,7 @@ def bar_warning(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
     return BarWarning((what, remedy), left < 0.0)
 
 
-def require_on_bar(plan: GaugePlan, machine: Orthoglide) -> BarWarning | None:
+def require_on_bar(plan: Plan, machine: Orthoglide) -> BarWarning | None:
     """The warning of a plan whose plungers stay on the bars, but barely; None without one.
 
     Raises:

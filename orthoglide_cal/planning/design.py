@@ -32,6 +32,7 @@ from orthoglide_cal.model import (
     visiting,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.planning.bar import keeps_off
 
 # Postures that are tried, as shares of the lower and of the upper joint limit.
@@ -103,7 +104,7 @@ def design_of(machine: Orthoglide) -> Design:
     return best
 
 
-def readings_needed(model: Model, plan: GaugePlan) -> float:
+def readings_needed(model: Model, plan: Plan) -> float:
     """Readings of a plan that leave the noise σ of one reading in the worst offset.
 
     So many each unit of accuracy costs, however often the plan is repeated.

@@ -24,7 +24,8 @@ from orthoglide_cal.estimation.solution import budget_of_readings
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.layouts import Layout
-from orthoglide_cal.model.plan import AnyPlan
+from orthoglide_cal.model.plan import Plan
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import separations
@@ -76,7 +77,7 @@ class SessionForecast(Schema):
 
     model_config = ARRAYS
     model: Model = Field(exclude=True)
-    plan: AnyPlan = Field(exclude=True)
+    plan: Plan = Field(exclude=True)
     budget: Budget = Field(exclude=True)
     name: str = Field(serialization_alias="layout")
     what: str
@@ -129,7 +130,7 @@ class SessionForecast(Schema):
     @property
     def can_be_sent(self) -> bool:
         """Of a machine that measures itself: whether it goes to every place without help."""
-        return not self.plan.distance.any()
+        return not ProbePlan.require(self.plan).distance.any()
 
     @cached_property
     def floor(self) -> Budget | None:
@@ -147,7 +148,7 @@ class SessionForecast(Schema):
         return Budget(parts) if parts else None
 
 
-def rivals_sigma(model: Model, plan: AnyPlan) -> float | None:
+def rivals_sigma(model: Model, plan: Plan) -> float | None:
     """How far apart readings get the rivals of a kind of machine, see `SessionForecast`."""
     if not model.machine.rivals:
         return None
@@ -199,7 +200,7 @@ def forecast(
     return SessionForecast.of(model, session_of(model, protocol, cycles, stands), method)
 
 
-def expected_budget(model: Model, plan: AnyPlan, method: Method = Method.READINGS) -> Budget:
+def expected_budget(model: Model, plan: Plan, method: Method = Method.READINGS) -> Budget:
     """The budget of the parameters that a method will find from readings of a plan.
 
     Args:
@@ -219,7 +220,7 @@ def expected_budget(model: Model, plan: AnyPlan, method: Method = Method.READING
 
 
 def estimator_for(
-    model: Model, plan: AnyPlan, uncertain: Sequence[Influence], method: Method = Method.READINGS
+    model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
 ) -> Floats:
     """What a small change of each reading does to the parameters, shape (p, n).
 
@@ -241,7 +242,7 @@ def estimator_for(
 
 
 @functools.lru_cache(maxsize=128)
-def _plausible_influences(model: Model, plan: AnyPlan) -> tuple[Influence, ...]:
+def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
     """Influences on these readings: their squares are the means over plausible parameters."""
     alike = [influences(model, offsets, plan) for offsets in model.machine.linearization_points]
     share = 1.0 / np.sqrt(len(alike))

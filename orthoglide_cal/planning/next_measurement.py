@@ -47,7 +47,8 @@ from orthoglide_cal.model import (
     differentiate,
     without_zeros,
 )
-from orthoglide_cal.model.plan import AnyPlan, Bools
+from orthoglide_cal.model.plan import Bools, Plan
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.forecast import ARRAYS, estimator_for, lengths
 from orthoglide_cal.planning.options import Option, further, joined, options
 
@@ -233,7 +234,7 @@ def _chance(mean: Floats, std: Floats, shares: Floats, spare: Floats, others: Bo
     return float(shares @ dismissed / shares.sum())
 
 
-def _fixed(model: Model, plan: AnyPlan, answer: Fitted) -> Floats:
+def _fixed(model: Model, plan: Plan, answer: Fitted) -> Floats:
     """What adds to the variance of each parameter that is taken as the controller has it, (p,).
 
     No reading tells it, so no diagnosis counts it either, unless it is the answer; `solve` does.
@@ -269,7 +270,7 @@ def _ids(fit: Fitted, again: bool) -> Ids:
 
 
 def predictions(
-    model: Model, first: AnyPlan | None, choice: Sequence[Option], fits: Sequence[Fitted]
+    model: Model, first: Plan | None, choice: Sequence[Option], fits: Sequence[Fitted]
 ) -> list[Predictions]:
     """What explanations predict of each option.
 
@@ -292,7 +293,7 @@ def predictions(
     return [found[option] for option in choice]
 
 
-def _together(first: AnyPlan | None, group: Sequence[Option]) -> tuple[AnyPlan, list[int]]:
+def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[int]]:
     """One plan of the first readings and all options, and where each option begins in it.
 
     Every option comes behind the first readings' last travel, as if there were no other: the
@@ -314,7 +315,7 @@ def _together(first: AnyPlan | None, group: Sequence[Option]) -> tuple[AnyPlan, 
 
 
 def _expected(
-    model: Model, plan: AnyPlan, fit: Fitted, goes_on: AnyPlan | None
+    model: Model, plan: Plan, fit: Fitted, goes_on: Plan | None
 ) -> tuple[Floats, Floats, Floats]:
     """What one explanation says of n readings; `goes_on` are those whose stands are still there.
 
@@ -338,8 +339,8 @@ def _expected(
 
 
 def _predicted(
-    stay: AnyPlan | None,
-    plan: AnyPlan,
+    stay: Plan | None,
+    plan: Plan,
     start: int,
     expected: Sequence[tuple[Floats, Floats, Floats]],
     fits: Sequence[Fitted],
@@ -358,7 +359,8 @@ def _predicted(
         if stay is None:
             set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
             return without_zeros(set_ups, values[own].T).T
-        same = np.asarray(plan.setup[:, None] == stay.setup, dtype=np.float64)
+        here, there = (GaugePlan.require(each).setup for each in (plan, stay))
+        same = np.equal.outer(here, there).astype(np.float64)
         mean = same / same.sum(axis=1, keepdims=True)
         noise = np.eye(len(mean)) + mean @ mean.T
         return whiten(noise, values[own] - mean @ values[: len(stay)])[0]

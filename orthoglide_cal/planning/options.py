@@ -22,7 +22,7 @@ from orthoglide_cal.model import (
     other_axes,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import AnyPlan
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.protocols import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
@@ -67,13 +67,13 @@ class Option:
     """
 
     what: str
-    plan: AnyPlan
+    plan: Plan
     minutes: float
     continues: bool
     session: str | None = None
 
 
-def joined(*plans: AnyPlan) -> AnyPlan:
+def joined(*plans: Plan) -> Plan:
     """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
     return replace(
         plans[0],
@@ -84,7 +84,7 @@ def joined(*plans: AnyPlan) -> AnyPlan:
     )
 
 
-def options(first: GaugePlan | None, machine: Orthoglide) -> tuple[Option, ...]:
+def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:
     """All that can be done next.
 
     Args:
@@ -94,12 +94,13 @@ def options(first: GaugePlan | None, machine: Orthoglide) -> tuple[Option, ...]:
     """
     if first is None:
         return tuple(_alone(machine))
+    first = GaugePlan.require(first)
     here = _Stands.after(first, machine)
     going_on = () if here is None else _going_on(here, machine)
     return (*going_on, *_afresh(first, machine))
 
 
-def further(first: AnyPlan | None, model: Model) -> tuple[Option, ...]:
+def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
     """What the kind of machine has to offer beside gauges on legs; none for an Orthoglide."""
     if first is None:
         return ()

@@ -20,6 +20,7 @@ from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.layouts import Layout
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.planning.bar import BarWarning, bar_warning
 from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import (
@@ -339,7 +340,7 @@ def _distinguishing(model: Model) -> BestDesign | None:
             break
     if best is None:
         return None
-    found, places = SessionForecast.of(model, best), best.plan.place.tolist()
+    found, places = SessionForecast.of(model, best), ProbePlan.require(best.plan).place.tolist()
     return BestDesign(
         **_fields(found),
         causes=model.machine.rivals,

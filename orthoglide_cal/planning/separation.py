@@ -31,7 +31,7 @@ from orthoglide_cal.model import (
     zero_free,
 )
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AnyPlan
+from orthoglide_cal.model.plan import Plan
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0
@@ -83,7 +83,7 @@ class Separations(ReadOnly):
         return tuple(sorted(found, key=lambda pair: pair.sigma))
 
 
-def separations(model: Model, plan: AnyPlan, among: Collection[str] | None = None) -> Separations:
+def separations(model: Model, plan: Plan, among: Collection[str] | None = None) -> Separations:
     """Every cause that is possible on this machine against every other.
 
     Args:
@@ -101,7 +101,7 @@ def separations(model: Model, plan: AnyPlan, among: Collection[str] | None = Non
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
 
-def _candidates(model: Model, plan: AnyPlan) -> tuple[Cause, ...]:
+def _candidates(model: Model, plan: Plan) -> tuple[Cause, ...]:
     """Causes that can be behind such readings: of the machine first, then of the measurement."""
     known = {effect.cause.id for effect in model.accepted}
     possible = [
@@ -115,7 +115,7 @@ def _candidates(model: Model, plan: AnyPlan) -> tuple[Cause, ...]:
     return tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
 
 
-def _relabellings(cause: RelabelCause, plan: AnyPlan, machine: Machine) -> list[Place]:
+def _relabellings(cause: RelabelCause, plan: Plan, machine: Machine) -> list[Place]:
     """The places at which the readings can express it."""
     return [place for place in cause.places(plan, machine) if cause.reversible(plan, place)]
 
@@ -148,7 +148,7 @@ class _Near:
     """
 
     def __init__(
-        self, model: Model, plan: AnyPlan, offsets: Floats, causes: tuple[Cause, ...]
+        self, model: Model, plan: Plan, offsets: Floats, causes: tuple[Cause, ...]
     ) -> None:
         self._machine, self._plan = model.machine, plan
         self._offsets, self._causes = offsets, causes

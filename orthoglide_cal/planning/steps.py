@@ -22,6 +22,7 @@ from orthoglide_cal.model import (
     single_posture,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
 from orthoglide_cal.planning.design import design_of
 
@@ -154,9 +155,7 @@ def _closed(plan: GaugePlan) -> GaugePlan:
     return replace(plan.subset(closed), order=np.arange(len(closed)))
 
 
-def steps_of(
-    plan: GaugePlan, machine: Orthoglide, order: Order, stands: int
-) -> tuple[SessionStep, ...]:
+def steps_of(plan: Plan, machine: Orthoglide, order: Order, stands: int) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 
     Args:
@@ -166,6 +165,7 @@ def steps_of(
         stands: gauges that are read side by side. One gauge takes one direction of a leg after
             the other, and slides alone between the ends of a leg.
     """
+    plan = GaugePlan.require(plan)
     rows, readings = plan.in_time.tolist(), planned_readings(plan)
     alone = stands == 1 or not plan.fixed
     if plan.fixed and alone:
@@ -194,8 +194,9 @@ def steps_of(
     return tuple(steps)
 
 
-def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
+def planned_readings(plan: Plan) -> list[PlannedReading]:
     """The readings of a plan, at no time at all."""
+    plan = GaugePlan.require(plan)
     columns = (
         plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at, plan.part,
         plan.turned, plan.entered,

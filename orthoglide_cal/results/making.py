@@ -42,13 +42,11 @@ from orthoglide_cal.estimation.budget import Budget, warmth
 from orthoglide_cal.files import Input
 from orthoglide_cal.model import (
     AXES,
-    Contact,
     Differences,
     Floats,
     Measured,
     Model,
     Posture,
-    View,
 )
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
@@ -364,22 +362,9 @@ def _place(measured: Measured, k: int) -> dict[str, object]:
         which = measured.which[k]
         leg, direction = (AXES[axis] for axis in which.series)
         return {"leg": leg, "direction": direction, "posture": which.name}
-    plan = measured.plan
-    own = {"cycle": int(measured.cycle[k]), "weight": float(plan.precision[k])}
-    if measured.view is not View.LEGS:
-        place = dict(zip(("x_mm", "y_mm", "z_mm"), plan.place[k].tolist(), strict=True))
-        surface, distance = float(plan.surface[k]), bool(plan.distance[k])
-        return {**own, **place, "surface_mm": surface, "distance": distance}
-    return {
-        **own,
-        "leg": AXES[plan.leg[k]],
-        "direction": AXES[plan.direction[k]],
-        "posture": measured.posture[k],
-        "end": Contact(plan.contact[k]).end,
-        "displacement_mm": float(plan.displacement[k]),
-        "gauge_at": float(plan.gauge_at[k]),
-        "part": int(plan.part[k]) + 1,
-    }
+    own = {"cycle": int(measured.cycle[k]), "weight": float(measured.weight[k])}
+    posture = measured.posture[k] or None
+    return {**own, "posture": posture, **measured.plan.entry(k)}
 
 
 def _undetermined(

@@ -53,8 +53,8 @@ from orthoglide_cal.model import (
     Readings,
     ReadOnly,
     Source,
-    View,
 )
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.making import remainder
 from orthoglide_cal.schema import Schema
@@ -238,7 +238,7 @@ def verify(
             that says nothing of such data, or the two have nothing in common.
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
-    if View.BED in {before.measured.view, after.measured.view}:
+    if before.model.machine.probes or after.model.machine.probes:
         return _of_touches(before, after, applied_mm, limit_mm)
     if limit_mm is not None and not 0.0 < limit_mm < np.inf:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
@@ -316,7 +316,7 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
         )
     if limit is not None:
         raise UsageError("--limit is for differences of readings.", "Leave it out.")
-    if {before.measured.view, after.measured.view} != {View.BED}:
+    if not before.model.machine.probes or not after.model.machine.probes:
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     check_same_printer(before.model.machine, after.model.machine)
     first, second = (_solved(each, each.model)[0] for each in (before, after))
@@ -328,7 +328,7 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
     heights = []
     for each in (first, second):
         assert isinstance(each.measured, Readings)
-        touched = ~each.measured.plan.distance
+        touched = ~ProbePlan.require(each.measured.plan).distance
         for left in (each.measured.value, each.measured.value - each.predicted_mm):
             # Without their mean: the first layer's height is set apart.
             heights.append(left[touched] - left[touched].mean())
@@ -528,12 +528,15 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
 
 def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    found = [each.plan.as_found for each in (before, after)]
-    plans = [each.plan.subset(own) for each, own in zip((before, after), found, strict=True)]
-    values = [each.value[own] for each, own in zip((before, after), found, strict=True)]
+    found = [GaugePlan.require(each.plan) for each in (before, after)]
+    plans = [plan.subset(plan.as_found) for plan in found]
+    both = zip((before, after), found, strict=True)
+    values = [each.value[plan.as_found] for each, plan in both]
     keys = [
         np.stack(
-            (p.leg, p.direction, p.displacement, p.contact, p.gauge_at, p.turned), axis=1
+            (p.leg, p.direction, p.displacement, p.contact, p.gauge_at, p.turned),
+            axis=1,
+            dtype=np.float64,
         ).round(9)
         for p in plans
     ]

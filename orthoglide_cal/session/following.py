@@ -25,6 +25,7 @@ from orthoglide_cal.files import (
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import AXES, Floats, Model, Readings, Series
 from orthoglide_cal.model.protocols import PlannedReading
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, planned_readings
 from orthoglide_cal.session.events import Following
@@ -155,7 +156,8 @@ class Recommendation:
             data=self.first.following.data, what=option.what, minutes=option.minutes,
             continues=option.continues, entered=(x, y, z),
         )  # fmt: skip
-        plan = replace(option.plan, entered=(option.plan.entered + change).round(9))
+        plan = GaugePlan.require(option.plan)
+        plan = replace(plan, entered=(plan.entered + change).round(9))
         return replace(
             self,
             first=replace(self.first, following=following),
@@ -226,7 +228,11 @@ def recommended(
     if keeper is not None and not differing(keeper, model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
     found = Recommendation(first, model, options, choice, options[0]).holding(offsets.tolist())
-    if found.option.continues and stands == 1 and len(set(found.option.plan.series)) > 1:
+    if (
+        found.option.continues
+        and stands == 1
+        and len(set(GaugePlan.require(found.option.plan).series)) > 1
+    ):
         raise UsageError(
             "That measurement goes on with two gauges where they stand.",
             "Read with two, or take another one: --choice 2",
@@ -239,7 +245,8 @@ def _left_entered(readings: Readings) -> Floats:
 
     A carriage that was commanded short was so for its readings alone.
     """
-    return np.asarray(readings.plan.stood[readings.plan.in_time[-1]])
+    plan = GaugePlan.require(readings.plan)
+    return np.asarray(plan.stood[plan.in_time[-1]])
 
 
 def first_of(following: Following, model: Model) -> PriorReadings:

@@ -37,8 +37,8 @@ class LegSag(Cause):
     instrument = "a second gauge on the leg"
     advice = "Stiffen the leg, or measure nearer to the isotropic posture."
 
-    def contact(self, heights, theta, place, fraction, plan, machine):
-        return heights + theta[..., plan.leg] * (plan.displacement / 100.0) ** 2
+    def contact(self, heights, effect, fraction, plan, machine):
+        return heights + effect.theta[..., plan.leg] * (plan.displacement / 100.0) ** 2
 
 
 CAUSES = (LegSag(),)

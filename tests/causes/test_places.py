@@ -43,9 +43,9 @@ def written(
     cause: Cause, size: float | None, place: Place, plan: GaugePlan, values: Floats
 ) -> Floats:
     """What stands in the record of gauges that would show `values` without the cause."""
-    theta = np.zeros(0) if size is None else np.array([size])
-    heights = cause.contact(values, theta, place, np.full(len(plan), 0.5), plan, PROTOTYPE)
-    return cause.record(heights, theta, place, plan, PROTOTYPE)
+    effect = cause.at(np.zeros(0) if size is None else np.array([size]), place)
+    heights = cause.contact(values, effect, np.full(len(plan), 0.5), plan, PROTOTYPE)
+    return cause.record(heights, effect, plan, PROTOTYPE)
 
 
 # --- against the independent simulator --------------------------------------------------------

@@ -160,9 +160,9 @@ def by_brute_force(found: Assessment, ids: Ids) -> float:
                 parts.append(share - 0.5 * (fitted @ inverse @ fitted + log_det))
                 continue
             assert isinstance(extra, PatternCause)
-            one, still = np.ones(1), np.zeros(len(plan))
-            pattern = extra.contact(still, one, place, still, plan, machine)
-            pattern = white.matrix @ extra.record(pattern, one, place, plan, machine)
+            one, still = extra.at(np.ones(1), place), np.zeros(len(plan))
+            pattern = extra.contact(still, one, still, plan, machine)
+            pattern = white.matrix @ extra.record(pattern, one, plan, machine)
             if extra.id == "gauge_slip":
                 for turns, often in extra.counts.items():
                     left = residual - turns * pattern

@@ -58,7 +58,7 @@ def test_undoing_it_in_the_data_is_undoing_it_in_the_readings(cause: RelabelCaus
     clean = simulate(NOMINAL, np.array([0.6, -0.9, 0.3]), plan) + rng.normal(0.0, 0.1, len(plan))
     for place in cause.places(plan, PROTOTYPE):
         zeros = rng.uniform(-4.0, 4.0, 6)[plan.setup]
-        written = cause.record(clean + zeros, np.zeros(0), place, plan, PROTOTYPE)
+        written = cause.record(clean + zeros, cause.at(np.zeros(0), place), plan, PROTOTYPE)
         white = Whitened.of(readings_of(PROTOTYPE, plan, written), NOMINAL)
         undone, unit = white.inverted(cause, place), cause.unit_mm(place)
         if undone is None:  # no gauge has noise of 0.1 mm, in no unit

@@ -33,6 +33,7 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import STEP
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.real import Command
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_machines
 from tests.model import table2
@@ -147,20 +148,12 @@ class Moving(Cause):
         return joints * 1.002 + command.hours[:, None] if self.stage is Stage.MOTION else joints
 
     def contact(
-        self,
-        heights: Numbers,
-        theta: Numbers,
-        place: Place,
-        fraction: Numbers,
-        plan: GaugePlan,
-        machine: Machine,
+        self, heights: Numbers, effect: Effect, fraction: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """A bar bent to a parabola."""
         return heights + 0.5 * fraction**2 if self.stage is Stage.CONTACT else heights
 
-    def record(
-        self, readings: Numbers, theta: Numbers, place: Place, plan: GaugePlan, machine: Machine
-    ) -> Numbers:
+    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
         """A gauge that shows 3 % too much."""
         return readings * 1.03 if self.stage is Stage.RECORD else readings
 
