@@ -58,6 +58,11 @@ class Delta:
     texture: float = 0.02
     """Standard deviation of the local shape of its bed, as its file states it."""
 
+    @property
+    def home(self) -> Floats:
+        """Joint positions at the endstops, shape (3,)."""
+        return np.array(self.endstops) + np.sqrt(np.array(self.arms) ** 2 - self.radius**2)
+
 
 V400 = Delta()
 KOSSEL = Delta("kossel", (265.0, 265.0, 265.0), 130.0, endstops=(290.0, 290.0, 290.0), bed=115.0)
@@ -81,19 +86,21 @@ class Surface:
         return z + np.cos(x[..., None] * along + y[..., None] * across + phase) @ amplitude
 
 
-def texture(rng: np.random.Generator, sd: float, length: float, count: int = 400) -> Floats:
+def _waves(rng: np.random.Generator, sd: float, numbers: Floats) -> Floats:
+    amplitudes = np.full(numbers.shape[1], sd * np.sqrt(2.0 / numbers.shape[1]))
+    phases = rng.uniform(0.0, 2.0 * np.pi, len(amplitudes))
+    return frozen(np.stack((amplitudes, *numbers, phases), axis=1))
+
+
+def texture(rng: np.random.Generator, sd: float, length: float) -> Floats:
     """Waves whose sum has a standard deviation and the correlation exp(-d^2 / (2 length^2))."""
-    numbers = rng.normal(scale=1.0 / length, size=(2, count))
-    amplitudes = np.full(count, sd * np.sqrt(2.0 / count))
-    return frozen(np.stack((amplitudes, *numbers, rng.uniform(0.0, 2.0 * np.pi, count)), axis=1))
+    return _waves(rng, sd, rng.normal(scale=1.0 / length, size=(2, 400)))
 
 
-def grain(rng: np.random.Generator, sd: float, length: float, count: int = 600) -> Floats:
+def grain(rng: np.random.Generator, sd: float, length: float) -> Floats:
     """Waves whose sum has a standard deviation and the correlation exp(-d / length)."""
     # The spectrum of that correlation in the plane is a Cauchy distribution of wave numbers.
-    numbers = rng.normal(size=(2, count)) / np.abs(rng.normal(size=count)) / length
-    amplitudes = np.full(count, sd * np.sqrt(2.0 / count))
-    return frozen(np.stack((amplitudes, *numbers, rng.uniform(0.0, 2.0 * np.pi, count)), axis=1))
+    return _waves(rng, sd, rng.normal(size=(2, 600)) / np.abs(rng.normal(size=600)) / length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +172,7 @@ def tool(
         hours: since the endstops were found, shape (n,).
         ways: 1 for a carriage that came up, -1 for one that came down, shape (n, 3).
     """
-    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
+    home = machine.home
     growth = np.broadcast_to(hours, joints.shape[:1])[:, None] * truth.rates
     height = home - (home - joints) * (1.0 + 1e-3 * truth.scales) + truth.endstops + growth
     height = height - 0.5 * truth.lost * ways
@@ -178,20 +185,6 @@ def tool(
     start = np.concatenate((centre, below[:, None]), axis=1)
     found = tool_from_carriages(carriages.transpose(1, 2, 0), arms, start.T, steps=12).T
     return np.ascontiguousarray(found)
-
-
-def joints_for(machine: Delta, truth: Truth, places: Floats) -> Floats:
-    """Indicated joint positions, shape (n, 3), at which the tool truly is at places, shape (n, 3).
-
-    The highest point of each rail that is an arm's length away.
-    """
-    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
-    along = rails(machine, truth)
-    apart = places[:, None] - feet(machine, truth)[None]
-    middle = (apart * along).sum(axis=2)
-    arms = np.array(machine.arms) + truth.arms
-    height = middle + np.sqrt(arms**2 - (apart**2).sum(axis=2) + middle**2)
-    return home - (home + truth.endstops - height) / (1.0 + 1e-3 * truth.scales)
 
 
 def ways_between(machine: Delta, x: Floats, y: Floats) -> Floats:
@@ -282,7 +275,8 @@ class DeltaSession:
 
     machine: Delta
     truth: Truth
-    hidden: tuple[str, ...]
+    causes: tuple[str, ...]
+    """Hidden cause ids."""
     layout: Layout
     x: Floats
     y: Floats
@@ -299,18 +293,41 @@ class DeltaSession:
     """An effect outside the list."""
 
     @property
-    def causes(self) -> tuple[str, ...]:
-        """Hidden cause ids."""
-        return self.hidden
-
-    @property
     def label(self) -> str:
         """`healthy`, an id, `id+id`, or what is outside the list."""
-        return self.outside or "+".join(self.hidden) or "healthy"
+        return self.outside or "+".join(self.causes) or "healthy"
 
 
 Disturb = Callable[[Truth, Floats, np.random.Generator], tuple[Truth, Floats]]
 """Truth and minutes (N,) -> the truth with an effect outside the list, and what it adds (N,)."""
+
+
+Change = Callable[[Truth, Floats], Truth]
+BENT = ((0, 2), (0, 3), (1, 1), (1, 2), (2, 0), (2, 1), (3, 0))
+TILTED = ((2, 0), (1, 1), (0, 2))
+SLOPED = ((1, 0), (0, 1), *TILTED)
+
+
+def _surface(radius: float, powers: tuple[tuple[int, int], ...], sizes: Floats) -> Surface:
+    return Surface(radius, dict(zip(powers, sizes.tolist(), strict=True)))
+
+
+def changes(radius: float) -> dict[str, tuple[int, Change]]:
+    """Of each cause of the machine or the contact: number of parameters, and what they change.
+
+    The calibration takes the slope of a tilt, which is not counted here.
+    """
+    return {
+        "tower_lean": (6, lambda t, v: replace(t, leans=frozen(v.reshape(3, 2)))),
+        "tower_radius": (3, lambda t, v: replace(t, radii=frozen(v))),
+        "leg_length": (3, lambda t, v: replace(t, arms=frozen(v))),
+        "encoder_scale": (3, lambda t, v: replace(t, scales=frozen(v))),
+        "backlash": (3, lambda t, v: replace(t, lost=frozen(v))),
+        "thermal_drift": (3, lambda t, v: replace(t, rates=frozen(v))),
+        "bed_shape": (7, lambda t, v: replace(t, bed=_surface(radius, BENT, v))),
+        "probe_tilt": (3, lambda t, v: replace(t, tilt=_surface(radius, TILTED, v))),
+        "probe_drift": (1, lambda t, v: replace(t, drift=float(v[0]))),
+    }
 
 
 def draw_truth(hidden: tuple[str, ...], bed: float, rng: np.random.Generator) -> Truth:
@@ -326,33 +343,22 @@ def draw_truth(hidden: tuple[str, ...], bed: float, rng: np.random.Generator) ->
         radius=float(rng.normal(scale=CALIBRATED["radius"])),
         angles=frozen(angles),
     )
+    families = changes(bed)
     for cause in hidden:
-        if cause == "tower_lean":
-            truth = replace(truth, leans=frozen(sized(cause, 6).reshape(3, 2)))
-        elif cause == "tower_radius":
+        if cause == "misread":
+            continue
+        count, change = families[cause]
+        if cause == "tower_radius":
             first, second = sized(cause, 2)
-            truth = replace(truth, radii=frozen([first, second, -first - second]))
-        elif cause == "leg_length":
-            truth = replace(truth, arms=frozen(sized(cause, 3)))
-        elif cause == "encoder_scale":
-            truth = replace(truth, scales=frozen(sized(cause, 3)))
-        elif cause == "backlash":
-            truth = replace(truth, lost=frozen(np.abs(sized(cause, 3))))
-        elif cause == "thermal_drift":
-            truth = replace(truth, rates=frozen(sized(cause, 3)))
-        elif cause == "bed_shape":
-            powers = [(j, k) for j in range(4) for k in range(4) if 2 <= j + k <= 3]
-            sizes = sized(cause, len(powers)) * np.sqrt(len(powers) / 3.0)
-            terms = dict(zip(powers, sizes.tolist(), strict=True))
-            truth = replace(truth, bed=Surface(bed, terms))
+            truth = change(truth, np.array([first, second, -first - second]))
         elif cause == "probe_tilt":
-            powers = [(1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
-            terms = dict(zip(powers, sized(cause, 5).tolist(), strict=True))
-            truth = replace(truth, tilt=Surface(bed, terms))
-        elif cause == "probe_drift":
-            truth = replace(truth, drift=float(sized(cause, 1)[0]))
-        elif cause != "misread":
-            raise KeyError(f"no such cause: {cause}")
+            truth = replace(truth, tilt=_surface(bed, SLOPED, sized(cause, 5)))
+        elif cause == "backlash":
+            truth = change(truth, np.abs(sized(cause, count)))
+        elif cause == "bed_shape":
+            truth = change(truth, sized(cause, count) * np.sqrt(count / 3.0))
+        else:
+            truth = change(truth, sized(cause, count))
     return truth
 
 
@@ -431,21 +437,21 @@ def delta_csv(session: DeltaSession) -> str:
 def delta_yaml(machine: Delta) -> str:
     """The machine file of the contract that states this machine, its probe and the tolerances."""
     ends = ", ".join(f"{k}: {v}" for k, v in zip("abc", machine.endstops, strict=True))
-    lines = [
-        "schema_version: 1",
-        "kind: linear_delta",
-        f"name: truth-{machine.name}",
-        f"arm_length_mm: {list(machine.arms)}",
-        f"delta_radius_mm: {machine.radius}",
-        f"tower_angles_deg: {list(machine.angles)}",
-        f"endstops_mm: {{{ends}}}",
-        f"bed_radius_mm: {machine.bed}",
-        "probe:",
-        f"  resolution_mm: {machine.resolution}",
-        f"  repeatability_mm: {machine.noise}",
-        f"  calliper_mm: {machine.calliper}",
-        f"  texture_mm: {machine.texture}",
-        "tolerances:",
-        *(f"  {cause}: {size}" for cause, size in TOLERANCES.items()),
-    ]
-    return "\n".join(lines) + "\n"
+    sizes = "\n".join(f"  {cause}: {size}" for cause, size in TOLERANCES.items())
+    return f"""\
+schema_version: 1
+kind: linear_delta
+name: truth-{machine.name}
+arm_length_mm: {list(machine.arms)}
+delta_radius_mm: {machine.radius}
+tower_angles_deg: {list(machine.angles)}
+endstops_mm: {{{ends}}}
+bed_radius_mm: {machine.bed}
+probe:
+  resolution_mm: {machine.resolution}
+  repeatability_mm: {machine.noise}
+  calliper_mm: {machine.calliper}
+  texture_mm: {machine.texture}
+tolerances:
+{sizes}
+"""

@@ -9,50 +9,22 @@ Four sigma of one parameter and of the seven of a bed are not equally rare: nois
 seven that far twenty times a thousand. What stands out does so with the chance of four sigma.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from scipy.stats import chi2
 
-from .delta import TOLERANCES, DeltaSession, Surface, Truth, touches
+from .delta import TOLERANCES, Change, DeltaSession, Surface, Truth, changes, touches
 from .plan import Floats, frozen
 from .separation import HEALTHY, STANDS_OUT, Separation
 
 GRAIN = 20.0
 """Over which the local shape of a bed is forgotten [mm]."""
 
-Change = Callable[[Truth, Floats], Truth]
-
-_BED = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
-_TILT = ((2, 0), (1, 1), (0, 2))
-
-
-def _surface(radius: float, powers: tuple[tuple[int, int], ...], sizes: Floats) -> Surface:
-    return Surface(radius, dict(zip(powers, sizes.tolist(), strict=True)))
-
-
-def _families(radius: float) -> dict[str, tuple[int, Change]]:
-    """Of each cause of the machine or the contact: number of parameters, and what they change."""
-    return {
-        "tower_lean": (6, lambda t, v: replace(t, leans=frozen(v.reshape(3, 2)))),
-        "tower_radius": (3, lambda t, v: replace(t, radii=frozen(v))),
-        "leg_length": (3, lambda t, v: replace(t, arms=frozen(v))),
-        "encoder_scale": (3, lambda t, v: replace(t, scales=frozen(v))),
-        "backlash": (3, lambda t, v: replace(t, lost=frozen(v))),
-        "thermal_drift": (3, lambda t, v: replace(t, rates=frozen(v))),
-        "bed_shape": (7, lambda t, v: replace(t, bed=_surface(radius, _BED, v))),
-        "probe_tilt": (3, lambda t, v: replace(t, tilt=_surface(radius, _TILT, v))),
-        "probe_drift": (1, lambda t, v: replace(t, drift=float(v[0]))),
-    }
-
-
-DELTA_CAUSES = (*_families(1.0), "misread")
-IN_MACHINE = (
-    "tower_lean", "tower_radius", "leg_length", "encoder_scale", "backlash", "thermal_drift"
-)  # fmt: skip
-MEASURED = ("bed_shape", "probe_tilt", "probe_drift", "misread")
-DELTA_PAIRS = tuple((first, second) for first in MEASURED for second in IN_MACHINE)
+DELTA_CAUSES = (*changes(1.0), "misread")
+DELTA_PAIRS = tuple(product(DELTA_CAUSES[6:], DELTA_CAUSES[:6]))
+"""What is measured wrong, and what is wrong in the machine."""
 
 
 def _calibrated(truth: Truth, values: Floats) -> Truth:
@@ -88,9 +60,9 @@ def noise_root(session: DeltaSession) -> Floats:
 
 def _stands_out(session: DeltaSession) -> float:
     """Sigma at which its hidden parameters are as unlikely to be noise as one at STANDS_OUT."""
-    families, chance = _families(session.machine.bed), float(chi2.sf(STANDS_OUT**2, 1))
-    count = sum(families[cause][0] if cause in families else 1 for cause in session.hidden)
-    places = len(session.x) if "misread" in session.hidden else 1
+    families, chance = changes(session.machine.bed), float(chi2.sf(STANDS_OUT**2, 1))
+    count = sum(families[cause][0] if cause in families else 1 for cause in session.causes)
+    places = len(session.x) if "misread" in session.causes else 1
     return float(np.sqrt(chi2.isf(chance / places, max(count, 1))))
 
 
@@ -122,7 +94,7 @@ class _Rivals:
         self.residual = seen(record - sound + session.contact)
         self.own = {
             cause: seen(_columns(session, bare, count, change, 1e-2 * tolerance)) * tolerance
-            for cause, (count, change) in _families(machine.bed).items()
+            for cause, (count, change) in changes(machine.bed).items()
             for tolerance in (TOLERANCES[cause],)
         }
         self.wrong = seen(np.eye(len(session.x)) * TOLERANCES["misread"])
@@ -143,17 +115,14 @@ class _Rivals:
 
 def delta_separation(session: DeltaSession) -> Separation:
     """Distances of a session's truth from every single cause and from a sound machine."""
-    rivals = _Rivals(session)
-    distances = {cause: rivals.distance(cause) for cause in DELTA_CAUSES}
-    distances[HEALTHY] = rivals.distance()
+    each = _Rivals(session)
+    distances = {cause: each.distance(cause) for cause in DELTA_CAUSES}
+    distances[HEALTHY] = each.distance()
     order = sorted(distances, key=lambda name: distances[name])
-    single = session.hidden if len(session.hidden) == 1 else () if session.hidden else (HEALTHY,)
-    return Separation(
-        session.hidden,
-        distances,
-        tuple(name for name in order if name not in single),
-        _stands_out(session),
-    )
+    hidden = session.causes or (HEALTHY,)
+    single = hidden if len(hidden) == 1 else ()
+    rivals = tuple(name for name in order if name not in single)
+    return Separation(session.causes, distances, rivals, _stands_out(session))
 
 
 def delta_clear(session: DeltaSession, single: float = 10.0, pair: float = 8.0) -> bool:
