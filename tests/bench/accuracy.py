@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.truth import CAUSES, PERSISTENT, Session, expected_heldout, second_session
+from tests.truth import CAUSES, MACHINE_CAUSES, Session, expected_heldout, second_session
 
 from .answers import Answer
 from .chance import band
@@ -87,7 +87,7 @@ def _pooled(
 def heldout(judged: Sequence[Judged]) -> list[HeldOut]:
     """Held-out ratios per cause of the machine, among the rightly named sessions."""
     out = []
-    for cause in PERSISTENT:
+    for cause in MACHINE_CAUSES:
         ratios, stated = [], []
         for item in judged:
             if item.case.session.label != cause or not rightly_named(item):
@@ -115,7 +115,7 @@ def another_day(
         ask: the answer with the second session held out.
     """
     out, asked = [], Counter[tuple[str, str, str]]()
-    for cause in PERSISTENT:
+    for cause in MACHINE_CAUSES:
         ratios = []
         for item in judged:
             session = item.case.session

@@ -6,7 +6,7 @@ from orthoglide_cal.model import Contact, Floats, GaugePlan, Ints, Machine
 from tests import truth
 from tests.truth.effects import state_with
 from tests.truth.forward import PARTS, carriages_and_tool, signals
-from tests.truth.plan import SETUPS, frozen, frozen_ints, joints_at
+from tests.truth.plan import SETUPS, joints_at
 
 
 def machine_of(machine: Machine) -> truth.Machine:
@@ -35,25 +35,14 @@ def standing(
         gauge_at: place of the gauge along the leg, shape (n,).
         hours: when; all at once if None, shape (n,) [h].
     """
-    count, nothing = len(gauge), np.zeros(len(gauge))
     leg, direction = np.array(SETUPS)[gauge].T
-    return truth.Plan(
-        leg=frozen_ints(leg),
-        direction=frozen_ints(direction),
-        posture=("",) * count,
-        displacement=frozen(along),
-        cycle=frozen_ints(np.ones(count)),
-        minutes=frozen(nothing if hours is None else 60.0 * hours),
-        indicated=frozen(joints),
-        approach=frozen(np.zeros((count, 3))),
-        setup=frozen_ints(gauge),
-        stand=frozen_ints([gauge.tolist().index(own) for own in gauge.tolist()]),
-        zero=frozen_ints(gauge),
-        gauge_at=frozen(gauge_at),
-        part=frozen_ints(nothing),
-        turned=frozen_ints(nothing),
-        entered=frozen(np.zeros((count, 3))),
-    )
+    nothing = np.zeros(len(gauge))
+    return truth.Plan.of(
+        leg=leg, direction=direction, posture=("",) * len(gauge), displacement=along,
+        cycle=nothing + 1, minutes=nothing if hours is None else 60.0 * hours, indicated=joints,
+        approach=np.zeros((len(gauge), 3)), setup=gauge, zero=gauge, gauge_at=gauge_at,
+        stand=[gauge.tolist().index(own) for own in gauge.tolist()],
+    )  # fmt: skip
 
 
 def true_readings(

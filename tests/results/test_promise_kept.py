@@ -116,13 +116,13 @@ def test_a_promise_leaves_room_for_another_pace_where_time_plays_a_part() -> Non
 
 def test_promises_are_kept_as_often_as_stated() -> None:
     """504 differences: with 95 % true, fewer than 92 or more than 98 % happen in 0.3 % of cases."""
-    every = [misses(cause, truth.MICRON, 12) for cause in truth.PERSISTENT]
+    every = [misses(cause, truth.MICRON, 12) for cause in truth.MACHINE_CAUSES]
     share = float((np.abs(every) <= 1.0).mean())
     assert 0.92 <= share <= 0.98
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cause", truth.PERSISTENT)
+@pytest.mark.parametrize("cause", truth.MACHINE_CAUSES)
 def test_of_200_machines_with_each_cause(cause: str) -> None:
     """1,200 differences: with 95 % true, a share outside 93 to 97 % happens in 0.2 % of cases."""
     share = float((np.abs(misses(cause, truth.MICRON, 200)) <= 1.0).mean())

@@ -1,7 +1,7 @@
 """An independent truth: measured sessions of machines with something hidden in them."""
 
-from .effects import CAUSES, PERSISTENT, Effect
-from .forward import signals
+from .effects import CAUSES, Effect
+from .forward import MACHINE_CAUSES, signals
 from .joined import again, continue_session
 from .machines import (
     DIAL,

@@ -21,8 +21,6 @@ MEASUREMENT_CAUSES = (
     "swapped_gauges",
 )
 CAUSES = (*MACHINE_CAUSES, *MEASUREMENT_CAUSES)
-PERSISTENT = MACHINE_CAUSES
-"""Causes that the same machine still has in its next session."""
 
 
 @dataclass(frozen=True)

@@ -47,10 +47,15 @@ class Disturbance:
     """Full width by which a plunger's reading lags behind its motion [mm]."""
 
     @staticmethod
-    def none(plan: Plan) -> "Disturbance":
-        """Nothing is disturbed."""
+    def of(
+        plan: Plan,
+        motion: Floats | float = 0.0,
+        contact: Floats | float = 0.0,
+        hysteresis: float = 0.0,
+    ) -> "Disturbance":
+        """What is not given is not disturbed."""
         n = plan.count
-        return Disturbance(np.zeros((n, 3)), np.zeros(n))
+        return Disturbance(motion + np.zeros((n, 3)), contact + np.zeros(n), hysteresis)
 
 
 def _rails(states: Floats) -> tuple[Floats, Floats]:
@@ -155,7 +160,7 @@ def signals(
     Returns:
         Shape (S, N), [mm].
     """
-    extra = Disturbance.none(plan) if disturbance is None else disturbance
+    extra = Disturbance.of(plan) if disturbance is None else disturbance
     carriages, tool = carriages_and_tool(plan, machine, states, extra.motion)
     rows = np.arange(plan.count)
     foot_along = carriages[plan.leg, plan.leg, :, rows].T

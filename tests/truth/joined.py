@@ -2,32 +2,21 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from .effects import write_down
 from .machines import Machine
-from .plan import SETUPS, Floats, Ints, Plan, frozen, frozen_ints, joints_at
+from .plan import SETUPS, Floats, Ints, Plan, frozen, joints_at
 from .session import Session, Setting
 
 SITTING = ("leg", "direction", "displacement", "gauge_at", "part", "turned", "entered")
 
 
 def continue_session(
-    session: Session,
-    seed: int,
-    *,
-    leg: Ints,
-    direction: Ints,
-    displacement: Floats,
-    gauge_at: Floats,
-    order: Ints,
-    hours: Floats,
-    part: Ints,
-    turned: Ints,
-    entered: Floats,
+    session: Session, seed: int, *, order: Ints, hours: Floats, **columns: Ints | Floats
 ) -> Session:
     """The session with further readings, all on one clock and with one history of the carriages.
 
@@ -38,23 +27,17 @@ def continue_session(
     Args:
         session: what was measured so far, in one part or several.
         seed: of zeros, places and noise.
-        leg, direction, displacement, gauge_at: of M readings, displacement in [mm].
         order: rank in time, shape (M,); all come after those of the session.
         hours: since the session began, shape (M,), [h].
-        part: sitting, from 0; one that the session has goes on in its set-ups.
-        turned: whether the bar was turned half round its own axis.
-        entered: offsets entered in the controller since the first reading, shape (M, 3), [mm].
+        columns: the others of SITTING, of M readings, as `Plan` has them; a part that the session
+            has goes on in its set-ups.
     """
     if session.outside is not None:
         raise ValueError("what an effect outside the list does next is not known")
     new = np.argsort(order, kind="stable")
-    given = {
-        "leg": leg, "direction": direction, "displacement": displacement, "gauge_at": gauge_at,
-        "minutes": np.round(np.asarray(hours) * 60.0, 2), "part": part, "turned": turned,
-        "entered": entered,
-    }  # fmt: skip
-    arrays = {name: np.asarray(values)[new] for name, values in given.items()}
-    plan = _appended(session.plan, session.machine, arrays)
+    given = columns | {"minutes": np.round(np.asarray(hours) * 60.0, 2)}
+    added = {name: np.asarray(values)[new] for name, values in given.items()}
+    plan = _appended(session.plan, session.machine, added)
     asked = slice(session.plan.count, None)
 
     rng = np.random.default_rng([seed, 4])
@@ -90,14 +73,9 @@ def again(session: Session, seed: int = 1, **changed: Any) -> Session:
     return continue_session(session, seed, order=np.arange(60), **arrays)
 
 
-def _appended(plan: Plan, machine: Machine, arrays: dict[str, Any]) -> Plan:
+def _appended(plan: Plan, machine: Machine, added: dict[str, Any]) -> Plan:
     """The plan with further rows in the order of time."""
-    names = [item.name for item in fields(Plan)]
-    whole = {
-        name: np.concatenate((getattr(plan, name), arrays[name]))
-        for name in names
-        if name in arrays
-    }
+    whole = {name: np.concatenate((getattr(plan, name), rows)) for name, rows in added.items()}
     rows = list(zip(whole["leg"].tolist(), whole["displacement"].tolist(), strict=True))
     indicated = np.array([joints_at(machine.leg, leg, moved) for leg, moved in rows])
     names_of = {0.0: "iso", machine.upper: "max", machine.lower: "min"}
@@ -111,30 +89,19 @@ def _appended(plan: Plan, machine: Machine, arrays: dict[str, Any]) -> Plan:
     pairs = zip(whole["leg"].tolist(), whole["direction"].tolist(), strict=True)
     approach = _approach(indicated - whole["entered"])
     approach[: plan.count] = plan.approach
-    return Plan(
-        posture=posture,
-        cycle=frozen_ints(cycle),
-        indicated=frozen(indicated),
-        approach=frozen(approach),
-        setup=frozen_ints([SETUPS.index(pair) for pair in pairs]),
-        zero=frozen_ints(zero),
-        stand=frozen_ints(stand),
-        **{
-            name: (frozen if values.dtype.kind == "f" else frozen_ints)(values)
-            for name, values in whole.items()
-        },
-    )
+    setup = [SETUPS.index(pair) for pair in pairs]
+    return Plan.of(
+        posture=posture, cycle=cycle, indicated=indicated, approach=approach, setup=setup,
+        zero=zero, stand=stand, **whole,
+    )  # fmt: skip
 
 
 def _set_ups(whole: dict[str, Any]) -> tuple[list[int], list[int]]:
     """Number and first row of each row's set-up."""
     columns = [whole[name].tolist() for name in ("part", "leg", "direction", "gauge_at")]
-    first: dict[tuple[float, ...], int] = {}
     keys = list(zip(*columns, strict=True))
-    for row, key in enumerate(keys):
-        first.setdefault(key, row)
-    number = {key: k for k, key in enumerate(first)}
-    return [number[key] for key in keys], [first[key] for key in keys]
+    number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    return [number[key] for key in keys], [keys.index(key) for key in keys]
 
 
 def _approach(scales: Floats) -> Floats:

@@ -12,19 +12,9 @@ import numpy as np
 from .effects import state_with, swapped_rows
 from .forward import MACHINE_CAUSES, PARTS, jacobian, prior_sd, signals
 from .machines import TOLERANCES, Gauge, Machine
-from .plan import SETUPS, Floats, Ints, Plan
+from .plan import SETUPS, Floats, Plan
 
 MAX_TURNS = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Places:
-    """All places M of one cause that adds one pattern to the record."""
-
-    columns: Floats
-    """Pattern per tolerance (or per turn) at each place, shape (N, M), not projected."""
-    where: Ints
-    """Set-up or reading index of each place, shape (M,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +34,8 @@ class Neighbourhood:
     """Orthonormal basis of `free`, shape (N, 9)."""
     families: dict[str, Floats]
     """Patterns of the machine causes, one column per parameter, shape (N, k), not projected."""
-    places: dict[str, Places]
-    """Patterns of the causes with a place."""
+    places: dict[str, Floats]
+    """Patterns of the causes with a place, one column for each place: per tolerance (or turn)."""
 
     def project(self, patterns: Floats) -> Floats:
         """Take out what zeros and offsets can imitate; shape (N, ...) in and out."""
@@ -64,34 +54,23 @@ def neighbourhood(machine: Machine, gauge: Gauge, plan: Plan, offsets: Floats) -
     zeros = np.eye(len(SETUPS))[plan.setup] / gauge.sigma
     free = np.concatenate((zeros, slopes[:, PARTS["offsets"]]), axis=1)
     families = {part: slopes[:, PARTS[part]] * prior_sd(part) for part in MACHINE_CAUSES}
-    return Neighbourhood(
-        plan=plan,
-        machine=machine,
-        gauge=gauge,
-        state=state,
-        centre=signals(plan, machine, state[None])[0],
-        free=free,
-        basis=np.linalg.qr(free)[0],
-        families=families,
-        places=_places(plan, gauge),
-    )
+    centre = signals(plan, machine, state[None])[0]
+    basis = np.linalg.qr(free)[0]
+    places = _places(plan, gauge)
+    return Neighbourhood(plan, machine, gauge, state, centre, free, basis, families, places)
 
 
-def _places(plan: Plan, gauge: Gauge) -> dict[str, Places]:
+def _places(plan: Plan, gauge: Gauge) -> dict[str, Floats]:
     """Patterns of drifts, knocks, misreadings and slips at each of their places."""
-    n, sigma = plan.count, gauge.sigma
-    every, setups = np.arange(n), np.arange(len(SETUPS))
+    every, setups = np.arange(plan.count), np.arange(len(SETUPS))
     mine = plan.setup[:, None] == setups
-    first = np.array([np.flatnonzero(plan.setup == s)[0] for s in setups])
-    later = np.setdiff1d(every, first)
+    later = np.setdiff1d(every, [np.flatnonzero(plan.setup == s)[0] for s in setups])
     shift = (plan.setup[:, None] == plan.setup[later]) & (every[:, None] >= later)
     return {
-        "gauge_drift": Places(
-            mine * plan.hours[:, None] * TOLERANCES["gauge_drift"] / sigma, setups
-        ),
-        "stand_shift": Places(shift * TOLERANCES["stand_shift"] / sigma, later),
-        "misread": Places(np.eye(n) * TOLERANCES["misread"] / sigma, every),
-        "gauge_slip": Places(np.eye(n) * gauge.revolution / sigma, every),
+        "gauge_drift": mine * plan.hours[:, None] * TOLERANCES["gauge_drift"] / gauge.sigma,
+        "stand_shift": shift * TOLERANCES["stand_shift"] / gauge.sigma,
+        "misread": np.eye(plan.count) * TOLERANCES["misread"] / gauge.sigma,
+        "gauge_slip": np.eye(plan.count) * gauge.revolution / gauge.sigma,
     }
 
 

@@ -7,7 +7,7 @@ the leg are read at every posture: 60 readings.
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .machines import Machine
 
@@ -20,18 +20,16 @@ CYCLE = ("iso", "max", "min")
 SETUPS: tuple[tuple[int, int], ...] = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 
 
-def frozen(values: NDArray[np.generic] | list[float]) -> Floats:
-    """A read-only float copy."""
-    out = np.array(values, dtype=np.float64)
+def frozen(values: ArrayLike, dtype: type = np.float64) -> NDArray:
+    """A read-only copy."""
+    out = np.array(values, dtype=dtype)
     out.setflags(write=False)
     return out
 
 
 def frozen_ints(values: NDArray[np.generic] | list[int]) -> Ints:
     """A read-only integer copy."""
-    out = np.array(values, dtype=np.int64)
-    out.setflags(write=False)
-    return out
+    return frozen(values, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +66,24 @@ class Plan:
     """1 where the bar was turned half round its own axis, else 0, shape (N,)."""
     entered: Floats
     """Offsets entered in the controller since the first reading, shape (N, 3), [mm]."""
+
+    @staticmethod
+    def of(**columns: ArrayLike) -> "Plan":
+        """Of columns by name, which need not be arrays; those that tell of a sitting may lack."""
+        n = len(columns["posture"])
+        usual = {
+            "gauge_at": [0.5] * n,
+            "part": [0] * n,
+            "turned": [0] * n,
+            "entered": [[0.0] * 3] * n,
+        }
+        types = {item.name: item.type for item in fields(Plan)}
+        columns = {
+            name: frozen(values, np.int64 if types[name] is Ints else np.float64)
+            for name, values in (usual | columns).items()
+            if name != "posture"
+        } | {"posture": tuple(columns["posture"])}
+        return Plan(**columns)
 
     @property
     def count(self) -> int:
@@ -118,9 +134,7 @@ def standard_plan(
     """Draw the clock of one standard session; `pace` is the mean time per posture [min]."""
     reach = {"iso": 0.0, "max": machine.upper, "min": machine.lower}
     postures = [*CYCLE * cycles, "iso"]
-    rows: list[tuple[int, int, str, float, int, float, int]] = []
-    indicated: list[Floats] = []
-    approach: list[Floats] = []
+    rows = []
     last: Floats = np.zeros(3)
     minutes, place = float(rng.uniform(0.2, 1.0)), 0.0
     for nth, leg in enumerate(legs):
@@ -131,28 +145,12 @@ def standard_plan(
             last = _approach(leg, place, reach[posture], last)
             place = reach[posture]
             for k, direction in enumerate(axis for axis in range(3) if axis != leg):
-                written = round(minutes + 0.05 * k, 2)
-                row = (leg, direction, posture, place, step // 3 + 1, written, first + k)
-                rows.append(row)
-                indicated.append(joints_at(machine.leg, leg, place))
-                approach.append(last)
+                rows.append({
+                    "leg": leg, "direction": direction, "posture": posture, "displacement": place,
+                    "cycle": step // 3 + 1, "minutes": round(minutes + 0.05 * k, 2),
+                    "indicated": joints_at(machine.leg, leg, place), "approach": last,
+                    "setup": SETUPS.index((leg, direction)), "stand": first + k,
+                    "zero": SETUPS.index((leg, direction)),
+                })  # fmt: skip
             minutes += pace * float(rng.uniform(0.75, 1.25))
-    leg_of, direction_of, posture_of, displacement, cycle, clock, stand = zip(*rows, strict=True)
-    setup = [SETUPS.index(pair) for pair in zip(leg_of, direction_of, strict=True)]
-    return Plan(
-        leg=frozen_ints(list(leg_of)),
-        direction=frozen_ints(list(direction_of)),
-        posture=posture_of,
-        displacement=frozen(list(displacement)),
-        cycle=frozen_ints(list(cycle)),
-        minutes=frozen(list(clock)),
-        indicated=frozen(np.array(indicated)),
-        approach=frozen(np.array(approach)),
-        setup=frozen_ints(setup),
-        stand=frozen_ints(list(stand)),
-        zero=frozen_ints(setup),
-        gauge_at=frozen(np.full(len(rows), 0.5)),
-        part=frozen_ints(np.zeros(len(rows))),
-        turned=frozen_ints(np.zeros(len(rows))),
-        entered=frozen(np.zeros((len(rows), 3))),
-    )
+    return Plan.of(**{name: [row[name] for row in rows] for name in rows[0]})

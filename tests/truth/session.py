@@ -8,7 +8,6 @@ import numpy as np
 
 from .effects import (
     CAUSES,
-    PERSISTENT,
     Effect,
     contact_shift,
     draw_machine_cause,
@@ -21,16 +20,6 @@ from .forward import MACHINE_CAUSES, PARTS, Disturbance, signals
 from .machines import PLACEMENT, SCALE, TOLERANCES, Gauge, Machine
 from .outside import OUTSIDE
 from .plan import AXIS_NAMES, Floats, Plan, frozen, standard_plan
-
-PAIR_MEASUREMENT = (
-    "misread",
-    "gauge_slip",
-    "stand_shift",
-    "gauge_drift",
-    "sign_flip",
-    "swapped_gauges",
-)
-PAIR_MACHINE = ("axis_gap", "axis_squareness", "encoder_scale", "backlash", "thermal_drift")
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,22 +210,15 @@ def second_session(session: Session, seed: int) -> Session:
             widths = np.array(effect.parameters[:3])
             lags = widths * rng.uniform(-0.5, 0.5, size=3)
             effect = replace(effect, parameters=(*effect.parameters[:3], *lags.tolist()))
-        if effect.id in PERSISTENT:
+        if effect.id in MACHINE_CAUSES:
             kept.append(effect)
     plan = standard_plan(session.machine, rng)
     setting = session.setting
     if np.any(setting.misplaced):
         anew = Setting.draw(np.random.default_rng([seed, 3]))
         setting = replace(setting, misplaced=anew.misplaced)
-    return measure(
-        session.machine,
-        session.gauge,
-        plan,
-        session.offsets,
-        tuple(kept),
-        rng,
-        setting=setting,
-    )
+    machine, gauge, offsets = session.machine, session.gauge, session.offsets
+    return measure(machine, gauge, plan, offsets, tuple(kept), rng, setting=setting)
 
 
 HEADER = "seq,cycle,minutes,leg,direction,posture,reading_mm"

@@ -65,7 +65,7 @@ def test_a_shift_is_as_far_as_a_fit_at_every_place_says() -> None:
     near = neighbourhood(PROTOTYPE, DIAL, session.plan, session.offsets)
     residual = (session.clean - near.centre) / DIAL.sigma
     costs = []
-    for column in near.places["stand_shift"].columns.T:
+    for column in near.places["stand_shift"].T:
         matrix = np.block([[near.free, column[:, None]], [np.zeros((1, 9)), np.eye(1)]])
         target = np.append(residual, 0.0)
         fit = np.linalg.lstsq(matrix, target, rcond=None)[0]

@@ -17,7 +17,6 @@ from . import (
     MACHINES,
     MICRON,
     OUTSIDE,
-    PERSISTENT,
     PROTOTYPE,
     Effect,
     Machine,
@@ -308,7 +307,6 @@ def test_next_day_keeps_the_machine_and_forgets_the_blunders() -> None:
     assert later.effects[0].parameters[3:] != first.effects[0].parameters[3:]
     assert np.array_equal(later.offsets, first.offsets)
     assert not np.allclose(later.zeros, first.zeros)
-    assert set(PERSISTENT) < set(CAUSES)
 
 
 def test_two_effects_add_up() -> None:
