@@ -22,9 +22,7 @@ def test_the_first_readings_stay_and_the_new_ones_have_their_own_zeros() -> None
     first = drawn(exact=False)
     both = again(first)
     assert both.readings[:60].tolist() == first.readings.tolist()
-    assert both.plan.zero.tolist() == [*range(2)] * 10 + [2, 3] * 10 + [4, 5] * 10 + (
-        [6, 7] * 10 + [8, 9] * 10 + [10, 11] * 10
-    )
+    assert both.plan.zero.tolist() == [k + one for k in range(0, 12, 2) for one in (0, 1) * 10]
     assert both.zeros[:6].tolist() == first.zeros.tolist()
     assert np.abs(both.zeros[6:] - first.zeros).min() > 1e-3
     assert both.setting.misplaced.shape == (12,)
