@@ -7,6 +7,7 @@ Of a linear delta only: sections [printer], [stepper_a … c], [probe], [delta_c
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -36,6 +37,7 @@ _PROBE = re.compile(
     "|scanner|cartographer|beacon|idm"
 )
 _CALIBRATION = "delta_calibrate"
+_STORED = re.compile("(?:manual_)?height[0-9]|distance[0-9]")
 _PROFILE = "bed_mesh "
 _NEEDED = {"printer", *_TOWERS, _CALIBRATION, "bed_mesh"}
 # Of [bed_mesh]: the place at which the height of the mesh is set to zero.
@@ -43,7 +45,7 @@ _ZEROS = ("zero_reference_position", "relative_reference_index")
 
 # What no printer.cfg states: a probe repeats within a hundredth.
 REPEATABILITY_MM = 0.012
-_STEPS = 1e8
+_AGAIN = "Probe the bed and save the mesh again."
 _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
 
 
@@ -133,9 +135,12 @@ def read_printer_file(document: FileText) -> PrinterFile:
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = [settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"]
-    joints = _Joints(settings, radius, arms, endstops)
-    heights = _calibration(settings, joints, ("height", "manual_height"), ("_pos", "_pos"))
-    distances = _calibration(settings, joints, ("distance",), ("_pos1", "_pos2"))
+    home = np.array(endstops) + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
+    # A file that stores no steps need not say how long they are.
+    stored = any(key[0] == _CALIBRATION and _STORED.match(key[1]) for key in settings.options)
+    step = np.array([_step(settings, tower) for tower in _TOWERS if stored])
+    heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
+    distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
     mesh = _mesh(settings, sensor, probe)
     settings.faults.check()
     return PrinterFile(
@@ -171,32 +176,6 @@ def _check_towers(settings: Settings, angles: list[float]) -> None:
     )
 
 
-class _Joints:
-    """The map from steps below the endstops to heights of the carriage joints."""
-
-    def __init__(
-        self, settings: Settings, radius: float, arms: list[float], endstops: list[float]
-    ) -> None:
-        self._settings = settings
-        pairs = zip(arms, endstops, strict=True)
-        self._home = [endstop + math.sqrt(max(arm**2 - radius**2, 0.0)) for arm, endstop in pairs]
-        self._steps: list[float] | None = None
-
-    def at(self, stem: str, end: str) -> list[float]:
-        """Joint positions at the steps that option `stem` + `end` holds, NaN if it is wrong."""
-        if self._steps is None:  # a file that stores no steps need not say how long they are
-            self._steps = [_step(self._settings, tower) for tower in _TOWERS]
-        value = self._settings.options.get((_CALIBRATION, stem))
-        if (_CALIBRATION, stem + end) not in self._settings.options and value:
-            what = f"{stem} has no stepper positions: {stem}{end} is missing."
-            remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
-            self._settings.note(_CALIBRATION, stem, value.line, what, remedy, value.text)
-        nothing = [math.nan] * len(_TOWERS)
-        steps = self._settings.read(_CALIBRATION, stem + end, _three, nothing, nothing)
-        each = zip(self._home, steps, self._steps, strict=True)
-        return [home - count * step for home, count, step in each]
-
-
 def _matters(section: str) -> bool:
     known = section in _NEEDED or section.startswith(_PROFILE)
     return known or _PROBE.fullmatch(section) is not None
@@ -207,7 +186,7 @@ def _check_kind(settings: Settings) -> None:
     kind = settings.options.get(("printer", "kinematics"))
     if kind and kind.text.lower() != "delta":
         what = "The machine is not a linear delta."
-        settings.note("printer", "kinematics", kind.line, what, "Give a delta's file.", kind.text)
+        settings.note("printer", "kinematics", what, "Give a delta's file.")
         raise settings.faults.error()
     if not kind and not {"printer", *_TOWERS} & set(settings.sections):
         what = "The file holds no linear delta: there is no [printer] and no [stepper_a]."
@@ -251,18 +230,31 @@ def _stored(settings: Settings, name: str, ends: Sequence[str]) -> tuple[list[st
 
 
 def _calibration(
-    settings: Settings, joints: _Joints, names: Sequence[str], ends: tuple[str, str]
+    settings: Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
 ) -> StoredCalibration | None:
     """What [delta_calibrate] stores under these names; None where it stores nothing."""
     found = [_stored(settings, name, ends) for name in names]
     stems = [stem for each, _ in found for stem in each]
     low = 0.0 if names == ("distance",) else -LARGEST_MM
     value = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in stems]
-    first, second = ([joints.at(stem, end) for stem in stems] for end in ends)
+    for stem, end in itertools.product(stems, dict.fromkeys(ends)):
+        if (_CALIBRATION, stem + end) not in settings.options and (
+            _CALIBRATION,
+            stem,
+        ) in settings.options:
+            what = f"{stem} has no stepper positions: {stem}{end} is missing."
+            remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
+            settings.note(_CALIBRATION, stem, what, remedy)
+    nothing = [math.nan] * len(_TOWERS)
+    steps = [
+        [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in stems]
+        for end in ends
+    ]
     if settings.faults or not stems:
         return None
+    first, second = home - np.array(steps) * step
     lines = [line for _, each in found for line in each]
-    return StoredCalibration(np.array(first), np.array(second), np.array(value), np.array(lines))
+    return StoredCalibration(first, second, np.array(value), np.array(lines))
 
 
 def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | None:
@@ -287,12 +279,14 @@ def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | N
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
     stored = (section, "x_offset") in settings.options
     across, along = (0.0, 0.0) if stored else probe[:2]
+    turn = np.arange(rows.size).reshape(rows.shape)
+    turn[1::2] = turn[1::2, ::-1].copy()
     return StoredMesh(
         profile=profile,
         x=places[0][probed] - across,
         y=places[1][probed] - along,
         height=rows[probed],
-        order=_order(probed),
+        order=np.argsort(np.argsort(turn[probed])),
         line=np.repeat(lines, len(x)).reshape(rows.shape)[probed],
         padded=int(np.sum(~probed)),
         remarks=tuple(remarks),
@@ -321,10 +315,7 @@ def _grid(settings: Settings, section: str, axis: str) -> Floats:
     low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
     count = settings.count(section, f"{axis}_count")
     if low >= high:
-        value = settings.options[section, f"max_{axis}"]
-        what = "The mesh ends before it begins."
-        remedy = "Probe the bed and save the mesh again."
-        settings.note(section, f"max_{axis}", value.line, what, remedy, value.text)
+        settings.note(section, f"max_{axis}", "The mesh ends before it begins.", _AGAIN)
     return np.linspace(low, high, count)
 
 
@@ -334,21 +325,20 @@ def _rows(settings: Settings, section: str, across: int, along: int) -> tuple[li
     if points is None:
         settings.missing(section, "points")
         return [], np.empty((0, 0))
-    again = "Probe the bed and save the mesh again."
     rows = []
     for line, text in points.texts:
         cells = text.split(",")
         if across and len(cells) != across:
             what = f"The row of the mesh has {len(cells)} heights, x_count says {across}."
-            settings.note(section, "points", line, what, again, "")
+            settings.note(section, "points", what, _AGAIN, line)
             continue
         try:
-            rows.append([within(cell, -LARGEST_MM, LARGEST_MM) for cell in cells])
+            rows.append([within(cell, -LARGEST_MM) for cell in cells])
         except InputError as error:
-            settings.note(section, "points", line, error.what, error.remedy, error.value or "")
+            settings.note(section, "points", error.what, error.remedy, line, error.value or "")
     if along and len(points.texts) != along:
         what = f"The mesh has {len(points.texts)} rows, y_count says {along}."
-        settings.note(section, "points", points.line, what, again, "")
+        settings.note(section, "points", what, _AGAIN, points.line)
     heights = np.empty((0, 0)) if settings.faults else np.array(rows)
     return [line for line, _ in points.texts], heights
 
@@ -369,14 +359,6 @@ def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
     return inside if fits or repeats else np.ones_like(inside)
 
 
-def _order(probed: Bools) -> Ints:
-    """When each probed point had its turn, shape (n,)."""
-    along = np.broadcast_to(np.arange(probed.shape[1]), probed.shape).copy()
-    along[1::2] *= -1
-    row = np.broadcast_to(np.arange(len(probed))[:, None], probed.shape)
-    return np.argsort(np.lexsort((along[probed], row[probed])))
-
-
 def _repeats(row: Floats, kept: Bools) -> bool:
     """Whether the rest of a row repeats the outermost of those kept."""
     places = np.flatnonzero(kept)
@@ -391,7 +373,7 @@ def _three(text: str) -> list[float]:
     parts = text.split(",")
     if len(parts) != len(_TOWERS):
         raise InputError("These are not three stepper positions.", "Write a,b,c: one per tower.")
-    return [within(part, -_STEPS, _STEPS) for part in parts]
+    return [within(part, -1e8, 1e8) for part in parts]
 
 
 def _gears(text: str) -> float:
@@ -401,5 +383,5 @@ def _gears(text: str) -> float:
         teeth = pair.split(":")
         if len(teeth) != 2:
             raise InputError("This is not a gear ratio.", "Write 5:1, or 5:1, 80:16.")
-        ratio *= within(teeth[0], 0.0, LARGEST_MM) / within(teeth[1], 0.0, LARGEST_MM)
+        ratio *= within(teeth[0], 0.0) / within(teeth[1], 0.0)
     return ratio

@@ -41,48 +41,43 @@ class Value:
         return " ".join(text for _, text in self.texts)
 
 
-class _SettingLines:
-    """Lines of one part of the file to options."""
+class _Part:
+    """The options of one part of the file: its own lines, or those that SAVE_CONFIG wrote."""
 
-    def __init__(self, faults: Faults, matters: Callable[[str], bool]) -> None:
+    def __init__(self) -> None:
         self.sections: dict[str, int] = {}
         self.options: dict[tuple[str, str], Value] = {}
-        self._faults = faults
-        self._matters = matters
-        self._section = ""
-        self._option: str | None = None
+        self._at = "", ""  # section and option, which is empty where none can go on
         self._indent = 0
 
-    def take(self, line: int, raw: str) -> None:
+    def take(self, line: int, raw: str, matters: Callable[[str], bool], faults: Faults) -> None:
         """The next line, without what marks its part."""
         text = _COMMENT.sub("", raw).rstrip()
         plain = text.lstrip()
+        indent = len(text) - len(plain)
+        within, option = self._at
         if not plain:
             return
-        indent = len(text) - len(plain)
-        if self._option is not None and indent > self._indent:
-            key = self._section, self._option
-            value = self.options[key]
-            self.options[key] = Value(value.line, (*value.texts, (line, plain)))
+        if option and indent > self._indent:
+            value = self.options[self._at]
+            self.options[self._at] = Value(value.line, (*value.texts, (line, plain)))
             return
-        section, option = _SECTION.match(plain), _OPTION.match(plain)
-        self._option = None
-        self._indent = indent
-        if section:
-            self._section = section[1].strip()
-            self.sections.setdefault(self._section, line)
+        header, setting = _SECTION.match(plain), _OPTION.match(plain)
+        self._at, self._indent = (within, ""), indent
+        if header:
+            self._at = header[1].strip(), ""
+            self.sections.setdefault(self._at[0], line)
         elif plain.startswith("["):
-            self._section = ""
+            self._at = "", ""
             what = "The section's name has no closing bracket."
-            self._faults.add(what, "Write [name].", line=line, value=shortened(plain))
-        elif option:
-            self._option = option[1].lower()
-            texts = ((line, option[2]),) if option[2] else ()
-            self.options[self._section, self._option] = Value(line, texts)
-        elif self._matters(self._section):
-            what = f"The line in [{self._section}] is not an option."
+            faults.add(what, "Write [name].", line=line, value=shortened(plain))
+        elif setting:
+            self._at = within, setting[1].lower()
+            self.options[self._at] = Value(line, ((line, setting[2]),) if setting[2] else ())
+        elif matters(within):
+            what = f"The line in [{within}] is not an option."
             remedy = "Write “option: value”, or “#” in front of a remark."
-            self._faults.add(what, remedy, line=line, value=shortened(plain))
+            faults.add(what, remedy, line=line, value=shortened(plain))
 
 
 class Settings:
@@ -101,14 +96,11 @@ class Settings:
     """
 
     def __init__(self, document: FileText, matters: Callable[[str], bool]) -> None:
-        faults = Faults(document.path)
-        own, saved = _SettingLines(faults, matters), _SettingLines(faults, matters)
+        self.faults = Faults(document.path)
+        own, saved = _Part(), _Part()
         for line, text in enumerate(document.text.split("\n"), start=1):
-            if text.startswith(_SAVED):
-                saved.take(line, text.removeprefix(_SAVED))
-            else:
-                own.take(line, text)
-        self.faults = faults
+            part = saved if text.startswith(_SAVED) else own
+            part.take(line, text.removeprefix(_SAVED), matters, self.faults)
         self.sections: Mapping[str, int] = {**own.sections, **saved.sections}
         self.options: Mapping[tuple[str, str], Value] = {**own.options, **saved.options}
         self.included = any(name.startswith("include ") for name in own.sections)
@@ -121,11 +113,15 @@ class Settings:
             if key in own.options and own.options[key].text != value.text and matters(key[0])
         ]
 
-    def note(self, section: str, option: str, line: int, what: str, remedy: str, text: str) -> None:
-        """A fault in the value of an option."""
-        column = f"{option} of [{section}]"
-        value = shortened(text) or None
-        self.faults.add(what, remedy, line=line, column=column, value=value)
+    def note(
+        self, section: str, option: str, what: str, remedy: str, line: int = 0, text: str = ""
+    ) -> None:
+        """A fault in the value of an option, or in the text in one of its lines."""
+        value = self.options[section, option]
+        column, said = f"{option} of [{section}]", text if line else value.text
+        self.faults.add(
+            what, remedy, line=line or value.line, column=column, value=shortened(said) or None
+        )
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
         """The fault that an option is not there."""
@@ -150,42 +146,37 @@ class Settings:
         """
         value = self.options.get((section, option))
         if value is None:
-            if default is None:
-                self.missing(section, option)
-            return fault if default is None else default
+            if default is not None:
+                return default
+            self.missing(section, option)
+            return fault
         try:
             return rule(value.text)
         except InputError as error:
-            self.note(section, option, value.line, error.what, error.remedy, value.text)
+            self.note(section, option, error.what, error.remedy)
             return fault
 
     def number(
         self, section: str, option: str, default: float | None = None, low: float = -LARGEST_MM
     ) -> float:
         """A number above `low`; NaN if it is wrong."""
-        return self.read(
-            section, option, lambda text: within(text, low, LARGEST_MM), math.nan, default
-        )
+        return self.read(section, option, lambda text: within(text, low), math.nan, default)
 
     def count(self, section: str, option: str, default: int | None = None) -> int:
         """A whole number from 1; 0 if it is wrong."""
         return self.read(section, option, _count, 0, default)
 
 
-def within(text: str, low: float, high: float) -> float:
+def within(text: str, low: float, high: float = LARGEST_MM) -> float:
     """The number that a text writes, between the two. Raises InputError without a place."""
-    value = parse_number(text, decimal_comma=True)
-    if "," in text:
-        what = "A decimal comma cannot be read here."
-        raise InputError(what, "Write a decimal point, as Klipper does.", value=text)
+    value = parse_number(text)
     if not low < value < high:
         raise InputError(f"The number is outside {low:g} … {high:g}.", "Check it.", value=text)
     return value
 
 
 def _count(text: str) -> int:
-    """A whole number from 1. Raises InputError."""
     value = parse_count(text, 1)
     if value > _MOST:
-        raise InputError(f"The number is larger than {_MOST}.", "Check it.", value=text)
+        raise InputError(f"The number is larger than {_MOST}.", "Check it.")
     return value
