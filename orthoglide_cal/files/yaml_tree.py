@@ -6,7 +6,9 @@ schema that wants one, not by YAML's guesses (`1e-3` a text, `012` ten, `1:30` n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 import yaml
@@ -47,57 +49,88 @@ class Tree:
         return FaultPlace(self.lines.get(there, 1), dotted(path), text)
 
 
-@dataclass
-class _Open:
-    """A list or mapping whose end has not come yet.
-
-    Attributes:
-        path: where it stands; None inside what is left out, the value of a duplicate key.
-        content: so far.
-        key, line: what awaits its value.
-    """
-
-    path: Steps | None
-    content: Any
-    key: str | None = None
-    line: int = 0
-
-
 def load_tree(file: FileText) -> Tree:
     """Parse a file without resolving anything.
 
     Work and memory are bounded by the size limit: aliases, anchors and tags are refused, as are
-    more than 20 levels or 60,000 nodes. The parser's events are taken one by one: no recursion, so
-    depth cannot exhaust the stack.
+    more than 20 levels or 60,000 nodes, before what follows them is looked at.
 
     Raises:
         InputError: not YAML, or something refused, with its line.
     """
     check_size(file.size, file.path, YAML_LIMIT)
-    tree, stack, nodes, files = Tree(file, Faults(file.path)), list[_Open](), 0, 0
-    try:
-        for event in yaml.parse(file.text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-            nodes += isinstance(event, yaml.NodeEvent)
-            files += isinstance(event, yaml.DocumentStartEvent)
-            refusal = _refusal(event, nodes, len(stack), files)
-            if refusal:
-                what, remedy, value = refusal
+    events: Iterator[Any] = yaml.parse(
+        file.text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    )
+    tree, nodes, documents = Tree(file, Faults(file.path)), count(1), 0
+
+    def check(event: Any, path: Steps) -> None:
+        tag, text = getattr(event, "tag", None), getattr(event, "value", "")
+        for wrong, what, remedy, value in (
+            (
+                event.anchor,
+                "Anchors and aliases are not accepted.",
+                "Write the value out.",
+                event.anchor,
+            ),
+            (tag and tag != "!", "Tags are not accepted.", "Remove the tag.", tag),
+            (has_control(text), "The text holds a control character.", "Remove it.", text),
+            (next(nodes) > _NODES, f"More than {_NODES} values.", "Give a smaller file.", None),
+            (
+                len(path) > _DEPTH,
+                f"Nested deeper than {_DEPTH} levels.",
+                "Give a simpler file.",
+                None,
+            ),
+        ):
+            if wrong:
+                line, column = event.start_mark.line + 1, dotted(path) or None
                 raise InputError(
-                    what,
-                    remedy,
-                    file=file.path,
-                    line=event.start_mark.line + 1 if event.start_mark else None,
-                    column=(dotted(stack[-1].path or ()) if stack else "") or None,
-                    value=value,
+                    what, remedy, file=file.path, line=line, column=column, value=value
                 )
-            if isinstance(event, yaml.ScalarEvent):
-                null = not event.style and event.value in _NULLS
-                _put(tree, stack, event, None if null else event.value)
-            elif isinstance(event, yaml.CollectionStartEvent):
-                content: Any = {} if isinstance(event, yaml.MappingStartEvent) else []
-                stack.append(_Open(_put(tree, stack, event, content), content))
-            elif isinstance(event, yaml.CollectionEndEvent):
-                stack.pop()
+
+    def read(tree: Tree, event: Any, path: Steps, line: int) -> Any:
+        """The value of the node that begins with an event; what is found goes to a tree."""
+        check(event, path)
+        tree.lines[path] = line
+        if isinstance(event, yaml.ScalarEvent):
+            return None if not event.style and event.value in _NULLS else event.value
+        content: Any = {} if isinstance(event, yaml.MappingStartEvent) else []
+        for each in events:
+            line = each.start_mark.line + 1
+            if isinstance(each, yaml.CollectionEndEvent):
+                break
+            if isinstance(content, list):
+                content.append(read(tree, each, (*path, len(content)), line))
+                continue
+            key = (*path, getattr(each, "value", ""))
+            check(each, path)
+            if not isinstance(each, yaml.ScalarEvent) or (not each.style and each.value in _NULLS):
+                raise InputError(
+                    "A key must be a word.", "Write `name: value`.", file=file.path, line=line
+                )
+            if each.value not in content:
+                content[each.value] = read(tree, next(events), key, line)
+                continue
+            value = read(Tree(file, Faults(file.path)), next(events), key, line)
+            tree.faults.add(
+                f"The key stands twice (first in line {tree.lines[key]}).",
+                "Remove one of them.",
+                line=line,
+                column=dotted(key),
+                value=value if isinstance(value, str) else None,
+            )
+        return content
+
+    try:
+        for event in events:
+            line = event.start_mark.line + 1
+            documents += isinstance(event, yaml.DocumentStartEvent)
+            if documents > 1:
+                what = "The file holds several documents."
+                raise InputError(what, "Remove the `---`.", file=file.path, line=line)
+            if isinstance(event, yaml.NodeEvent):
+                tree.value = read(tree, event, (), line)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         tab = "\\t" in (error.problem or "")
@@ -114,62 +147,6 @@ def load_tree(file: FileText) -> Tree:
             file=file.path,
         ) from error
     return tree
-
-
-def _refusal(event: Any, nodes: int, depth: int, files: int) -> tuple[str, str, str | None] | None:
-    """What is wrong with an event, the remedy, and the text there; None where it is accepted."""
-    tag, scalar = getattr(event, "tag", None), isinstance(event, yaml.ScalarEvent)
-    if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-        return "Anchors and aliases are not accepted.", "Write the value out.", event.anchor
-    if tag and tag != "!":
-        return "Tags are not accepted.", "Remove the tag.", tag
-    if scalar and has_control(event.value):
-        return "The text holds a control character.", "Remove it.", event.value
-    if files > 1:
-        return "The file holds several documents.", "Remove the `---`.", None
-    if nodes > _NODES:
-        return f"More than {_NODES} values.", "Give a smaller file.", None
-    if depth >= _DEPTH and isinstance(event, yaml.CollectionStartEvent):
-        return f"Nested deeper than {_DEPTH} levels.", "Give a simpler file.", None
-    return None
-
-
-def _put(tree: Tree, stack: list[_Open], event: Any, value: object) -> Steps | None:
-    """Put a node where it belongs; returns its path, None in what is left out."""
-    line = event.start_mark.line + 1
-    step: str | int
-    if not stack:
-        tree.value, tree.lines[()] = value, line
-        return ()
-    top = stack[-1]
-    if isinstance(top.content, list):
-        step = len(top.content)
-        top.content.append(value)
-    elif top.key is None and isinstance(value, str):
-        top.key, top.line = value, line
-        return top.path
-    elif top.key is None:
-        what = "A key must be a word."
-        raise InputError(what, "Write `name: value`.", file=tree.file.path, line=line)
-    else:
-        step, line, top.key = top.key, top.line, None
-        if step in top.content:
-            if top.path is not None:
-                path = (*top.path, step)
-                tree.faults.add(
-                    f"The key stands twice (first in line {tree.lines[path]}).",
-                    "Remove one of them.",
-                    line=line,
-                    column=dotted(path),
-                    value=value if isinstance(value, str) else None,
-                )
-            return None
-        top.content[step] = value
-    if top.path is None:
-        return None
-    path = (*top.path, step)
-    tree.lines[path] = line
-    return path
 
 
 def yaml_text(value: object) -> str:
