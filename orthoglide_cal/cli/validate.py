@@ -19,16 +19,16 @@ def validate(
     from orthoglide_cal.report.documents.checks import check_document
 
     def judge(path: str) -> int:
-        check = check_file(path, common.given_machine(machine), common.folder_machine, data)
-        if check.valid:
-            common.require_printer(check.source, data)
+        check, given = check_file(path, common.given_machine(machine), common.folder_machine, data)
+        source = given.measured.source if given else None
+        common.require_printer(source, data)
         refused: UnusableResultError | None = None
-        if check.given is not None:
+        if given:
             try:
-                estimation.solve(check.given.measured, check.given.model)
+                estimation.solve(given.measured, given.model)
             except UnusableResultError as error:
                 refused = error
-        common.deliver(check_document(check, refused), as_json=json)
+        common.deliver(check_document(check, source, refused), as_json=json)
         if refused:
             return refused.exit_code
         return 0 if check.valid else InputError.exit_code

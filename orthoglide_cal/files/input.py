@@ -7,6 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path, PurePath
+from typing import Literal
+
+from pydantic import ConfigDict, Field
 
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 from orthoglide_cal.files.differences import (
@@ -38,8 +41,9 @@ from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model import Measured, Model, Source, gauge_doubts
+from orthoglide_cal.model import Measured, Model, gauge_doubts
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.schema import Schema
 
 _CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
@@ -71,34 +75,37 @@ class Input:
     keeper: StoredMachine | None = None
 
 
-@dataclass(frozen=True)
-class Check:
-    """What a check found.
-
-    Attributes:
-        path: as the user gave it.
-        source: the file; None if it was refused before its content was looked at.
-        kind: "readings", "session", "six", "twelve", "single" or "machine"; None if invalid.
-        name: of the machine in a machine file, or of the machine that readings are judged by;
-            None if invalid.
-        count: number of readings or differences.
-        problems: everything that is wrong; empty for a valid file.
-        remarks: what the user should know although nothing is wrong.
-        given: what was measured; None for a machine, or if invalid.
-    """
+class CheckedFile(Schema):
+    """A file that was checked; None if it was refused before its content was looked at."""
 
     path: str
-    source: Source | None
-    kind: str | None = None
-    name: str | None = None
-    count: int = 0
-    problems: tuple[InputError, ...] = ()
-    remarks: tuple[str, ...] = ()
-    given: Input | None = None
+    sha256: str | None = None
+    kind: str | None = Field(None, description="readings, session, six, twelve, single or machine")
+    readings: int = Field(0, description="readings, or differences")
 
-    @property
-    def valid(self) -> bool:
-        return not self.problems
+
+class Fault(Schema):
+    """What is wrong at one place of a file."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    line: int | None
+    column: str | None = Field(description="of a table, or the dotted path of a key")
+    value: str | None
+    what: str
+    remedy: str
+
+
+class Check(Schema):
+    """What a check found: the object of `validate --json`."""
+
+    schema_version: Literal[1] = 1
+    input: CheckedFile
+    machine: str | None = Field(None, description="that the file holds, or is judged by")
+    valid: bool = True
+    problems: tuple[Fault, ...] = Field((), description="everything that is wrong")
+    remarks: tuple[str, ...] = Field((), description="to know although nothing is wrong")
+    refused: str | None = Field(None, description="why sound data give no offsets")
 
 
 @dataclass(frozen=True, order=True)
@@ -158,26 +165,29 @@ def check_file(
     model: Model | None = None,
     otherwise: Callable[[], Model] = default_machine,
     stored: str | None = None,
-) -> Check:
+) -> tuple[Check, Input | None]:
     """Check a file of any kind: readings, differences, session or machine.
 
     Args:
         path: as the user gave it; "-" is standard input.
         model, otherwise, stored: as in `read_input`.
 
+    Returns:
+        What was found, and what was measured; None for a machine, or if the file is not valid.
+
     Raises:
         UnreadableError: there is nothing to check.
     """
-    source = None
+    input = CheckedFile(path=path)
     try:
         file = read_document(path)
-        source = file.source
+        input = input.changed(sha256=file.sha256)
         if _is_yaml(file) and not PRINTER_SECTION.search(file.text):
             tree = load_tree(file)
             if is_machine_file(tree):
-                stored_machine = machine_file_in(tree)
-                name, remarks = stored_machine.model.machine.name, stored_machine.remarks
-                return Check(path, source, "machine", name, remarks=remarks)
+                held = machine_file_in(tree)
+                input, name = input.changed(kind="machine"), held.model.machine.name
+                return Check(input=input, machine=name, remarks=held.remarks), None
             given = Input(*session_from_tree(tree, model), is_session=True)
         else:
             given = input_from_document(file, model, otherwise, stored)
@@ -185,13 +195,17 @@ def check_file(
         raise
     except InputError as error:
         problems = error.problems if isinstance(error, InvalidFileError) else (error,)
-        return Check(path, source, problems=problems)
+        faults = tuple(map(Fault.model_validate, problems))
+        return Check(input=input, valid=False, problems=faults), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
     doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
-    remarks = (*doubts, *measured.remarks)
-    count = len(measured)
-    return Check(path, measured.source, kind, machine.name, count, remarks=remarks, given=given)
+    check = Check(
+        input=input.changed(kind=kind, readings=len(measured)),
+        machine=machine.name,
+        remarks=(*doubts, *measured.remarks),
+    )
+    return check, given
 
 
 def sessions_in(folder: Path) -> list[FoundSession]:

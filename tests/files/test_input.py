@@ -104,14 +104,14 @@ def test_no_folder(tmp_path):
 )  # fmt: skip
 def test_a_check_names_the_kind(tmp_path, name, text, kind, count):
     (tmp_path / name).write_text(text)
-    check = check_file(str(tmp_path / name))
+    check, _ = check_file(str(tmp_path / name))
     assert check.valid
-    assert (check.kind, check.count, check.name) == (kind, count, MACHINE.name)
+    assert (check.input.kind, check.input.readings, check.machine) == (kind, count, MACHINE.name)
 
 
 def test_a_machine_file_that_lacks_its_first_key_is_still_checked_as_one(tmp_path):
     path = tmp_path / "m.yaml"
     path.write_text(machine_text(MODEL).replace("leg_length_mm", "leg_lenght_mm"))
-    check = check_file(str(path))
-    assert check.kind is check.name is None
+    check, _ = check_file(str(path))
+    assert check.input.kind is check.machine is None
     assert [problem.column for problem in check.problems] == ["leg_length_mm", "leg_lenght_mm"]

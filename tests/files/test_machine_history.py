@@ -116,6 +116,6 @@ def test_a_file_that_was_cut_off_is_noticed(tmp_path):
 def test_a_file_of_ones_own_without_identified_gets_a_remark(tmp_path):
     path = tmp_path / "m.yaml"
     path.write_text(PROTOTYPE.read_text().replace("identified: []", ""))
-    (remark,) = check_file(str(path)).remarks
+    (remark,) = check_file(str(path))[0].remarks
     assert "identified: []" in remark
-    assert check_file(str(PROTOTYPE)).remarks == ()
+    assert check_file(str(PROTOTYPE))[0].remarks == ()

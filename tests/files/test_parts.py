@@ -114,7 +114,7 @@ def test_a_bar_is_turned_for_both_directions(tmp_path: Path, other: str) -> None
     (fault,) = error.value.problems
     assert (fault.line, fault.column) == (2, "bar")
     assert "The bar of leg x is turned for direction y alone" in fault.what
-    assert not check_file(str(path), Model(PROTOTYPE)).valid
+    assert not check_file(str(path), Model(PROTOTYPE))[0].valid
     # In parts of their own they were read one after the other.
     read(path, [rows[0], rows[1], "x,max,y,0.1,2,turned,,"])
 
@@ -131,8 +131,8 @@ def test_readings_that_were_replaced_are_checked_for_it_too(tmp_path: Path) -> N
     retaken = session.readings[4].model_copy(update={"reason": "slipped"})
     path = tmp_path / "s.yaml"
     write_session(session.model_copy(update={"retaken": (retaken,)}), path)
-    assert check_file(str(path), None).valid
+    assert check_file(str(path))[0].valid
     assert "bar: turned" in path.read_text().split("retaken:")[1]
     path.write_text(path.read_text().replace(", reason:", " 0, reason:"))
-    (problem,) = check_file(str(path), None).problems
+    (problem,) = check_file(str(path))[0].problems
     assert "Three numbers are wanted" in problem.what

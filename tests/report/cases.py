@@ -9,7 +9,7 @@ from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files import Check
+from orthoglide_cal.files.input import Check, CheckedFile, Fault
 from orthoglide_cal.model import Gauge, Model
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.paper.tables import table_5
@@ -95,7 +95,9 @@ def faulty() -> Document:
         InputError("No axis.", "Write x, y or z.", line=2, column="leg", value=HOSTILE[3]),
         InputError(f"Columns {HOSTILE[2]} are not known."),
     )
-    return check_document(Check(HOSTILE[3] + ".csv", None, problems=problems, remarks=HOSTILE))
+    faults = tuple(map(Fault.model_validate, problems))
+    file = CheckedFile(path=HOSTILE[3] + ".csv")
+    return check_document(Check(input=file, valid=False, problems=faults, remarks=HOSTILE))
 
 
 def planned() -> Document:

@@ -231,7 +231,7 @@ def test_values_for_programs_are_plain_json(kind: str) -> None:
 
 @pytest.mark.parametrize("sound", [True, False])
 def test_each_fault_is_named_with_its_place_and_remedy(sound: bool) -> None:
-    checked = check_document(check_file(str(SAMPLES / "experiment2.csv")))
+    checked = check_document(*check_file(str(SAMPLES / "experiment2.csv"))[:1])
     document = checked if sound else documents()["faulty"]()
     (section,) = document.page().sections
     (listing,) = section.blocks

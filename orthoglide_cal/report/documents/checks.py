@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UnusableResultError, file_words
 from orthoglide_cal.files import Check
+from orthoglide_cal.model import Source
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.words import counted, plain
@@ -16,48 +17,33 @@ if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
 
 
-def check_document(check: Check, refused: UnusableResultError | None = None) -> doc.Document:
+def check_document(
+    check: Check, source: Source | None = None, refused: UnusableResultError | None = None
+) -> doc.Document:
     """A line for a sound file, every fault of another; lines that other programs can search.
 
     Args:
         check: what a check of the file found.
+        source: of what was measured.
         refused: why its data give no offsets although nothing is wrong with the file.
     """
-    listing = doc.Listing(tuple(_lines(check, refused)))
+    told = check.changed(refused=str(refused) if refused else None)
+    listing = doc.Listing(tuple(_lines(check, source, refused)))
     page = doc.Page("Validation", title=None, sections=(doc.Section(None, (listing,)),))
-    return doc.Document(partial(check_data, check, refused), lambda: page)
+    return doc.Document(partial(told.model_dump, mode="json"), lambda: page)
 
 
-def check_data(check: Check, refused: UnusableResultError | None) -> dict[str, object]:
-    """The object of `validate --json`; fields that are not known are null."""
-    return {
-        "schema_version": 1,
-        "input": {
-            "path": check.path,
-            "sha256": check.source.sha256 if check.source else None,
-            "kind": check.kind,
-            "readings": check.count,
-        },
-        "machine": check.name,
-        "valid": check.valid,
-        "problems": [
-            {name: getattr(problem, name) for name in ("line", "column", "value", "what", "remedy")}
-            for problem in check.problems
-        ],
-        "remarks": list(check.remarks),
-        "refused": str(refused) if refused else None,
-    }
-
-
-def _lines(check: Check, refused: UnusableResultError | None) -> Iterator[str]:
+def _lines(
+    check: Check, source: Source | None, refused: UnusableResultError | None
+) -> Iterator[str]:
     """One line for the file; two for each fault: where and what, then the remedy."""
-    path = file_words(check.path)
-    if check.kind == "machine":
-        yield f"{path}: machine {check.name!r}, fine"
-    elif check.valid and check.kind is not None:
+    path, kind = file_words(check.input.path), check.input.kind
+    if kind == "machine":
+        yield f"{path}: machine {check.machine!r}, fine"
+    elif check.valid and kind is not None:
         word = "which give no offsets" if refused else "fine"
-        data = data_words(check.source, check.kind, check.count)
-        yield f"{path}: {data}, {word} (for {check.name})"
+        data = data_words(source, kind, check.input.readings)
+        yield f"{path}: {data}, {word} (for {check.machine})"
     else:
         yield f"{path}: {counted(len(check.problems), 'fault')}"
     for problem in check.problems:
