@@ -128,5 +128,5 @@ def run_bench(
             extra = ("--holdout", "later.csv", "--applied", "0", "0", "0")
             return diagnose(where, [(item.case.name, item.case.session)], extra)[0]
 
-        later = another_day(judged, holdouts, seed, ask)
+        later = another_day(judged, holdouts, seed, ask) if holdouts else []
     return Bench(tuple(judged), cpu, tuple(later))
