@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from orthoglide_cal import __version__
 from orthoglide_cal.cli.apply import apply
-from orthoglide_cal.cli.common import NoColour, PlainNumbers, forget, leave_closed, tell_error
+from orthoglide_cal.cli.common import NoColour, PlainCommand, forget, leave_closed, tell_error
 from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.guide import guide
@@ -85,7 +85,7 @@ for command in (
     measure, solve, diagnose, plan, apply, verify, report, export, simulate, validate, paper,
     template, guide,
 ):  # fmt: skip
-    app.command(cls=PlainNumbers)(command)
+    app.command(cls=PlainCommand)(command)
 app.add_typer(machine, name="machine")
 
 

@@ -14,38 +14,37 @@ from orthoglide_cal.cli.export import released
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
+    from orthoglide_cal.files import StoredMachine
     from orthoglide_cal.results import Application
 
 
 def apply(
     session: Annotated[
         str | None,
-        typer.Argument(
-            metavar="SESSION",
-            help="The session, or table, whose offsets were entered; --undo needs none.",
-            show_default=False,
+        common.argument(
+            "SESSION", "The session, or table, whose offsets were entered; --undo needs none."
         ),
     ] = None,
     machine: Annotated[
         Path | None,
         common.option(
+            "FILE",
+            "Machine file to record it in; without it the one in this folder.",
             "--machine",
-            metavar="FILE",
-            help="Machine file to record it in; without it the one in this folder.",
         ),
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, common.flag("--yes", "Do not ask.")] = False,
     undo: Annotated[
         bool,
-        typer.Option("--undo", help="Take the last entry back: offsets and history as before it."),
+        common.flag("--undo", "Take the last entry back: offsets and history as before it."),
     ] = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
     """Record in the machine file that the offsets of a session are in the controller now."""
-    from orthoglide_cal import results
-    from orthoglide_cal.files import read_input
+    from orthoglide_cal.files import read_input, read_machine_file, write_text
     from orthoglide_cal.report.documents.application import application_document
+    from orthoglide_cal.results import take_back
 
     if session is None and not undo:
         raise UsageError("Nothing says which offsets were entered.", "Name the session.")
@@ -60,24 +59,9 @@ def apply(
         file = common.read_machine_file(target)
         if undo:
             source = read_input(path, file.model).measured.source if path else None
-            found = results.take_back(file, source.sha256 if source else None)
+            found = take_back(file, source.sha256 if source else None)
         else:
-            if not file.model.machine.recorded:
-                form = f"--format {file.model.machine.controller_formats[0]}"
-                raise UsageError(
-                    "The firmware of a printer keeps what it is given; nothing is recorded here.",
-                    "See what to give it: "
-                    + command("export", path, machine=machine, options=form),
-                )
-            own = read_input(path)
-            case = released(path, machine, forcible=False).case
-            found = results.apply(
-                case.given,
-                case.answer,
-                file,
-                datetime.now().astimezone(),
-                own.model if own.is_session else None,
-            )
+            found = _entered(path, machine, file)
         document = application_document(found, path)
         if not json:
             common.deliver(document)
@@ -86,7 +70,9 @@ def apply(
         ):
             common.tell("Nothing was recorded.")
             return
-        _write(found, target)
+        if read_machine_file(target).document.sha256 != file.document.sha256:
+            raise UsageError(f"{target} was changed meanwhile.", "Give the command again.")
+        write_text(target.resolve(), found.text, overwrite=True)
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
@@ -94,9 +80,17 @@ def apply(
     common.for_each([session or ""], judge, as_json=json)
 
 
-def _write(found: Application, path: Path) -> None:
-    from orthoglide_cal.files import read_machine_file, write_text
+def _entered(path: str, machine: Path | None, file: StoredMachine) -> Application:
+    """The offsets of a session, if they may be used. Raises UsageError, UnusableResultError."""
+    from orthoglide_cal.files import read_input
+    from orthoglide_cal.results import apply as application
 
-    if read_machine_file(path).document.sha256 != found.file.document.sha256:
-        raise UsageError(f"{path} was changed meanwhile.", "Give the command again.")
-    write_text(path.resolve(), found.text, overwrite=True)
+    known = file.model.machine
+    if known.keeps_itself:
+        options = f"--format {known.controller_formats[0]}"
+        shown = command("export", path, machine=machine, options=options)
+        raise UsageError(known.keeps_itself, f"See what to give it: {shown}")
+    own = read_input(path)
+    case = released(path, machine, forcible=False).case
+    measured_on = own.model if own.is_session else None
+    return application(case.given, case.answer, file, datetime.now().astimezone(), measured_on)

@@ -12,39 +12,44 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO
 
 import typer
 from typer.core import TyperCommand
 
-from orthoglide_cal.errors import InputError, OrthocalError, UsageError, file_words
+from orthoglide_cal.errors import (
+    InputError,
+    OrthocalError,
+    UsageError,
+    file_words,
+    visible_lines,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from orthoglide_cal.files import Input, StoredMachine
-    from orthoglide_cal.model import Entered, Model, Source
+    from orthoglide_cal.model import Model, Source
     from orthoglide_cal.planning.steps import MeasuringProtocol
     from orthoglide_cal.report.document import Document
 
-Choice = TypeVar("Choice", bound=StrEnum)
-
-
-class Stored(StrEnum):
-    """What of a printer.cfg is taken as the readings."""
-
-    CALIBRATION = "calibration"
-    MESH = "mesh"
-
-
+# What of a printer.cfg is taken as the readings.
+Stored = Literal["calibration", "mesh"]
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
 _LARGEST = 1e5
 
 
-class PlainNumbers(TyperCommand):
+class PlainCommand(TyperCommand):
     """Options hold plain numbers: `float` would take nan, inf and 1e300."""
+
+    def get_params(self, ctx: Any) -> Any:
+        parameters = super().get_params(ctx)
+        for each in parameters:
+            if each.param_type_name == "argument":
+                # The help would call files `<list[str]>`.
+                vars(each).update(display_type_rich=lambda ctx: "")
+        return parameters
 
     def invoke(self, ctx: Any) -> Any:
         for parameter in self.params:
@@ -63,105 +68,105 @@ def _switch_colour_off(chosen: bool) -> bool:
     return chosen
 
 
-def option(*names: str, metavar: str | None = None, help: str, **limits: Any) -> Any:
-    """An option whose default says nothing to the user (it is not shown in the help)."""
-    return typer.Option(*names, metavar=metavar, help=help, show_default=False, **limits)
+def option(
+    metavar: str | None,
+    help: str,
+    *names: str,
+    min: float | None = None,
+    max: float | None = None,
+) -> object:
+    """An option with a value; its help says what holds without it. Its name is the parameter's."""
+    return typer.Option(*names, metavar=metavar, help=help, show_default=False, min=min, max=max)
+
+
+def flag(name: str, help: str) -> object:
+    """An option without a value."""
+    return typer.Option(name, help=help)
+
+
+def argument(metavar: str, help: str) -> object:
+    """What stands without a name."""
+    return typer.Argument(metavar=metavar, help=help, show_default=False)
 
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a delta's printer.cfg"
-Files = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="FILE...",
-        help=f"{MEASURED}; - is standard input.",
-        show_default=False,
-    ),
-]
+Offsets = tuple[float, float, float]
+Files = Annotated[list[str], argument("FILE", f"{MEASURED}; - is standard input.")]
 MachineFile = Annotated[
     Path | None,
     option(
+        "FILE",
+        "Machine file; without it the session's own machine, or the one file of a machine in this"
+        " folder, or the prototype.",
         "--machine",
-        metavar="FILE",
-        help="Machine file; without it the session's own machine, or the one file of a machine"
-        " in this folder, or the prototype.",
     ),
 ]
 MethodName = Annotated[
     str | None,
     option(
+        "NAME",
+        "single, single-sequential, six-linear, twelve-linear, six, twelve or readings; without it"
+        " the best one for the data.",
         "--method",
-        metavar="NAME",
-        help="single, single-sequential, six-linear, twelve-linear, six, twelve or readings;"
-        " without it the best one for the data.",
     ),
 ]
 Data = Annotated[
     Stored | None,
-    option(
-        "--data",
-        help="What of a printer.cfg is meant; without it the calibration if it stores one.",
-    ),
+    option(None, "What of a printer.cfg is meant; without it the calibration if it stores one."),
 ]
-Cycles = Annotated[
-    int | None, option(min=1, max=50, help="Repeats of the postures on each leg (3).")
+Cycles = Annotated[int | None, option("N", "Repeats of the postures (3).", min=1, max=50)]
+Gauges = Annotated[
+    int | None, option("N", "Gauges read side by side (2; single: 1).", min=1, max=2)
 ]
-ProtocolName = Annotated[
-    str | None,
-    option("--protocol", metavar="NAME", help="double (posture, the default) or single."),
+Protocol = Annotated[
+    Literal["double", "single"] | None, option(None, "Double-posture (the default) or single.")
 ]
 Design = Annotated[
-    str | None,
-    option(metavar="best", help="best: the fewest readings for the offsets; faults show less."),
+    Literal["best"] | None, option(None, "The fewest readings for the offsets; faults show less.")
 ]
-Offsets = tuple[float, float, float]
+Order = Annotated[
+    Literal["paper", "fewest-moves"] | None,
+    option(None, "The paper's order (the default) or fewer gauge moves."),
+]
+Applied = Annotated[
+    Offsets | None,
+    option(
+        "DX DY DZ",
+        "What was added to the controller's offsets between the two [mm]; without it what the"
+        " sessions or the machine file record.",
+    ),
+]
 Limit = Annotated[
     float | None,
-    option(
-        metavar="MM",
-        help="Largest deviation allowed in any difference: pass, fail or undecided.",
-    ),
+    option("MM", "Largest deviation allowed in any difference: pass, fail or undecided."),
+]
+Target = Annotated[
+    Path | None,
+    option("FILE", "Write there; an existing file is not touched.", "--output", "-o"),
 ]
 HtmlFile = Annotated[
     Path | None,
-    option(
-        metavar="FILE", help="Write one HTML page that needs nothing else; - is standard output."
-    ),
+    option("FILE", "Write one HTML page that needs nothing else; - is standard output."),
 ]
-MarkdownFile = Annotated[
-    Path | None, option(metavar="FILE", help="Write Markdown; - is standard output.")
-]
-Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Replace a file that this command wrote before.")
-]
-WithDetails = Annotated[bool, typer.Option("--details", help="Everything; without it one screen.")]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="One JSON object per input file, one per line.")
-]
+MarkdownFile = Annotated[Path | None, option("FILE", "Write Markdown; - is standard output.")]
+Overwrite = Annotated[bool, flag("--overwrite", "Replace a file that this command wrote before.")]
+WithDetails = Annotated[bool, flag("--details", "Everything; without it one screen.")]
+AsJson = Annotated[bool, flag("--json", "JSON: one object for each file, one per line.")]
 NoColour = Annotated[
     bool,
     typer.Option("--no-color", help="No colours (as NO_COLOR does).", callback=_switch_colour_off),
 ]
 
 
-def named(kind: type[Choice], what: str, text: str | None) -> Choice | None:
-    """The choice that a word means, also without its "-posture". Raises UsageError if none."""
-    if text is None:
-        return None
-    for choice in kind:
-        if text in (choice.value, choice.removesuffix("-posture").removesuffix("-design")):
-            return choice
-    raise UsageError(f"There is no {what} {text!r}.", f"Choose one of {', '.join(kind)}.")
-
-
 def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
     """How is measured, by --protocol or --design; None if neither says. Raises UsageError."""
     from orthoglide_cal.planning.steps import MeasuringProtocol
 
-    if design is not None and protocol is not None:
+    if design and protocol:
         raise UsageError("--design is a protocol of its own.", "Leave out --protocol.")
-    if design not in (None, "best"):
-        raise UsageError(f"There is no design {design!r}.", "Write --design best.")
-    return named(MeasuringProtocol, "protocol", design or protocol)
+    if design:
+        return MeasuringProtocol.BEST
+    return MeasuringProtocol(f"{protocol}-posture") if protocol else None
 
 
 def for_each(
@@ -255,10 +260,9 @@ def remembered_machine() -> Model | None:
     from orthoglide_cal.files import machine_in_folder
 
     path = machine_in_folder(Path())
-    if path is None:
-        return None
-    tell(f"The machine is that of {path}, the machine file in this folder.")
-    return read_machine_file(path).model
+    if path is not None:
+        tell(f"The machine is that of {path}, the machine file in this folder.")
+    return given_machine(path)
 
 
 @functools.cache
@@ -276,25 +280,10 @@ def folder_machine() -> Model:
     return model or default_machine()
 
 
-def keeper(machine_file: Path | None) -> Model | None:
-    """The machine of --machine or of this folder, which says what its controller holds."""
-    from orthoglide_cal.files import machine_in_folder
-
-    path = machine_file or machine_in_folder(Path())
-    return read_machine_file(path).model if path else None
-
-
-def entered(machine_file: Path | None) -> tuple[Entered, ...]:
-    """What was entered in the controller, as --machine or the machine file of this folder says."""
-    known = keeper(machine_file)
-    return known.machine.history if known else ()
-
-
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    read_machine_file.cache_clear()
-    remembered_machine.cache_clear()
-    folder_machine.cache_clear()
+    for each in (read_machine_file, remembered_machine, folder_machine):
+        each.cache_clear()
 
 
 def deliver(
@@ -319,7 +308,7 @@ def deliver(
     if html is None and markdown is None:
         from orthoglide_cal.report.terminal import TerminalPage
 
-        output().print(TerminalPage(page), crop=False)
+        console().print(TerminalPage(page), crop=False)
     if html is not None:
         from orthoglide_cal.report.html import html as as_html
 
@@ -356,17 +345,8 @@ def print_json(value: Mapping[str, object]) -> None:
     print(json.dumps(value, allow_nan=False, ensure_ascii=False), flush=True)
 
 
-def output() -> Console:
-    """Console for results, on standard output."""
-    return _console(stderr=False)
-
-
-def messages() -> Console:
-    """Console for messages and progress, on standard error."""
-    return _console(stderr=True)
-
-
-def _console(*, stderr: bool) -> Console:
+def console(*, stderr: bool = False) -> Console:
+    """For results, on standard output; or for messages and progress, on standard error."""
     from rich.console import Console
 
     class Output(Console):
@@ -375,10 +355,9 @@ def _console(*, stderr: bool) -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    plain = bool(os.environ.get("NO_COLOR"))
     return Output(
         stderr=stderr,
-        color_system=None if plain else "auto",
+        color_system=None if os.environ.get("NO_COLOR") else "auto",
         highlight=False,
         markup=False,
         emoji=False,
@@ -387,8 +366,6 @@ def _console(*, stderr: bool) -> Console:
 
 def tell(message: str) -> None:
     """A message on standard error; what file names and the like hold is shown, never obeyed."""
-    from orthoglide_cal.errors import visible_lines
-
     shown = visible_lines(message)
     if sys.stderr.isatty():
         shown = "\n".join(map(_fitted, shown.split("\n")))

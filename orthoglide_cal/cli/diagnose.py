@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from datetime import date
 from pathlib import Path
 from typing import Annotated
-
-import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import OrthocalError, UsageError
@@ -18,26 +15,21 @@ def diagnose(
     machine: common.MachineFile = None,
     data: common.Data = None,
     holdout: Annotated[
-        str | None, common.option(metavar="FILE", help="Later readings that no fit may see.")
+        str | None, common.option("FILE", "Later readings that no fit may see.")
     ] = None,
     applied: Annotated[
-        common.Offsets,
-        typer.Option(
-            metavar="DX DY DZ",
-            help="Offsets entered in the controller before the held-out readings [mm].",
+        common.Offsets | None,
+        common.option(
+            "DX DY DZ", "Offsets entered in the controller before the held-out readings [mm]."
         ),
-    ] = (0.0, 0.0, 0.0),
+    ] = None,
     accept: Annotated[
         str | None,
-        common.option(
-            metavar="CAUSE", help="Make this cause part of the machine, in a new machine file."
-        ),
+        common.option("CAUSE", "Make this cause part of the machine, in a new machine file."),
     ] = None,
     to: Annotated[
         Path | None,
-        common.option(
-            "--output", metavar="FILE", help="The new machine file of --accept; never overwritten."
-        ),
+        common.option("FILE", "The new machine file of --accept; never overwritten.", "--output"),
     ] = None,
     details: common.WithDetails = False,
     json: common.AsJson = False,
@@ -48,11 +40,21 @@ def diagnose(
 
     from orthoglide_cal import diagnosis
     from orthoglide_cal import files as written
+    from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
     from orthoglide_cal.results import answer_to
 
-    _check_options(files, holdout, applied, accept, to)
+    if applied is not None and holdout is None:
+        raise UsageError("--applied goes with --holdout.", "Name the later readings.")
+    if [*files, holdout].count("-") > 1 or (holdout == "-" and len(files) > 1):
+        raise UsageError("Standard input can be read only once.", "Name a file instead.")
+    if accept is not None and len(files) != 1:
+        raise UsageError("--accept goes with one file.", "Name the readings to identify it from.")
+    if to is not None and accept is None:
+        raise UsageError("--output goes with --accept.", "Name the cause to accept.")
+    if accept is not None and accept not in CAUSES:
+        raise UsageError(f"There is no cause {accept!r}.", f"Choose one of {', '.join(CAUSES)}.")
     full = details or json
 
     def judge(path: str) -> int:
@@ -62,7 +64,7 @@ def diagnose(
             given.measured,
             given.model,
             holdout=later.measured if later else None,
-            applied=np.array(applied),
+            applied=np.array(applied or (0.0, 0.0, 0.0)),
             then=later.model if later else None,
             sensitivity=full,
         )
@@ -85,27 +87,3 @@ def diagnose(
         return 0
 
     common.for_each(files, judge, as_json=json)
-
-
-def _check_options(
-    files: list[str],
-    holdout: str | None,
-    applied: common.Offsets,
-    accept: str | None,
-    to: Path | None,
-) -> None:
-    """Refuse options that do not go together. Raises UsageError."""
-    from orthoglide_cal.causes import CAUSES
-
-    if not all(map(math.isfinite, applied)):
-        raise UsageError("--applied takes three lengths.", "Give millimetres.")
-    if applied != (0.0, 0.0, 0.0) and holdout is None:
-        raise UsageError("--applied goes with --holdout.", "Name the later readings.")
-    if [*files, holdout].count("-") > 1 or (holdout == "-" and len(files) > 1):
-        raise UsageError("Standard input can be read only once.", "Name a file instead.")
-    if accept is not None and len(files) != 1:
-        raise UsageError("--accept goes with one file.", "Name the readings to identify it from.")
-    if to is not None and accept is None:
-        raise UsageError("--output goes with --accept.", "Name the cause to accept.")
-    if accept is not None and accept not in CAUSES:
-        raise UsageError(f"There is no cause {accept!r}.", f"Choose one of {', '.join(CAUSES)}.")

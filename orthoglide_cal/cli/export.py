@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError, UsageError
@@ -15,51 +12,28 @@ if TYPE_CHECKING:
     from orthoglide_cal.model import Machine
     from orthoglide_cal.report.controller import Export
 
-
-class Format(StrEnum):
-    """What is written."""
-
-    TEXT = "text"
-    LINUXCNC = "linuxcnc"
-    TABLE = "table"
-    KLIPPER = "klipper"
-    REPRAPFIRMWARE = "reprapfirmware"
-    MARLIN = "marlin"
+Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
 
 
 def export(
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE",
-            help=f"{common.MEASURED}; - is standard input.",
-            show_default=False,
-        ),
-    ],
+    file: Annotated[str, common.argument("FILE", f"{common.MEASURED}; - is standard input.")],
     format: Annotated[
         Format,
-        typer.Option(
-            help="table: joint corrections over the workspace, for causes that were accepted;"
-            " klipper, reprapfirmware, marlin: the lines of a printer's firmware."
-        ),
-    ] = Format.TEXT,
-    target: Annotated[
-        Path | None,
         common.option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="Write there instead of standard output; an existing file is not touched.",
+            None,
+            "table: joint corrections over the workspace, for causes that were accepted; klipper,"
+            " reprapfirmware, marlin: the lines of a printer's firmware; without it text.",
         ),
-    ] = None,
+    ] = "text",
+    target: common.Target = None,
     machine: common.MachineFile = None,
     data: common.Data = None,
     method: common.MethodName = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Export what must not be used; it is marked as forced.")
+        bool, common.flag("--force", "Export what must not be used; it is marked as forced.")
     ] = False,
     points: Annotated[
-        int, typer.Option(metavar="N", help="Points of the table along each edge of the cube.")
+        int, common.option("N", "Points of the table along each edge of the cube (7).")
     ] = 7,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
@@ -70,17 +44,17 @@ def export(
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
 
-    if json and format is not Format.TEXT:
+    if json and format != "text":
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
 
     def judge(path: str) -> None:
         found = released(path, machine, method, force, data=data, format=format, details=json)
         case = found.case
-        if format is Format.TABLE:
+        if format == "table":
             text = controller.as_table(compensation(case.given.model, points), found)
         elif format in FIRMWARES:
             text = as_firmware(format, found)
-        elif format is Format.LINUXCNC:
+        elif format == "linuxcnc":
             text = controller.as_linuxcnc(found)
         else:
             text = f"{case.answer.model_dump_json()}\n" if json else controller.as_text(found)
@@ -102,12 +76,13 @@ def released(
     force: bool = False,
     forcible: bool = True,
     data: common.Stored | None = None,
-    format: Format = Format.TEXT,
+    format: Format = "text",
     details: bool = False,
 ) -> Export:
     """The offsets of an input, if they may be used or are forced to.
 
     Raises:
+        UsageError: the format is of another kind of machine.
         UnusableResultError: they must not be used; with what to do instead.
     """
     from orthoglide_cal.report.case import Case

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UsageError
 
@@ -17,17 +15,13 @@ _WIDEST = 100
 def guide(
     topic: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[TOPIC]",
-            help="A topic, or a cause by its id; without it the list of them.",
-            show_default=False,
-        ),
+        common.argument("TOPIC", "A topic, or a cause by its id; without it the list of them."),
     ] = None,
     no_colour: common.NoColour = False,
 ) -> None:
     """Show a page of the manual; into a pipe, as Markdown."""
     text = _page(" ".join(topic or ["index"])).read_text(encoding="utf-8")
-    console = common.output()
+    console = common.console()
     if not console.is_terminal:
         print(text, end="")
         return

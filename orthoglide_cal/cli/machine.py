@@ -15,79 +15,70 @@ from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from orthoglide_cal.report.document import Document
-
-Answers = dict[str, Any]  # dotted key of the file → its value
+# Of a question: a name, a number, or several.
+Value = str | float | list[float]
+Answers = dict[str, Value]  # dotted key of the file → its value
 
 machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
 
 
-@machine.command(cls=common.PlainNumbers)
+@machine.command(cls=common.PlainCommand)
 def new(
     target: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="File to write; an existing one stays as it is."
-        ),
+        common.option("FILE", "File to write (machine.yaml); never overwritten.", "--output", "-o"),
     ] = Path("machine.yaml"),
     kind: Annotated[
-        str | None,
-        common.option(metavar="KIND", help="Kind of machine: orthoglide or linear_delta."),
-    ] = None,
-    name: Annotated[str | None, common.option(metavar="NAME", help="For people.")] = None,
-    leg_length: Annotated[float | None, common.option(metavar="MM", help="L.")] = None,
-    width: Annotated[float | None, common.option(metavar="MM", help="d of a leg.")] = None,
+        str, common.option("KIND", "Kind of machine: orthoglide (the default) or linear_delta.")
+    ] = "orthoglide",
+    name: Annotated[str | None, common.option("NAME", "For people.")] = None,
+    leg_length: Annotated[float | None, common.option("MM", "L.")] = None,
+    width: Annotated[float | None, common.option("MM", "d of a leg.")] = None,
     tool_offset: Annotated[
-        float | None, common.option(metavar="MM", help="r, from the legs' ends to the tool.")
+        float | None, common.option("MM", "r, from the legs' ends to the tool.")
     ] = None,
     limits: Annotated[
         tuple[float, float] | None,
-        common.option(metavar="LOW HIGH", help="Travel from the isotropic posture, mm."),
+        common.option("LOW HIGH", "Travel from the isotropic posture, mm."),
     ] = None,
-    workspace: Annotated[
-        float | None, common.option(metavar="MM", help="Edge of the workspace.")
-    ] = None,
-    resolution: Annotated[
-        float | None, common.option(metavar="MM", help="One division of the gauge.")
-    ] = None,
+    workspace: Annotated[float | None, common.option("MM", "Edge of the workspace.")] = None,
+    resolution: Annotated[float | None, common.option("MM", "One division of the gauge.")] = None,
     range_: Annotated[
-        float | None, common.option("--range", metavar="MM", help="Travel of its plunger.")
+        float | None, common.option("MM", "Travel of its plunger.", "--range")
     ] = None,
     revolution: Annotated[
-        float | None,
-        common.option(metavar="MM", help="One turn of its dial; 0 for a gauge without one."),
+        float | None, common.option("MM", "One turn of its dial; 0 for a gauge without one.")
     ] = None,
     repeatability: Annotated[
-        float | None, common.option(metavar="MM", help="Standard deviation of one reading.")
+        float | None, common.option("MM", "Standard deviation of one reading.")
     ] = None,
     radius: Annotated[
-        float | None, common.option(metavar="MM", help="Of a linear delta: its delta radius.")
+        float | None, common.option("MM", "Of a linear delta: its delta radius.")
     ] = None,
     bed_radius: Annotated[
-        float | None, common.option(metavar="MM", help="Of a linear delta: of its bed.")
+        float | None, common.option("MM", "Of a linear delta: of its bed.")
     ] = None,
     endstop: Annotated[
-        float | None, common.option(metavar="MM", help="Of a linear delta: height of all three.")
+        float | None, common.option("MM", "Of a linear delta: height of all three.")
     ] = None,
     tolerance: Annotated[
         list[str] | None,
         common.option(
-            metavar="CAUSE=SIZE",
-            help="Plausible size of a cause, such as axis_gap=0.3; 0 rules it out; again for"
-            " others.",
+            "CAUSE=SIZE",
+            "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out; again for others.",
         ),
     ] = None,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Ask nothing: the prototype's values for all others.")
+        bool, common.flag("--yes", "Ask nothing: the prototype's values for all others.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="The machine as one JSON object.")] = False,
+    json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
     """Make a machine file: asks what the options leave open."""
     from orthoglide_cal.files import write_text
 
     # Each option with the keys that it gives, on machines of this or that kind.
-    given: dict[str, tuple[Any, ...]] = {
+    given: dict[str, tuple[Value | None, *tuple[str, ...]]] = {
         "--name": (name, "name"),
         "--leg-length": (leg_length, "leg_length_mm", "arm_length_mm"),
         "--width": (width, "parallelogram_width_mm"),
@@ -102,7 +93,6 @@ def new(
         "--bed-radius": (bed_radius, "bed_radius_mm"),
         "--endstop": (endstop, "endstops_mm"),
     }
-    kind = kind or "orthoglide"
     answers: Answers = {"kind": kind}
     asked = _asked_for(kind)
     for option, (value, *keys) in given.items():
@@ -129,25 +119,23 @@ def new(
                 text = _asked(answers, key, question, target)
         text = _tolerances_asked(answers, target) or text
     write_text(target, text)
-    common.deliver(_shown(target), as_json=json)
+    show(target, json)
     common.tell(f"Written to {target}, with what is plausible on such a machine: look through it.")
     following = "guide delta" if kind == "linear_delta" else "measure"
     common.tell(f"In this folder every command uses it. Next: orthocal {following}")
 
 
-@machine.command(cls=common.PlainNumbers)
+@machine.command(cls=common.PlainCommand)
 def show(
     file: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[FILE]", help="Without it the machine file in this folder.", show_default=False
-        ),
+        Path | None, common.argument("FILE", "Without it the machine file in this folder.")
     ] = None,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
     """Show a machine: its numbers, its travel, what is entered and what is known to be wrong."""
     from orthoglide_cal.files import machine_in_folder
+    from orthoglide_cal.report.documents.machine import machine_document
 
     path = file or machine_in_folder(Path())
     if path is None:
@@ -155,13 +143,7 @@ def show(
             "There is no machine file in this folder.",
             "Name one, or make one: orthocal machine new",
         )
-    common.deliver(_shown(path), as_json=json)
-
-
-def _shown(path: Path) -> Document:
-    from orthoglide_cal.report.documents.machine import machine_document
-
-    return machine_document(common.read_machine_file(path).model)
+    common.deliver(machine_document(common.read_machine_file(path).model), as_json=json)
 
 
 def _asked_for(kind: str) -> dict[str, str]:
@@ -242,7 +224,7 @@ def _fault(fault: InputError) -> str:
     return f"{fault.what}{value} {fault.remedy}"
 
 
-def _numbers(said: str, usual: Any) -> float | list[float]:
+def _numbers(said: str, usual: Value) -> float | list[float]:
     """The number that was typed, or several. Raises InputError if there are not as many."""
     from orthoglide_cal.schema import parse_number
 

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError, command, visible_lines
+from orthoglide_cal.words import Unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,99 +28,80 @@ INTERRUPTED = 130
 def measure(
     session: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="SESSION.yaml",
-            help="Session file to write; without it session.yaml, or the next free name.",
-            show_default=False,
+        common.argument(
+            "SESSION.yaml",
+            "Session file to write; without it session.yaml, or the next free name.",
         ),
     ] = None,
     resume: Annotated[
-        bool,
-        typer.Option("--resume", help="Go on with an unfinished session at its next reading."),
+        bool, common.flag("--resume", "Go on with an unfinished session at its next reading.")
     ] = False,
-    protocol: common.ProtocolName = None,
+    protocol: common.Protocol = None,
     design: common.Design = None,
     then: Annotated[
         str | None,
         common.option(
-            metavar="FILE",
-            help="Continue these readings: measure what is recommended next (orthocal plan FILE),"
-            " and write a session that holds both.",
+            "FILE",
+            "Continue these readings: measure what is recommended next (orthocal plan FILE), and"
+            " write a session that holds both.",
         ),
     ] = None,
     choice: Annotated[
-        int | None, common.option(min=1, help="With --then: which recommendation (1).")
+        int | None, common.option("N", "With --then: which recommendation (1).", min=1)
     ] = None,
     cycles: common.Cycles = None,
-    order: Annotated[
-        str | None,
-        common.option(
-            metavar="[paper|fewest-moves]", help="The paper's order (default) or fewer gauge moves."
-        ),
-    ] = None,
-    gauges: Annotated[
-        int | None,
-        common.option(min=1, max=2, help="Gauges read side by side (2; single: 1)."),
-    ] = None,
+    order: common.Order = None,
+    gauges: common.Gauges = None,
     gauge: Annotated[
         list[str] | None,
         common.option(
-            metavar="SOURCE",
-            help="typed (also keyboard-wedge gauges), simulated, or FORMAT:PORT[@BAUD][#CHANNELS],"
-            " e.g. sylvac:/dev/ttyUSB0; twice for two ports. Formats: cdi, mahr, mitutoyo, mux,"
-            " plain, sylvac, uwave.",
+            "SOURCE",
+            "typed (also keyboard-wedge gauges), simulated, or FORMAT:PORT[@BAUD][#CHANNELS], e.g."
+            " sylvac:/dev/ttyUSB0; twice for two ports. Formats: cdi, mahr, mitutoyo, mux, plain,"
+            " sylvac, uwave.",
         ),
     ] = None,
-    unit: Annotated[
-        str, typer.Option(metavar="[mm|in]", help="Unit of readings without one.")
-    ] = "mm",
+    unit: Annotated[Unit, common.option(None, "Of readings without one (mm).")] = Unit.MM,
     until: Annotated[
         float | None,
-        common.option(
-            metavar="MM", help="End as soon as every offset is known within this (95 %)."
-        ),
+        common.option("MM", "End as soon as every offset is known within this (95 %)."),
     ] = None,
     seed: Annotated[
-        int | None,
-        common.option(min=0, help="Of the simulated gauge's hidden machine."),
+        int | None, common.option("N", "Of the simulated gauge's hidden machine.", min=0)
     ] = None,
-    operator: Annotated[str | None, common.option(help="Your name.")] = None,
-    temperature: Annotated[float | None, common.option(metavar="C", help="Of the room.")] = None,
+    operator: Annotated[str | None, common.option("NAME", "Yours.")] = None,
+    temperature: Annotated[float | None, common.option("C", "Of the room.")] = None,
     gauge_id: Annotated[
-        list[str] | None,
-        common.option(metavar="ID", help="Of the gauge; again for the second."),
+        list[str] | None, common.option("ID", "Of the gauge; again for the second.")
     ] = None,
     certificate: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NO", help="Of its calibration; again for the second."),
+        list[str] | None, common.option("NO", "Of its calibration; again for the second.")
     ] = None,
     machine: common.MachineFile = None,
     offsets_active: Annotated[
         common.Offsets | None,
         common.option(
-            "--offsets-active",
-            metavar="DX DY DZ",
-            help="Joint offsets that the controller holds now, mm (else those of the machine"
-            " file, which you are asked about).",
+            "DX DY DZ",
+            "Joint offsets that the controller holds now, mm (else those of the machine file,"
+            " which you are asked about).",
         ),
     ] = None,
     yes: Annotated[
-        bool,
-        typer.Option("--yes", help="Yes to what is asked before the first reading."),
+        bool, common.flag("--yes", "Yes to what is asked before the first reading.")
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="At the end, the result as one JSON object.")
-    ] = False,
+    json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
     """Measure, guided step by step; every reading is saved at once and checked as it comes."""
     from orthoglide_cal import session as guided
     from orthoglide_cal.cli.keyboard import StandardInput
+    from orthoglide_cal.files import machine_in_folder
     from orthoglide_cal.planning.steps import Order
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
-    if len(certificate or ()) > len(gauge_id or ()):
+    labels = list(zip_longest(gauge_id or (), certificate or ()))
+    if len(labels) > len(gauge_id or ()):
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
@@ -135,25 +117,23 @@ def measure(
         offsets_mm=offsets_active,
         model=known,
         otherwise=common.folder_machine,
-        keeper=common.keeper(machine) if then else None,
+        keeper=common.given_machine(machine or machine_in_folder(Path())) if then else None,
         following=then,
         choice=choice,
         protocol=common.measuring_protocol(protocol, design),
         cycles=cycles,
-        order=common.named(Order, "order", order),
+        order=Order(order) if order else None,
         stands=gauges,
         source=tuple(gauge or ()),
         seed=seed,
-        unit=common.named(guided.Unit, "unit", unit) or guided.Unit.MM,
+        unit=unit,
         until_mm=until,
         operator=operator or None,
         temperature_c=temperature,
-        gauges=tuple(
-            guided.GaugeLabel(id=name, certificate=number or None)
-            for name, number in zip_longest(gauge_id or (), certificate or ())
-        ),
+        gauges=tuple(guided.GaugeLabel(id=id, certificate=no or None) for id, no in labels),
     )
-    show = _show_on(common.messages() if json else common.output(), common.messages())
+    aside = common.console(stderr=True)
+    show = _show_on(aside if json else common.console(), aside)
     with ExitStack() as left, _saved_when_interrupted() as running:
         with closing(StandardInput()) as keyboard:
             dialogue = guided.open_session(request, Path(), keyboard, show)
@@ -168,7 +148,6 @@ def measure(
 
 def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
     """Write the session file, then show what `solve` makes of it and what to do next."""
-    from orthoglide_cal.errors import command
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to
@@ -191,7 +170,6 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
 
     The session is put into the list that this gives, once there is one.
     """
-    from orthoglide_cal.errors import command
     from orthoglide_cal.session import Quit
 
     def interrupt(number: int, frame: object) -> None:
@@ -233,7 +211,6 @@ def _show_on(console: Console, aside: Console) -> Show:
     from rich.color import ColorSystem
     from rich.style import Style as Paint
 
-    from orthoglide_cal.errors import visible_lines
     from orthoglide_cal.session import Style
 
     paints = {style: Paint.parse(style.value) for style in Style}

@@ -4,71 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Literal, get_args
 
 import typer
 
-from orthoglide_cal.cli.common import AsJson, NoColour, deliver, messages, option
+from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError
 
-if TYPE_CHECKING:
-    from orthoglide_cal.paper.tables import Reproduction
-
-
-class TableName(StrEnum):
-    """What can be reproduced."""
-
-    T1 = "1"
-    T3 = "3"
-    T4 = "4"
-    T5 = "5"
-    ACCURACY = "accuracy"
+TableName = Literal["1", "3", "4", "5", "accuracy"]
 
 
 def paper(
     table: Annotated[
-        TableName | None, option(help="Only this one; without it all of them.")
+        TableName | None, common.option(None, "Only this one; without it all of them.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the noise of Table 3.")] = 1,
-    json: AsJson = False,
-    no_colour: NoColour = False,
+    seed: Annotated[int, common.option("N", "Of the noise of Table 3 (1).", min=0)] = 1,
+    json: common.AsJson = False,
+    no_colour: common.NoColour = False,
 ) -> None:
     """Reproduce the tables of the paper that the method comes from."""
+    import numpy as np
+
+    from orthoglide_cal.files import default_machine
+    from orthoglide_cal.paper import tables
     from orthoglide_cal.report.documents.checks import paper_document
 
+    simple = {"1": tables.table_1, "4": tables.table_4, "5": tables.table_5}
+    simple["accuracy"] = tables.accuracy
     missed = False
-    for name in TableName if table is None else (table,):
-        found = _compute(name, seed)
-        deliver(paper_document(found), as_json=json)
+    for name in [table] if table else get_args(TableName):
+        if name in simple:
+            found = simple[name](default_machine())
+        else:
+            with _progress("Table 3, solves") as progress:
+                found = tables.table_3(default_machine(), np.random.default_rng(seed), progress)
+        common.deliver(paper_document(found), as_json=json)
         missed |= not found.reproduced
     if missed:
         raise typer.Exit(UnusableResultError.exit_code)
 
 
-def _compute(name: TableName, seed: int) -> Reproduction:
-    import numpy as np
-
-    from orthoglide_cal.files import default_machine
-    from orthoglide_cal.paper import tables
-
-    prototype = default_machine()
-    if name is TableName.T3:
-        with _progress("Table 3, solves") as progress:
-            return tables.table_3(prototype, np.random.default_rng(seed), progress)
-    simple = {
-        TableName.T1: tables.table_1,
-        TableName.T4: tables.table_4,
-        TableName.T5: tables.table_5,
-        TableName.ACCURACY: tables.accuracy,
-    }
-    return simple[name](prototype)
-
-
 @contextmanager
 def _progress(title: str) -> Iterator[Callable[[int, int], None] | None]:
     """A bar on standard error while it is a terminal; otherwise None."""
-    console = messages()
+    console = common.console(stderr=True)
     if not console.is_terminal:
         yield None
         return

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UsageError, command
 
@@ -18,67 +16,51 @@ if TYPE_CHECKING:
 def plan(
     file: Annotated[
         str | None,
-        typer.Argument(
-            metavar="FILE",
-            help=f"{common.MEASURED}: what to measure next beside it is ranked, too.",
-            show_default=False,
+        common.argument(
+            "FILE", f"{common.MEASURED}: what to measure next beside it is ranked, too."
         ),
     ] = None,
-    protocol: common.ProtocolName = None,
+    protocol: common.Protocol = None,
     design: common.Design = None,
-    gauges: Annotated[
-        int, typer.Option(min=1, max=2, help="Gauges read side by side (single: always 1).")
-    ] = 2,
+    gauges: common.Gauges = None,
     cycles: common.Cycles = None,
     layout: Annotated[
         str | None,
-        common.option(metavar="NAME", help="Layout to measure on a printer, as plan lists them."),
+        common.option("NAME", "Layout to measure on a printer, as plan lists them."),
     ] = None,
     target: Annotated[
         float | None,
-        common.option(
-            metavar="MM",
-            help="How sure each offset is to be (95 %): as many cycles as that takes.",
-        ),
+        common.option("MM", "How sure each offset is to be (95 %): as many cycles as that takes."),
     ] = None,
     program: Annotated[
         Path | None,
         common.option(
-            metavar="FILE",
-            help="Write the postures as a table (.csv) or as G-code (.nc) instead; - shows them.",
+            "FILE",
+            "Write the postures as a table (.csv) or as G-code (.nc) instead; - shows them.",
         ),
     ] = None,
     template: Annotated[
         Path | None,
-        common.option(
-            metavar="FILE", help="Template of the G-code; orthocal template gcode prints one."
-        ),
+        common.option("FILE", "Template of the G-code; orthocal template gcode prints one."),
     ] = None,
-    order: Annotated[
-        str | None,
-        common.option(
-            metavar="[paper|fewest-moves]", help="Order of the program's postures; that of measure."
-        ),
-    ] = None,
+    order: common.Order = None,
     approach: Annotated[
         float | None,
-        common.option(
-            metavar="MM", help="Way over which the program's carriages arrive slowly (1)."
-        ),
+        common.option("MM", "Way over which the program's carriages arrive slowly (1)."),
     ] = None,
     travel: Annotated[
         tuple[float, float] | None,
         common.option(
-            metavar="LOW HIGH",
-            help="How far the program may drive carriages from the isotropic posture, mm; without"
-            " it to the joint limits of the machine file.",
+            "LOW HIGH",
+            "How far the program may drive carriages from the isotropic posture, mm; without it to"
+            " the joint limits of the machine file.",
         ),
     ] = None,
     data: common.Data = None,
     machine: common.MachineFile = None,
     html: common.HtmlFile = None,
     overwrite: common.Overwrite = False,
-    json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
     """Say what readings will be worth, which causes they can tell apart, and what to read next."""
@@ -97,7 +79,9 @@ def plan(
         raise UsageError("These options are for a program.", "Name its file: --program FILE")
     if program is not None and (json or html is not None or overwrite):
         raise _alone()
-    wanted = Wanted(common.measuring_protocol(protocol, design), cycles, gauges, target, layout)
+    wanted = Wanted(
+        common.measuring_protocol(protocol, design), cycles, gauges or 2, target, layout
+    )
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.given_machine(machine) or common.folder_machine()
     if program is not None:
@@ -141,7 +125,7 @@ def _write_program(
     careful = require_on_bar(chosen.plan, model.orthoglide)
     if careful is not None:
         common.tell(" ".join(careful.lines))
-    turn = common.named(Order, "order", order) or Order.PAPER
+    turn = Order(order or "paper")
     session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
     told = command("measure", machine=machine, options=sequence_options(*session))
     length = APPROACH_MM if approach is None else approach

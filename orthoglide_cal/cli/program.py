@@ -38,7 +38,7 @@ def write_program(program: PostureProgram, target: Path, template: Path | None =
     if str(target) == "-":
         from orthoglide_cal.report.terminal import TerminalPage
 
-        common.output().print(TerminalPage(texts.program_page(program)), crop=False)
+        common.console().print(TerminalPage(texts.program_page(program)), crop=False)
         return
     if form == _CSV:
         text = texts.program_csv(program)

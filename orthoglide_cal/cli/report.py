@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 from typing import Annotated
-
-import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError, UsageError
@@ -15,11 +12,10 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 def report(
     file: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[FILE]",
-            help=f"{common.MEASURED}; without it the latest session in this folder; - is standard"
+        common.argument(
+            "FILE",
+            f"{common.MEASURED}; without it the latest session in this folder; - is standard"
             " input.",
-            show_default=False,
         ),
     ] = None,
     machine: common.MachineFile = None,
@@ -32,53 +28,40 @@ def report(
     after: Annotated[
         str | None,
         common.option(
-            metavar="FILE",
-            help="Measured after the adjustment: shown as left, compared with the promise.",
+            "FILE", "Measured after the adjustment: shown as left, compared with the promise."
         ),
     ] = None,
-    applied: Annotated[
-        common.Offsets | None,
-        common.option(
-            metavar="DX DY DZ",
-            help="What was added to the controller's offsets before --after [mm]; without it what"
-            " the sessions or the machine file record.",
-        ),
-    ] = None,
+    applied: common.Applied = None,
     limit: common.Limit = None,
     no_colour: common.NoColour = False,
 ) -> None:
     """Write the calibration report."""
-    if after is None and applied is not None:
-        raise UsageError("--applied goes with --after.", "Name the later readings.")
-    if after is None and limit is not None:
-        raise UsageError("--limit goes with --after.", "Name the later readings.")
-    show = functools.partial(
-        common.deliver, as_json=json, html=html, markdown=markdown, overwrite=overwrite
-    )
-
     from orthoglide_cal.files import latest_session
     from orthoglide_cal.report.case import Case, about
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
     from orthoglide_cal.results.verification import verify
 
+    for name, value in (("--applied", applied), ("--limit", limit)):
+        if after is None and value is not None:
+            raise UsageError(f"{name} goes with --after.", "Name the later readings.")
+
     def judge(path: str) -> int:
         given, verification = common.read_input(path, machine, data), None
         if after is not None:
             later = common.read_input(after, machine, data)
-            source = given.measured.source
             if given.model.machine.probes or later.model.machine.probes:
+                compare = about("verify", given.measured.source, after, machine=machine)
                 raise UsageError(
-                    "A report of a printer is of one file.",
-                    f"Compare them: {about('verify', source, after, machine=machine)}",
+                    "A report of a printer is of one file.", f"Compare them: {compare}"
                 )
-            known = functools.partial(common.entered, machine)
-            verification = verify(given, later, applied, limit, known)
+            verification = verify(given, later, applied, limit)
         found = answer_to(given, method, details=True)
         others, options = (verification.inputs, verification.options) if verification else ((), ())
         own = given.measured.source, given.model
         identity = identify([own, *others], found.method, *options)
-        show(calibration_document(Case(given, found, machine), identity, verification))
+        document = calibration_document(Case(given, found, machine), identity, verification)
+        common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
         return 0 if found.release.usable else UnusableResultError.exit_code
 
     common.for_each([file or str(latest_session(Path()))], judge, as_json=json)

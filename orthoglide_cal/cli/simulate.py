@@ -3,21 +3,9 @@
 from __future__ import annotations
 
 import secrets
-from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from orthoglide_cal.cli.common import (
-    MachineFile,
-    NoColour,
-    folder_machine,
-    given_machine,
-    option,
-    print_json,
-    tell,
-)
+from orthoglide_cal.cli import common
 from orthoglide_cal.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -27,108 +15,81 @@ if TYPE_CHECKING:
     from orthoglide_cal.model.plan import Plan
 
 
-# What is meant where nothing is said: the gauge in the middle of the leg; places on a bed.
-_MIDDLE = 0.5
-_PLACES = 41
-
-
-class Protocol(StrEnum):
-    """How the session is measured."""
-
-    DOUBLE = "double"
-    SINGLE = "single"
-
-
 def simulate(
-    protocol: Annotated[
-        Protocol, typer.Option(help="Double-posture or single-posture (sec. 3.2, 3.3).")
-    ] = Protocol.DOUBLE,
+    protocol: common.Protocol = None,
     offsets: Annotated[
-        tuple[float, float, float], typer.Option(metavar="DX DY DZ", help="True joint offsets, mm.")
+        common.Offsets, common.option("DX DY DZ", "True joint offsets, mm (all 0).")
     ] = (0.0, 0.0, 0.0),
     noise: Annotated[
         float | None,
-        option(metavar="MM", help="Standard deviation of a reading; the gauge's own if not given."),
+        common.option("MM", "Standard deviation of a reading; the gauge's own if not given."),
     ] = None,
     resolution: Annotated[
         float | None,
-        option(
-            metavar="MM", help="Smallest step of the gauge; 0: none; the gauge's own if not given."
-        ),
+        common.option("MM", "Smallest step of the gauge; 0: none; the gauge's own if not given."),
     ] = None,
     cycles: Annotated[
-        int | None, option(min=1, max=1000, help="Repeats of the postures (3), or touches (1).")
+        int | None,
+        common.option("N", "Repeats of the postures (3), or touches (1).", min=1, max=1000),
     ] = None,
     gauge_at: Annotated[
-        float,
-        typer.Option(
+        float | None,
+        common.option(
+            "SHARE",
+            "Place of the gauges along the leg: 0 carriage joint, 1 tool (0.5; double only).",
             min=0.0,
             max=1.0,
-            help="Place of the gauges along the leg: 0 carriage joint, 1 tool (double only).",
         ),
-    ] = _MIDDLE,
+    ] = None,
     places: Annotated[
-        int, typer.Option(min=1, max=2000, help="Of a linear delta: places on its bed.")
-    ] = _PLACES,
+        int | None,
+        common.option("N", "Of a linear delta: places on its bed (41).", min=1, max=2000),
+    ] = None,
     height: Annotated[
         list[float] | None,
-        option(metavar="MM", help="Of what lies under the probe; again for more heights."),
+        common.option("MM", "Of what lies under the probe; again for more heights."),
     ] = None,
     more: Annotated[
-        tuple[float, float, float],
-        typer.Option(
+        common.Offsets | None,
+        common.option(
+            "DR DA DB",
+            "Of a linear delta: excess of its radius, mm, and of towers a and b, deg; --offsets"
+            " are those of its endstops.",
             "--radius-angles",
-            metavar="DR DA DB",
-            help="Of a linear delta: excess of its radius, mm, and of towers a and b, deg;"
-            " --offsets are those of its endstops.",
         ),
-    ] = (0.0, 0.0, 0.0),
+    ] = None,
     cause: Annotated[
         list[str] | None,
-        option(
-            metavar="ID[@PLACE]=VALUES",
-            help="Something wrong, e.g. axis_gap=0.1,0.2,-0.1 or gauge_drift@x,y=0.05 (leg,"
-            " direction) or misread@12=0.1 (twelfth reading); may be repeated.",
+        common.option(
+            "ID[@PLACE]=VALUES",
+            "Something wrong, e.g. axis_gap=0.1,0.2,-0.1 or gauge_drift@x,y=0.05 (leg, direction)"
+            " or misread@12=0.1 (twelfth reading); may be repeated.",
         ),
     ] = None,
-    seed: Annotated[int | None, option(min=0, help="The same seed gives the same session.")] = None,
-    target: Annotated[
-        Path | None,
-        option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="Write there instead of standard output: a session if it ends in .yaml, else a"
-            " CSV; an existing file is not touched.",
-        ),
+    seed: Annotated[
+        int | None, common.option("N", "The same seed gives the same session.", min=0)
     ] = None,
-    machine: MachineFile = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="The session as one JSON object instead of a CSV.")
-    ] = False,
-    no_colour: NoColour = False,
+    target: common.Target = None,
+    machine: common.MachineFile = None,
+    json: common.AsJson = False,
+    no_colour: common.NoColour = False,
 ) -> None:
-    """Make up a session: readings as a technician would write them down, as CSV."""
+    """Make up a session: readings as a technician would write them down, as CSV.
 
+    --output FILE.yaml and --json give a session.
+    """
     import numpy as np
 
-    from orthoglide_cal.files import (
-        probe_points_csv,
-        readings_csv,
-        session_json,
-        session_of_readings,
-        write_session,
-        write_text,
-    )
+    from orthoglide_cal import files
     from orthoglide_cal.model import double_posture, single_posture
     from orthoglide_cal.model.linear_delta import LinearDelta
     from orthoglide_cal.model.synthetic import bed_plan, synthetic_probe_points, synthetic_session
 
     for name, size in (("--noise", noise), ("--resolution", resolution)):
-        if size is not None and not 0.0 <= size < float("inf"):
+        if size is not None and size < 0.0:
             raise UsageError(f"{name} cannot be {size:g}.", "Give millimetres from 0.")
     chosen = secrets.randbelow(2**32) if seed is None else seed
-    known = given_machine(machine) or folder_machine()
+    known = common.given_machine(machine) or common.folder_machine()
     nominal = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
     gauge = nominal.instrument.changed(**{k: v for k, v in given.items() if v is not None})
@@ -139,40 +100,40 @@ def simulate(
         """The machine with all that is wrong with it, or with these readings."""
         return known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
 
-    plan: Plan
     record = None
-    if known.machine.probes:
-        if protocol is not Protocol.DOUBLE or gauge_at != _MIDDLE:
+    if nominal.probes:
+        if protocol or gauge_at is not None:
             raise UsageError("--protocol and --gauge-at are for gauges.", "Leave them out.")
         if json or yaml:
             raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
-        plan = bed_plan(LinearDelta.require(nominal), places, height or (0.0,), cycles or 1)
-        true = np.array((*offsets, *more))
-        made = synthetic_probe_points(wrong(plan), plan, true, rng, gauge)
-        text, what = probe_points_csv(made), "touches"
+        bed = bed_plan(LinearDelta.require(nominal), places or 41, height or (0.0,), cycles or 1)
+        true = np.array((*offsets, *(more or (0.0, 0.0, 0.0))))
+        made = synthetic_probe_points(wrong(bed), bed, true, rng, gauge)
+        text, what = files.probe_points_csv(made), "touches"
     else:
-        if places != _PLACES or height is not None or any(more):
+        if places or height or more:
             options = "--places, --height and --radius-angles"
             raise UsageError(f"{options} are of a linear delta.", "Leave them out.")
-        if protocol is Protocol.DOUBLE:
-            plan = double_posture(known.orthoglide, cycles or 3, gauge_at=gauge_at)
-        else:
+        if protocol == "single":
             plan = single_posture(known.orthoglide, cycles or 3)
+        else:
+            at = 0.5 if gauge_at is None else gauge_at
+            plan = double_posture(known.orthoglide, cycles or 3, gauge_at=at)
         made = synthetic_session(wrong(plan), plan, np.array(offsets), rng, gauge)
-        text, what = readings_csv(made), "readings"
-        record = session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
+        text, what = files.readings_csv(made), "readings"
+        record = files.session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target is not None:
         if yaml and record:
-            write_session(record, target)
+            files.write_session(record, target)
         else:
-            write_text(target, text)
-        tell(f"{len(made)} {what} written to {target}")
+            files.write_text(target, text)
+        common.tell(f"{len(made)} {what} written to {target}")
     if json and record:
-        print_json(session_json(record))
+        common.print_json(files.session_json(record))
     elif target is None:
         print(text, end="")
     if seed is None:
-        tell(f"seed {chosen}")
+        common.tell(f"seed {chosen}")
 
 
 def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
@@ -184,12 +145,8 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
     `sign_flip@z,x`             causes without a size take no value; without a place: everywhere
     `wrong_unit@1`              the first of its units
 
-    Args:
-        text: as typed.
-        plan: the readings; gives the places.
-        machine: gives the plausible size of parameters that nobody can type (where a carriage
-            with lost motion stands before its first motion); they are drawn at random.
-        rng: for those.
+    Parameters that nobody can type (where a carriage with lost motion stands before its first
+    motion) are drawn at random.
 
     Raises:
         UsageError: no such cause or place, or not as many values as the cause has parameters.
@@ -217,9 +174,8 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     try:
         values = [parse_number(part) for part in text.split(",")] if text.strip() else []
     except InputError as error:
-        raise UsageError(
-            f"--cause {cause.id}: {error.what} ({error.value!r})", error.remedy
-        ) from error
+        what = f"--cause {cause.id}: {error.what} ({error.value!r})"
+        raise UsageError(what, error.remedy) from error
     if len(values) != len(names):
         unit = f" in {cause.unit}" if cause.unit else ""
         wanted = f"={','.join(names)}" if names else ""
@@ -238,15 +194,13 @@ def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
     from orthoglide_cal.model import Place
 
     places = cause.places(plan, machine)
+    parts = [part.strip() for part in text.removesuffix("+").split(",")]
     index: tuple[int, ...] = ()
-    if text:
-        onward = text.endswith("+")
-        parts = [part.strip() for part in text.removesuffix("+").split(",")]
-        if all(part in ("x", "y", "z") for part in parts):
-            index = tuple("xyz".index(part) for part in parts)
-        elif len(parts) == 1 and parts[0].isdecimal() and 1 <= int(parts[0]) <= len(plan):
-            reading = int(plan.in_time[int(parts[0]) - 1])
-            index = (reading, int(onward)) if len(places[0].index) == 2 else (reading,)
+    if all(part in ("x", "y", "z") for part in parts):
+        index = tuple("xyz".index(part) for part in parts)
+    elif len(parts) == 1 and parts[0].isdecimal() and 1 <= int(parts[0]) <= len(plan):
+        reading = int(plan.in_time[int(parts[0]) - 1])
+        index = (reading, int(text.endswith("+"))) if len(places[0].index) == 2 else (reading,)
     place = Place(index)
     fits = place in places and bool(text) == bool(index)
     if fits and isinstance(cause, RelabelCause):

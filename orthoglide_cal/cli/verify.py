@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated
-
-import typer
 
 from orthoglide_cal.cli import common
 
 
 def verify(
     before: Annotated[
-        str,
-        typer.Argument(
-            metavar="BEFORE", help=f"Measured before the correction. {common.MEASURED}."
-        ),
+        str, common.argument("BEFORE", f"Measured before the correction. {common.MEASURED}.")
     ],
-    after: Annotated[
-        str, typer.Argument(metavar="AFTER", help="Measured after it, with the same protocol.")
-    ],
-    applied: Annotated[
-        common.Offsets | None,
-        common.option(
-            metavar="DX DY DZ",
-            help="What was added to the controller's offsets between the two [mm]; without it"
-            " what the sessions or the machine file record.",
-        ),
-    ] = None,
+    after: Annotated[str, common.argument("AFTER", "Measured after it, with the same protocol.")],
+    applied: common.Applied = None,
     limit: common.Limit = None,
     machine: common.MachineFile = None,
     data: common.Data = None,
@@ -44,7 +29,7 @@ def verify(
 
     def judge(path: str) -> None:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
-        found = verified(*inputs, applied, limit, partial(common.entered, machine))
+        found = verified(*inputs, applied, limit)
         document = verification_document(found, identify(found.inputs, *found.options))
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
 

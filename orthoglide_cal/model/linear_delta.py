@@ -148,9 +148,8 @@ class LinearDelta(Machine):
     # machine, and readings that know a parameter no better than this do not determine it.
     radius_mm: ClassVar[float] = 5.0
     angle_deg: ClassVar[float] = 2.0
-    # What was entered stays in the firmware's own file.
-    may_be_settled, recorded = True, False
-    probes = True
+    may_be_settled, probes = True, True
+    keeps_itself = "The firmware of a printer keeps what it is given; nothing is recorded here."
     decimals = 4
     has_cube = False
     controller_formats = ("klipper", "reprapfirmware", "marlin")

@@ -128,7 +128,7 @@ class Machine(Schema):
         recommended: ids of causes that no controller compensates, but that are worth knowing for
             what is calibrated.
         may_be_settled: nothing is to be entered where readings agree with what the controller has.
-        recorded: what was entered is kept in the machine file.
+        keeps_itself: why the machine file does not record what was entered; empty where it does.
         probes: it measures itself.
         decimals: of what is entered; None for as many as the uncertainty asks for.
         has_cube: the error of its tool is shown over a cube of its workspace.
@@ -151,7 +151,7 @@ class Machine(Schema):
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     recommended: ClassVar[tuple[str, ...]] = ()
     may_be_settled: ClassVar[bool]
-    recorded: ClassVar[bool]
+    keeps_itself: ClassVar[str] = ""
     probes: ClassVar[bool]
     decimals: ClassVar[int | None] = None
     has_cube: ClassVar[bool]

@@ -93,8 +93,7 @@ class Orthoglide(Machine):
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
     )
-    may_be_settled, recorded = False, True
-    probes = False
+    may_be_settled, probes = False, False
     has_cube = True
     controller_formats = ("linuxcnc", "table")
     vocabulary = OFFSETS

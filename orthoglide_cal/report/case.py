@@ -89,7 +89,7 @@ class Case:
 
         With what was entered, where no machine file can tell.
         """
-        unknown = self.machine.recorded and recording(self.given) is Recording.NOWHERE
+        unknown = not self.machine.keeps_itself and recording(self.given) is Recording.NOWHERE
         digits = self.answer.decimals
         changes = " ".join(plain(each.change(digits), digits) for each in self.answer.parameters)
         options = f"--applied {changes}" if unknown else ""

@@ -87,7 +87,7 @@ def as_text(export: Export) -> str:
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",
     ]
-    if case.machine.recorded:
+    if not case.machine.keeps_itself:
         says = case.machine.home_mm
         lines += [
             "At the isotropic posture, as the controller is set now:",

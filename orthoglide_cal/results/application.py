@@ -91,7 +91,7 @@ def apply(
 def recording(given: Input) -> Recording:
     """Whether what is entered from this measurement can be recorded, or was."""
     file = given.keeper
-    if file is None or not given.model.machine.recorded:
+    if file is None or given.model.machine.keeps_itself:
         return Recording.NOWHERE
     if file.model.machine.entered_from(given.measured.source.sha256):
         return Recording.DONE

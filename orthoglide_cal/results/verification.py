@@ -18,7 +18,7 @@ scatter, and what is left of each parameter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import permutations, product
@@ -45,7 +45,6 @@ from orthoglide_cal.files import Input, check_same_printer, machine_values
 from orthoglide_cal.model import (
     AXES,
     DataKind,
-    Entered,
     Floats,
     GaugePlan,
     Measured,
@@ -222,16 +221,14 @@ def verify(
     after: Input,
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
-    history: Callable[[], Sequence[Entered]] = tuple,
 ) -> Verification:
     """What was promised, what came true, and whether the machine responded as the model says.
 
     Args:
         before, after: of the same machine, measured with the same protocol.
         applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
-            None takes what the inputs or the history say.
+            None takes what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
-        history: gives that of the machine file; only asked where the inputs do not say enough.
 
     Raises:
         UsageError: different machines, nobody says what was applied or nothing was, an option
@@ -249,11 +246,7 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
-    applied = (
-        _recorded(before, after, history)
-        if applied_mm is None
-        else np.array(applied_mm, dtype=float)
-    )
+    applied = _recorded(before, after) if applied_mm is None else np.array(applied_mm, dtype=float)
     if np.abs(applied).max() < SMALLEST_MM:
         raise UsageError(
             "Nothing was applied, so there is no response to verify.",
@@ -440,12 +433,12 @@ def _differences(
     return rows
 
 
-def _recorded(before: Input, after: Input, history: Callable[[], Sequence[Entered]]) -> Floats:
+def _recorded(before: Input, after: Input) -> Floats:
     """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
     first, second = (each.model.machine.active for each in (before, after))
     if first == second or not (before.is_session and after.is_session):
-        sha256 = before.measured.source.sha256
-        known = next((each for each in history() if each.data_sha256 == sha256), None)
+        keeper, sha256 = before.keeper, before.measured.source.sha256
+        known = keeper.model.machine.entered_from(sha256) if keeper else None
         if known is None:
             raise UsageError(
                 "The files do not say what was entered in the controller between them.",
