@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 # Of a question: a name, a number, or several.
 Value = str | float | list[float]
-Answers = dict[str, Value]  # dotted key of the file → its value
+Answers = dict[str, Any]  # dotted key of the file → its value
 
 machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
 
@@ -76,6 +76,7 @@ def new(
 ) -> None:
     """Make a machine file: asks what the options leave open."""
     from orthoglide_cal.files import write_text
+    from orthoglide_cal.model.machines import MACHINES
 
     # Each option with the keys that it gives, on machines of this or that kind.
     given: dict[str, tuple[Value | None, *tuple[str, ...]]] = {
@@ -94,7 +95,7 @@ def new(
         "--endstop": (endstop, "endstops_mm"),
     }
     answers: Answers = {"kind": kind}
-    asked = _asked_for(kind)
+    asked = dict(_questions(MACHINES.get(kind, MACHINES["orthoglide"])))
     for option, (value, *keys) in given.items():
         own = [key for key in keys if key in asked]
         if value is not None and not own:
@@ -144,13 +145,6 @@ def show(
             "Name one, or make one: orthocal machine new",
         )
     common.deliver(machine_document(common.read_machine_file(path).model), as_json=json)
-
-
-def _asked_for(kind: str) -> dict[str, str]:
-    """Dotted key → question, of a machine of this kind; of an unknown one as of an Orthoglide."""
-    from orthoglide_cal.model.machines import MACHINES
-
-    return dict(_questions(MACHINES.get(kind, MACHINES["orthoglide"])))
 
 
 def _questions(schema: type[BaseModel], group: str = "") -> Iterator[tuple[str, str]]:
@@ -240,37 +234,38 @@ def _text(answers: Answers, target: Path) -> str:
     """The file's text. Raises InvalidFileError for values that make no machine."""
     from orthoglide_cal.files import new_machine
 
-    values: Answers = {}
-    for key in dict.fromkeys((*_asked_for(answers["kind"]), *answers)):
+    values: Answers = {"name": "my machine"}
+    scaled = ("joint_limits_mm", "workspace_mm") if "leg_length_mm" in answers else ()
+    for key in dict.fromkeys((*answers, *scaled)):
         value = _plain(answers[key] if key in answers else _usual(key, answers))
         group, _, inner = key.rpartition(".")
         (values.setdefault(group, {}) if group else values)[inner] = value
-    if "gauge" in values:
-        values["gauge"]["revolution_mm"] = values["gauge"]["revolution_mm"] or None
     if "endstops_mm" in values:  # one number for all
         values["endstops_mm"] = dict.fromkeys("abc", values["endstops_mm"])
+    if answers.get("gauge.revolution_mm") == 0.0:
+        values["gauge"]["revolution_mm"] = None
     return new_machine(values, str(target))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Value) -> Value:
     """Whole numbers without a decimal point."""
     if isinstance(value, list):
-        return [_plain(each) for each in value]
+        return [int(each) if each.is_integer() else each for each in map(float, value)]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _usual(key: str, answers: Answers) -> Any:
+def _usual(key: str, answers: Answers) -> Value:
     """What is proposed: the prototype's value, for travel and workspace in proportion to L."""
     from orthoglide_cal.files import machine_values, read_machine_file, shipped_machine
 
-    shipped = read_machine_file(shipped_machine(answers["kind"])).model
-    value: Any = {**machine_values(shipped), "name": "my machine"}
-    length = value.get("leg_length_mm", 1.0)
+    known = machine_values(read_machine_file(shipped_machine(answers["kind"])).model)
+    value: Any = {**known, "name": "my machine"}
     for part in key.split("."):
         value = value[part]
     if key in ("arm_length_mm", "endstops_mm"):  # one for all
         value = next(iter(value.values() if isinstance(value, dict) else value))
-    share = answers.get("leg_length_mm", length) / length
-    if share != 1.0 and key == "joint_limits_mm":
-        return [round(limit * share) for limit in value]
-    return _plain(round(value * share) if share != 1.0 and key == "workspace_mm" else value)
+    if "leg_length_mm" in answers and key in ("joint_limits_mm", "workspace_mm"):
+        share = answers["leg_length_mm"] / known["leg_length_mm"]
+        scaled = [round(each * share) for each in (value if isinstance(value, list) else [value])]
+        return [*scaled] if isinstance(value, list) else scaled[0]
+    return _plain(value)

@@ -144,7 +144,8 @@ def test_more_cycles_are_said_to_help_where_they_do(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("protocol", "cycles"), [("double", 50), ("single", 1), ("best", 50)])
 def test_every_protocol_has_its_plan(protocol: str, cycles: int) -> None:
-    (data,) = lines(run("plan", "--protocol", protocol, "--cycles", str(cycles), "--json"))
+    how = "--design" if protocol == "best" else "--protocol"
+    (data,) = lines(run("plan", how, protocol, "--cycles", str(cycles), "--json"))
     assert data["cycles"] == cycles
     assert all(max(each["expanded_mm"].values()) < 0.06 for each in data["by_cycles"])
 
