@@ -103,6 +103,11 @@ class Faults:
             InputError(what, remedy, file=self.file, line=line, column=column, value=value)
         )
 
+    def at(self, place: FaultPlace, what: str, remedy: str, value: str | None = None) -> None:
+        """Note one fault at a place; `value` instead of the text there."""
+        line, column, text = place
+        self.add(what, remedy, line=line, column=column, value=value or text)
+
     def take(
         self,
         error: ValidationError,
@@ -122,8 +127,7 @@ class Faults:
             self._more += error.error_count()
             return
         for path, what, remedy in _worded(error, schema, words):
-            line, column, value = place(path)
-            self.add(what, remedy, line=line, column=column, value=value)
+            self.at(place(path), what, remedy)
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""

@@ -280,8 +280,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     faults, before = tree.faults, tree.faults.count
 
     def note(what: str, remedy: str, *inner: str, value: str | None = None) -> None:
-        line, column, text = tree.place((*path, *inner))
-        faults.add(what, remedy, line=line, column=column, value=value or text)
+        faults.at(tree.place((*path, *inner)), what, remedy, value)
 
     if not isinstance(value, dict):
         here = path[-1] in tree.value if path else True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from difflib import get_close_matches
 
@@ -37,7 +37,7 @@ from orthoglide_cal.model import (
     places_of,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.schema import Day, Positive, Schema, Word, parse_number
+from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
 from orthoglide_cal.words import listed
 
 NEEDED_COLUMNS = ("leg", "posture", "direction")
@@ -73,27 +73,34 @@ class GaugeIdentity(Schema):
     )
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """Circumstances as recorded; None or empty where not given, never invented.
+class Circumstances(Schema):
+    """What a session says around its readings; None or empty where not given, never invented.
 
     Attributes:
-        protocol, operator, started, finished: as in the session file.
+        protocol, operator, started, finished: as `measure` was told; times are ISO 8601.
+        gauges: that were used.
+    """
+
+    protocol: str | None = None
+    operator: str | None = None
+    gauges: tuple[GaugeIdentity, ...] = ()
+    started: Moment | None = None
+    finished: Moment | None = None
+
+
+class Conditions(Circumstances):
+    """Circumstances as recorded; the gauges are those of the session, or labels in the readings.
+
+    Attributes:
+        environment: name, and what is said of it.
         temperature_c: lowest and highest reading of the thermometer.
-        environment: further remarks, name → text.
-        gauges: those of the session, or the labels in the readings.
         retaken: number of readings that were replaced.
         skipped: number of steps left out.
         notes: (line of the file, remark).
     """
 
-    protocol: str | None = None
-    operator: str | None = None
-    started: str | None = None
-    finished: str | None = None
-    temperature_c: tuple[float, float] | None = None
     environment: tuple[tuple[str, str], ...] = ()
-    gauges: tuple[GaugeIdentity, ...] = ()
+    temperature_c: tuple[float, float] | None = None
     retaken: int = 0
     skipped: int = 0
     notes: tuple[tuple[int, str], ...] = ()
@@ -104,8 +111,8 @@ class Conditions:
         if self.temperature_c is not None:
             return sum(self.temperature_c) / 2.0
         try:
-            return parse_number(dict(self.environment)["temperature_c"])
-        except (KeyError, InputError):
+            return parse_number(dict(self.environment).get("temperature_c", ""))
+        except InputError:
             return None
 
 

@@ -360,8 +360,7 @@ class Rows(Generic[R]):
 
     def note(self, index: int, column: str, what: str, remedy: str) -> None:
         """Note a fault in row `index`."""
-        line, at, value = self.records[index].place((column,))
-        self.faults.add(what, remedy, line=line, column=at, value=value)
+        self.faults.at(self.records[index].place((column,)), what, remedy)
         self.rows[index] = None
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,8 +13,8 @@ from orthoglide_cal.files.faults import Steps, unused
 from orthoglide_cal.files.machine_file import default_machine, differing, machine_in, machine_values
 from orthoglide_cal.files.readings import (
     READING_COLUMNS,
+    Circumstances,
     Conditions,
-    GaugeIdentity,
     conditions_in,
     reading_rows,
     readings_from_records,
@@ -24,7 +23,7 @@ from orthoglide_cal.files.rows import Reading, ReadingRow, Record, Rows
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.files.yaml_tree import Tree, yaml_text
 from orthoglide_cal.model import Model, Readings
-from orthoglide_cal.schema import Moment, Schema, Version
+from orthoglide_cal.schema import Version
 
 _COLUMNS = (*READING_COLUMNS, "timestamp")
 
@@ -36,13 +35,11 @@ def _said(value: object) -> object:
     return value
 
 
-class Session(Schema):
+class Session(Circumstances):
     """A session as its file holds it; keys that it does not know are kept out of it, and reported.
 
     Attributes:
         machine: that was measured, with its accepted causes.
-        protocol, operator, started, finished: as `measure` was told; times are ISO 8601.
-        gauges: that were used.
         environment: name → what is said of it.
         readings, retaken, skipped: that count; that were replaced; steps that were left out.
     """
@@ -52,10 +49,6 @@ class Session(Schema):
     schema_version: Version = 1
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_values)]
     protocol: str | None = ""
-    operator: str | None = None
-    gauges: tuple[GaugeIdentity, ...] = ()
-    started: Moment | None = None
-    finished: Moment | None = None
     environment: Annotated[Mapping[str, str | None] | None, BeforeValidator(_said)] = None
     readings: tuple[ReadingRow, ...] = ()
     retaken: tuple[ReadingRow, ...] = ()
@@ -102,20 +95,16 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
     if session is None:
         raise tree.faults.error()
     found = conditions_in(readings)
-    own = {gauge.id for gauge in session.gauges}
-    said = session.environment or {}
-    conditions = replace(
-        found,
-        protocol=session.protocol or None,
-        operator=session.operator or None,
-        started=session.started,
-        finished=session.finished,
-        environment=tuple((name, text) for name, text in said.items() if text),
-        gauges=(*session.gauges, *(gauge for gauge in found.gauges if gauge.id not in own)),
-        retaken=len(session.retaken),
-        skipped=len(session.skipped),
-    )
-    return readings, judge, conditions
+    own, said = {gauge.id for gauge in session.gauges}, session.environment or {}
+    given = {key: getattr(session, key) or None for key in Circumstances.model_fields}
+    gauges = (*session.gauges, *(gauge for gauge in found.gauges if gauge.id not in own))
+    given |= {
+        "environment": tuple((name, text) for name, text in said.items() if text),
+        "gauges": gauges,
+        "retaken": len(session.retaken),
+        "skipped": len(session.skipped),
+    }
+    return readings, judge, found.changed(**given)
 
 
 def session_json(session: Session) -> dict[str, Any]:
@@ -126,7 +115,8 @@ def session_json(session: Session) -> dict[str, Any]:
         {key: said for key, said in gauge.items() if key != "due" or said}
         for gauge in content["gauges"]
     ]
-    return {**content, "gauges": gauges, **rows}
+    first = dict.fromkeys(("schema_version", "machine"))
+    return {**first, **content, "gauges": gauges, **rows}
 
 
 def session_text(session: Session) -> str:
@@ -200,22 +190,24 @@ def _recorded(tree: Tree, machine: Model | None) -> Session | None:
 
 def _records(tree: Tree, key: str) -> list[Record]:
     """The entries of a list as rows of cells; those that are no groups of values are faults."""
+
+    def note(path: Steps, what: str, remedy: str) -> None:
+        tree.faults.at(tree.place(path), what, remedy)
+
     entries = tree.value.get(key)
     if not isinstance(entries, list):
         if entries is not None:
-            what, remedy = "A list is wanted here.", "Write [first, second] or `- …` lines."
-            _note(tree, (key,), what, remedy)
+            note((key,), "A list is wanted here.", "Write [first, second] or `- …` lines.")
         return []
     records = []
     for index, entry in enumerate(entries):
         path: Steps = (key, index)
         if not isinstance(entry, dict):
-            what = "A group of keys is wanted here."
-            _note(tree, path, what, "Write `name: value` lines, indented.")
+            note(path, "A group of keys is wanted here.", "Write `name: value` lines, indented.")
             continue
         inner = [name for name, value in entry.items() if isinstance(value, dict | list)]
         for name in inner:
-            _note(tree, (*path, name), "One value is wanted here.", "Write `name: value`.")
+            note((*path, name), "One value is wanted here.", "Write `name: value`.")
         if not inner:
             lines = {name: tree.place((*path, name)).line for name in entry}
             cells = {name: value.strip() for name, value in entry.items() if value}
@@ -225,16 +217,10 @@ def _records(tree: Tree, key: str) -> list[Record]:
     return records
 
 
-def _note(tree: Tree, path: Steps, what: str, remedy: str) -> None:
-    line, column, value = tree.place(path)
-    tree.faults.add(what, remedy, line=line, column=column, value=value)
-
-
 def _difference(recorded: Model, given: Model) -> list[str]:
     names = differing(recorded, given)
-    if not names:
-        return []
-    return [
+    remark = (
         f"The session was measured on {recorded.machine.name!r}, which differs from the machine"
         f" given, {given.machine.name!r}, in: {', '.join(names)}. The machine given was used."
-    ]
+    )
+    return [remark] if names else []

@@ -58,7 +58,21 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
         UnreadableError: no such file, a folder, no permission.
         InputError: too large, empty, or not UTF-8 text.
     """
-    return document_from_bytes(_bytes(path, limit), path, limit)
+    try:
+        if path == "-":
+            data = sys.stdin.buffer.read(limit + 1)
+        else:
+            with Path(path).open("rb") as file:
+                data = file.read(limit + 1)
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        what, remedy = f"The file cannot be read: {reason}.", "Check the path and its permissions."
+        if isinstance(error, FileNotFoundError):
+            what, remedy = "There is no such file.", "Check the path."
+        elif isinstance(error, IsADirectoryError):
+            what, remedy = "This is a folder.", "Name a file inside it."
+        raise UnreadableError(what, remedy, file=path) from error
+    return document_from_bytes(data, path, limit)
 
 
 def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> FileText:
@@ -129,62 +143,27 @@ def number_text(value: float) -> str:
     return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(float(value))
 
 
-def _bytes(path: str, limit: int) -> bytes:
-    try:
-        if path == "-":
-            return sys.stdin.buffer.read(limit + 1)
-        with Path(path).open("rb") as file:
-            return file.read(limit + 1)
-    except FileNotFoundError as error:
-        raise UnreadableError("There is no such file.", "Check the path.", file=path) from error
-    except IsADirectoryError as error:
-        raise UnreadableError("This is a folder.", "Name a file inside it.", file=path) from error
-    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        raise UnreadableError(
-            f"The file cannot be read: {reason}.", "Check the path and its permissions.", file=path
-        ) from error
-
-
 def _decoded(data: bytes, path: str) -> str:
+    def refused(what: str, remedy: str, at: int, value: str | None = None) -> InputError:
+        line = len(data[:at].splitlines()) + data[:at].endswith((b"\n", b"\r"))
+        return InputError(what, remedy, file=path, line=max(line, 1), value=value)
+
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError("The text is encoded as UTF-16.", _UTF8, file=path, line=1)
+        raise refused("The text is encoded as UTF-16.", _UTF8, 0)
     if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        raise InputError(
-            "This is a spreadsheet or an archive, not text.",
-            "Save the sheet as CSV (UTF-8) and give that file.",
-            file=path,
-        )
+        what = "This is a spreadsheet or an archive, not text."
+        raise InputError(what, "Save the sheet as CSV (UTF-8) and give that file.", file=path)
     nul = data.find(b"\0")
     if nul >= 0:
-        raise InputError(
-            "The file holds a NUL byte: it is binary, damaged, or UTF-16.",
-            _UTF8,
-            file=path,
-            line=_line_of(data, nul),
-        )
+        what = "The file holds a NUL byte: it is binary, damaged, or UTF-16."
+        raise refused(what, _UTF8, nul)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(
-            "The text is not UTF-8 (Latin-1 or a Windows code page?).",
-            _UTF8,
-            file=path,
-            line=_line_of(data, error.start),
-            value=f"byte 0x{data[error.start]:02X}",
-        ) from error
+        what, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
+        raise refused(what, _UTF8, error.start, f"byte 0x{value:02X}") from error
     control = _CONTROL.search(text)
     if control:
-        raise InputError(
-            "The text holds a control character.",
-            "Remove it; a file of readings is plain text.",
-            file=path,
-            line=_line_of(text[: control.start()].encode(), len(data)),
-            value=control.group(),
-        )
+        what, remedy = "The text holds a control character.", "Remove it; a file is plain text."
+        raise refused(what, remedy, data.index(control[0].encode()), control[0])
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _line_of(data: bytes, position: int) -> int:
-    before = data[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return before.count(b"\n") + 1

@@ -203,7 +203,7 @@ def test_a_gauge_that_was_due_before_the_measurement_is_marked(
     path.write_text(f"{text}report: {{gauge_due: {due}, place: Nantes}}\n", encoding="utf-8")
     given = replace(cases.healthy().given, model=read_machine(path))
     gauges = (GaugeIdentity(id="41", due=due),)
-    conditions = replace(given.conditions, finished=finished, gauges=gauges)
+    conditions = given.conditions.changed(finished=finished, gauges=gauges)
     given = replace(given, conditions=conditions)
     whole = html(report_of(replace(cases.healthy(), given=given)).page())
     assert "<dt>Place</dt><dd><bdi>Nantes</bdi></dd>" in whole
