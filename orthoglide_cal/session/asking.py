@@ -107,15 +107,15 @@ class DeadTime:
 
     unasked: int = 0  # messages in a row that came too soon
     after_reading: bool = False  # whether the first of them followed a reading from this source
+    opens: float = -math.inf  # from when on a message counts
     _last: float = -math.inf  # the last reading or message
-    _opens: float = -math.inf
     arrivals: dict[float, bool] = field(default_factory=dict)  # of messages; was it a reading
 
     def begin(self, at: float, driving: bool, mine: bool) -> None:
         """A reading arrived, from this source if `mine`; the machine may be driven now."""
         self.unasked, self.after_reading, self._last = 0, mine, at
         wait = AFTER_A_DRIVE_S if driving else BETWEEN_GAUGES_S
-        self._opens = max(self._opens, at + wait)
+        self.opens = max(self.opens, at + wait)
 
     def is_early(self, begun: float, ended: float, length: int, shown: float) -> bool:
         """Whether a message cannot be meant for what is asked.
@@ -126,16 +126,16 @@ class DeadTime:
             shown: since when the question stands on the screen.
         """
         by_hand = 0 < length * BY_HAND_S <= ended - begun
-        opens = self._last + BACK_AT_THE_KEYS_S if by_hand else self._opens
+        opens = self._last + BACK_AT_THE_KEYS_S if by_hand else self.opens
         return begun < max(opens, shown)
 
     def ignore(self, at: float) -> float | None:
         """A message was too soon; the time since the last one [s], None if only its prompt was."""
-        gone = at - self._last if at < self._opens else None
+        gone = at - self._last if at < self.opens else None
         if gone is None:
             self.unasked, self.after_reading = 0, False
         self.unasked += 1
-        self._last, self._opens = at, max(self._opens, at + BETWEEN_GAUGES_S)
+        self._last, self.opens = at, max(self.opens, at + BETWEEN_GAUGES_S)
         return gone
 
     def arrived(self, at: float) -> int | None:
@@ -145,18 +145,13 @@ class DeadTime:
         """
         self.arrivals = {**dict(list(self.arrivals.items())[1 - STREAM :]), at: False}
         gaps = [late - early for early, late in pairwise(self.arrivals)]
-        if len(gaps) < STREAM - 1 or max(gaps) - min(gaps) > EVEN_S:
-            return None
-        if min(gaps) < 5.0 * EVEN_S:  # faster ones come too soon anyway
+        # Faster ones come too soon anyway.
+        if len(gaps) < STREAM - 1 or max(gaps) - min(gaps) > EVEN_S or min(gaps) < 5.0 * EVEN_S:
             return None
         readings = sum(self.arrivals.values())
         self.arrivals = dict.fromkeys(self.arrivals, False)
-        self._opens = max(self._opens, at + 2.0 * max(gaps))
+        self.opens = max(self.opens, at + 2.0 * max(gaps))
         return readings
-
-    def is_quiet(self, now: float) -> bool:
-        """Whether whatever came too soon has ended."""
-        return now >= self._opens
 
 
 @dataclass(eq=False)
@@ -246,7 +241,12 @@ class Asker:
         if self.keyboard.disturbed():
             self._end_line()
             self._redraw()
-        line = self._line(gauge)
+        try:
+            line = self.keyboard.read(POLL_S if gauge or self.keyboard.live else None)
+        except EOFError:
+            if self.keyboard.live or self.gauge is None or not self.gauge.reads_itself:
+                raise
+            line = Line("")
         if line is not None:
             text = line.text.strip()
             self._line_is_open = False
@@ -259,19 +259,10 @@ class Asker:
                 self._answered = (line.ended, self._keys)
                 return text
             self._asked = self.clock()
-        if self._sending is not None and self._sending.is_quiet(self.clock()):
+        if self._sending is not None and self.clock() >= self._sending.opens:
             self._sending.unasked, self._sending = 0, None
             self._break_in("The gauge is quiet now.", Style.GOOD)
         return None if gauge is None else self._listen(gauge, line is not None)
-
-    def _line(self, gauge: LiveGauge | None) -> Line | None:
-        """What the keyboard says now; it is waited for at most until the gauge has its turn."""
-        try:
-            return self.keyboard.read(POLL_S if gauge or self.keyboard.live else None)
-        except EOFError:
-            if self.keyboard.live or self.gauge is None or not self.gauge.reads_itself:
-                raise
-            return Line("")
 
     def _listen(self, gauge: LiveGauge, asked: bool) -> Heard | Unasked | None:
         """One look at the gauge."""

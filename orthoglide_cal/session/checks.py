@@ -246,7 +246,7 @@ def _reversals(coming: NextReading) -> Iterator[Blunder]:
         mine = np.array([step.setup == setup for step in steps])
         if mine.sum() > 2 and np.all(whole[mine] & paired[mine]):
             question = since(Doubt.EXCHANGED, "are the two gauges exchanged", mine)
-            swapped = np.where(mine, coming.exchanged(rows), rows)
+            swapped = np.where(mine, rows + len(coming.steps), rows)
             yield Blunder(question, np.ones(len(rows)), swapped)
 
 
@@ -273,7 +273,7 @@ def _explanations(
     others = list(evidence.whole)
     if coming.partner[new] >= 0:
         question = Question(Doubt.EXCHANGED, "are the two gauges exchanged?")
-        swapped = np.append(past, coming.exchanged(rows[-1:]))
+        swapped = np.append(past, new + len(coming.steps))
         others.insert(0, Blunder(question, np.ones(len(rows)), swapped))
     for other in others:
         signed = values * other.signs

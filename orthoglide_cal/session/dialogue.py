@@ -293,8 +293,7 @@ class Dialogue:
         reason = f"ended early, every offset is known within {until_mm:g} mm"
         drop = tuple(step.number for step in dropped)
         self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
-        minutes = minutes_left(dropped)
-        self.asker.say(wording.shortened(dropped, minutes, until_mm), Style.GOOD)
+        self.asker.say(wording.shortened(dropped, until_mm), Style.GOOD)
         if self.next_step() is not None:
             self.asker.say(
                 "The closing isotropic posture is still read: it shows drift and knocks."
@@ -354,7 +353,7 @@ class Dialogue:
             number = int(which) if re.fullmatch("[0-9]{1,4}", which) else 0
             done = number in state.accepted or number in state.skipped
             chosen = [steps[number - 1]] if done else []
-            nothing = f"There is no reading at step {which[:20]} yet. t shows what there is."
+            nothing = f"There is no reading at step {which[:20]} yet."
         if not chosen:
             self.asker.say(nothing)
             return

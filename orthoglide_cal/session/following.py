@@ -45,7 +45,6 @@ class PriorReadings:
 
     @property
     def path(self) -> str:
-        """Of their file, as the user gave it."""
         return self.following.data.path
 
     @cached_property
@@ -125,8 +124,8 @@ class Recommendation:
         change = np.subtract(self.first.following.entered, _left_entered(self.first.readings))
         if not change.round(6).any():
             return None
-        axes = zip(AXES, change.tolist(), strict=True)
-        said = "  ".join(f"{axis.upper()} {value:+.4g}" for axis, value in axes)
+        axes = zip("XYZ", change.tolist(), strict=True)
+        said = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
         return (
             f"Since {visible(self.first.path)} was measured, the offsets in the controller were"
             f" changed by {said} mm: the new readings are written with that difference."

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -22,7 +23,6 @@ from orthoglide_cal.files import write_text
 from orthoglide_cal.session.events import RECORD, Event, Opened
 from orthoglide_cal.system import SYSTEM
 
-START = 0
 _BEGIN = b'{"crc32":"'
 
 
@@ -37,7 +37,7 @@ class Recovered:
     checksum: int  # running checksum after the last record
 
 
-def encode(event: Event, checksum: int) -> tuple[bytes, int]:
+def encode(event: Event, checksum: int = 0) -> tuple[bytes, int]:
     """One line for `event` after records with this running checksum; and the new checksum."""
     body = json.dumps(event.model_dump(), ensure_ascii=True, separators=(",", ":")).encode()
     checksum = zlib.crc32(body, checksum)
@@ -51,7 +51,7 @@ def decode(data: bytes, path: str) -> Recovered:
         InputError: not a journal, or damaged before its last record.
     """
     events: list[Event] = []
-    checksum, size = START, 0
+    checksum, size = 0, 0
     for number, line in enumerate(BytesIO(data), start=1):
         try:
             event, after = _decode_line(line.rstrip(b"\n"), checksum)
@@ -102,12 +102,13 @@ class Journal:
         self._descriptor = descriptor
         self._size = recovered.size
         self._checksum = recovered.checksum
-        self._repaired = not (recovered.lost or recovered.open_line)
+        self._lost = recovered.lost > 0
+        self._end = b"\n" if recovered.open_line else b""  # of the last record
 
     @classmethod
     def create(cls, path: Path, *events: Event) -> Journal:
         """A new journal of these records, all or none. Raises UsageError if the file exists."""
-        text, checksum = b"", START
+        text, checksum = b"", 0
         for event in events:
             line, checksum = encode(event, checksum)
             text += line
@@ -156,17 +157,27 @@ class Journal:
             InputError: the disk is full or the file is gone; nothing of the record remains.
         """
         line, checksum = encode(event, self._checksum)
+        line = self._end + line
         try:
-            self._check_place()
-            if not self._repaired:
-                self._repair()
+            mine, named = os.fstat(self._descriptor), os.stat(self.path)
+            if (mine.st_dev, mine.st_ino) != (named.st_dev, named.st_ino):
+                raise OSError("another file has its name now")
+            if self._lost:  # make room after the last complete record
+                os.ftruncate(self._descriptor, self._size)
+                self._lost = False
+            elif mine.st_size != self._size:
+                raise OSError("another program changed it")
             os.lseek(self._descriptor, self._size, os.SEEK_SET)
             rest = memoryview(line)
             while rest:
                 rest = rest[os.write(self._descriptor, rest) :]
             os.fsync(self._descriptor)
         except OSError as error:
-            self._cut_back()
+            # Remove what was written of it; if even that fails, the next resume ignores it.
+            with suppress(OSError):
+                if not self._lost and os.fstat(self._descriptor).st_size > self._size:
+                    os.ftruncate(self._descriptor, self._size)
+                    os.fsync(self._descriptor)
             raise InputError(
                 f"The last entry could not be saved: {error.strerror or error}.",
                 "All earlier entries are on the disk. Free some space, or plug the drive in again;"
@@ -174,32 +185,7 @@ class Journal:
                 file=str(self.path),
             ) from error
         self._size += len(line)
-        self._checksum = checksum
-
-    def _check_place(self) -> None:
-        """The file must still be the one that its name leads to, as long as we left it."""
-        mine, named = os.fstat(self._descriptor), os.stat(self.path)
-        if (mine.st_dev, mine.st_ino) != (named.st_dev, named.st_ino):
-            raise OSError("another file has its name now")
-        if self._repaired and mine.st_size != self._size:
-            raise OSError("another program changed it")
-
-    def _repair(self) -> None:
-        """Make room after the last complete record of an interrupted session."""
-        os.ftruncate(self._descriptor, self._size)
-        if self.recovered.open_line:
-            os.lseek(self._descriptor, self._size, os.SEEK_SET)
-            self._size += os.write(self._descriptor, b"\n")
-        self._repaired = True
-
-    def _cut_back(self) -> None:
-        """Remove what was written of a record that failed; a full disk allows that."""
-        try:
-            if os.fstat(self._descriptor).st_size > self._size and self._repaired:
-                os.ftruncate(self._descriptor, self._size)
-                os.fsync(self._descriptor)
-        except OSError:
-            pass  # then the next resume ignores it: it is no complete record
+        self._checksum, self._end = checksum, b""
 
     def close(self) -> None:
         """Let go of the file and its lock."""

@@ -101,12 +101,7 @@ def open_session(
         # A gauge that is not there leaves no file behind, nor does a machine that is another one.
         if serial:
             serial.open()
-        found = None
-        if request.following is not None:
-            choice, stands, keeper = request.choice, request.stands or 2, request.keeper
-            known = request.model, request.otherwise
-            found = recommended(request.following, *known, keeper, choice, stands)
-        model, found = _confirmed(request, Asker(keyboard, show), found)
+        model, found = _confirmed(request, Asker(keyboard, show))
         # What others are joined to keeps the machine as it was for the first of them.
         first = _first_records(request, found.model if found else model, now(), found)
         journal = Journal.create(record.journal_path(path), *first)
@@ -136,35 +131,32 @@ def open_session(
 
 def _check_options(request: Request) -> None:
     """Raises UsageError if what is asked for does not go together."""
-    if request.following is None:
+    path, following = request.path, request.following
+    if following is None:
         if request.choice is not None:
             raise UsageError("--choice is of a recommendation.", "Name its data: --then FILE")
         return
-    if (
-        request.path
-        and record.session_path(request.path).resolve() == Path(request.following).resolve()
-    ):
+    if path and record.session_path(path).resolve() == Path(following).resolve():
         raise UsageError(
-            f"{request.following} is never changed: it cannot be the new session, too.",
+            f"{following} is never changed: it cannot be the new session, too.",
             "Name another file for the session that will hold both.",
         )
     told = {
+        "--resume": request.resume or None,
         "--protocol or --design": request.protocol,
         "--cycles": request.cycles,
         "--order": request.order,
         "--until": request.until_mm,
     }
-    given = [name for name, value in told.items() if value is not None]
-    remedy = "Leave it out: what is read follows from the data and the recommendation."
-    if request.resume:
-        given, remedy = ["--resume"], "Leave out --then: what was begun is known."
-    if given:
-        raise UsageError(f"--then and {given[0]} do not go together.", remedy)
+    for name, value in told.items():
+        if value is not None:
+            raise UsageError(
+                f"--then and {name} do not go together.",
+                "Leave out one of them: what is read follows from what was begun.",
+            )
 
 
-def _confirmed(
-    request: Request, asker: Asker, found: Recommendation | None
-) -> tuple[Model, Recommendation | None]:
+def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | None]:
     """The machine, with the offsets that its controller holds, once the operator has agreed to it.
 
     With it, to the measurement that is recommended, if it is to be carried out. Nobody is asked
@@ -175,6 +167,10 @@ def _confirmed(
         PostureError: a plunger would leave its bar.
         EOFError, KeyboardInterrupt: there is no answer.
     """
+    found = None
+    if request.following is not None:
+        known = request.model, request.otherwise, request.keeper
+        found = recommended(request.following, *known, request.choice, request.stands or 2)
     given = request.model or default_machine()
     if found:
         given, plan = found.first.following.held(found.model), found.option.plan
@@ -196,8 +192,17 @@ def _confirmed(
         if request.agreed or not asker.keyboard.live:
             return model, found
         if request.model is None and not found:
-            asker.say(wording.PROTOTYPE, Style.BAD)
-        asker.say(wording.CONFIRM_NEXT if found else wording.CONFIRM, Style.QUESTION)
+            asker.say(
+                "No machine file is named, and there is none in this folder: these are the numbers"
+                " of the paper's prototype. Make yours: orthocal machine new",
+                Style.BAD,
+            )
+        also = ", and shall this be measured now" if found else ""
+        asker.say(
+            f"Is it this machine, with these offsets in its controller{also}? Return: yes.  n: no."
+            "  Other offsets: type the three, in mm.",
+            Style.QUESTION,
+        )
         answer = asker.ask("Return, n, or the three offsets > ")
         text = answer.lower() if isinstance(answer, str) else ""
         if text in ("", "y", "yes"):
@@ -224,8 +229,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
             "These are not three joint offsets.",
             "Give those of X, Y and Z in mm, as the controller shows them: 0.412 -0.3 0",
         )
-    x, y, z = offsets_mm
-    return model.holding((x, y, z))
+    return model.holding(offsets_mm)
 
 
 def _first_records(
@@ -266,23 +270,18 @@ def _setting(request: Request, journal: Journal, state: State) -> Setting:
     """What the session is measured with. Raises InputError, UsageError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model, first = machine_from_text(opened.machine, path), None
-    if opened.version == events.VERSION:
+    if planned is not None:
+        steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
+        first = first_of(planned.following, model) if planned.following else None
+    else:
         steps = sequence(
             model.orthoglide, opened.protocol, opened.cycles, opened.order, opened.stands
         )
-    elif planned is None:
+    known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events)
+    if not known or (planned is None) != (opened.version == events.VERSION):
         raise InputError(
-            "The journal does not say what is to be read.",
+            "The journal speaks of a step that this session does not have, or not of what is read.",
             "Restore the file from a copy; or move it away and begin anew.",
-            file=path,
-        )
-    else:
-        steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
-        first = first_of(planned.following, model) if planned.following else None
-    if any(not 1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events):
-        raise InputError(
-            "The journal speaks of a step that this session does not have.",
-            "Restore the file from a copy.",
             file=path,
         )
     setting = Setting(model, steps, first)

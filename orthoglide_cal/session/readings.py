@@ -328,10 +328,6 @@ class NextReading:
             self.scatter_mm,
         )
 
-    def exchanged(self, rows: Ints) -> Ints:
-        """Rows of the forecast for readings taken by the other gauge of their leg."""
-        return rows + len(self.steps)
-
     @property
     def scatter_mm(self) -> float:
         """Standard deviation of a reading from successive repeats; the median forgives blunders.

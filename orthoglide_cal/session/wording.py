@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.model import AXES, Contact, Floats, Model, Posture, other_axes
+from orthoglide_cal.model import AXES, Contact, Floats, Model, other_axes
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.program import Point
 from orthoglide_cal.planning.steps import (
@@ -17,6 +17,7 @@ from orthoglide_cal.planning.steps import (
     minutes_left,
     posture_name,
     sequence_options,
+    step_name,
 )
 from orthoglide_cal.session.events import Questioned
 from orthoglide_cal.session.readings import Setting
@@ -35,7 +36,7 @@ Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
   r 14 why     retake step 14 (r x: all of leg X); the old reading is kept
   n text       note, kept with this step
   s why        skip this step (s all: skip all that is left, and finish)
-  t            table of the readings so far
+  t            the last 20 readings
   p            pause
   q            save and quit; go on later with --resume
   ?            this help
@@ -45,21 +46,8 @@ A reading that looks wrong is questioned once:
   or give the reading again.
 Every accepted reading is on the disk before the next prompt."""
 
-PROTOTYPE = """\
-No machine file is named, and there is none in this folder: these are the
-numbers of the paper's prototype. Make yours: orthocal machine new"""
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
-BEST = (
-    f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is wrong with a"
-    " machine, leave out --design."
-)
-CONFIRM_NEXT = """\
-Is it this machine, with these offsets in its controller, and shall this be
-measured now? Return: yes.  n: no.  Other offsets: type the three, in mm."""
-CONFIRM = """\
-Is it this machine, and does its controller hold these offsets?
-Return: yes.  n: another machine.  Other offsets: type the three, in mm."""
 STREAM = """\
 The gauge sends by itself: nothing of that is recorded. Switch off its
 continuous output (also: AUTO, STREAM, INTERVAL), so that it sends when its
@@ -89,7 +77,10 @@ def opening(state: State, setting: Setting, name: str) -> str:
     made = f"orthocal plan --program FILE.nc {told}".strip()
     head = [f"{opened.protocol} session, {counted(opened.cycles, 'cycle')}, order: {opened.order}"]
     if opened.protocol is MeasuringProtocol.BEST:
-        head.append(BEST)
+        head.append(
+            f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is wrong"
+            " with a machine, leave out --design."
+        )
     # What continues other readings has no program, and blocks of another one drive elsewhere.
     program = [f"Blocks   are those of this machine's {made}"]
     if first:
@@ -233,13 +224,11 @@ def offsets(offsets_mm: Floats, expanded_mm: Floats) -> str:
     return f"Offsets so far, {UNLESS}:\n  {'  '.join(parts)} mm"
 
 
-def shortened(dropped: Sequence[SessionStep], minutes: float, until_mm: float) -> str:
+def shortened(dropped: Sequence[SessionStep], until_mm: float) -> str:
     """What --until has made unnecessary."""
-    cycles = len({(s.leg, s.cycle) for s in dropped if s.posture is not Posture.ISO})
     return (
-        f"Every offset is known within {until_mm:g} mm ({UNLESS}). Saved:"
-        f" {counted(cycles, 'cycle')} of a leg, {len(dropped)} readings,"
-        f" {_duration(minutes).lower()}."
+        f"Every offset is known within {until_mm:g} mm ({UNLESS}). Saved: {len(dropped)} readings,"
+        f" {_duration(minutes_left(dropped)).lower()}."
     )
 
 
@@ -261,53 +250,24 @@ def truth(found: Sequence[Parameter], hidden_mm: Floats) -> str:
     """After a simulated session: what was hidden, and what was found."""
     lines, inside = ["This machine was simulated. Hidden in it, and found (mm):"], True
     for each, hidden in zip(found, hidden_mm.tolist(), strict=True):
-        if each.found is None:
-            continue
-        known = (each.found, each.found - each.expanded, each.found + each.expanded)
-        value, least, most = (f"{one:+.{decimals_for(each.expanded)}f}" for one in known)
-        inside &= known[1] <= hidden <= known[2]
-        lines.append(
-            f"  {each.name.upper()}  hidden {hidden:+.4f}   found {value}   95 % from {least} to"
-            f" {most}"
-        )
-    if inside:
-        lines.append("All three lie inside their intervals.")
-    else:
-        lines.append("Not all lie inside their intervals; expected once in seven sessions.")
-    return "\n".join(lines)
+        if each.found is not None:
+            known = (each.found, each.found - each.expanded, each.found + each.expanded)
+            value, least, most = (f"{one:+.{decimals_for(each.expanded)}f}" for one in known)
+            inside &= known[1] <= hidden <= known[2]
+            name = f"{each.name.upper()}  hidden {hidden:+.4f}"
+            lines.append(f"  {name}   found {value}   95 % from {least} to {most}")
+    last = "Not all lie inside their intervals; expected once in seven sessions."
+    return "\n".join([*lines, "All three lie inside their intervals." if inside else last])
 
 
 def table(state: State, setting: Setting, unit: Unit) -> str:
-    """The readings so far: one line per leg, gauge and posture, one column per cycle.
-
-    There is room for five: the last ones up to the cycle in hand.
-    """
-    steps = setting.steps
-    begun = max((steps[number - 1].cycle for number in state.accepted), default=1)
-    end = max(begun, min(5, max(step.cycle for step in steps)))
-    shown = range(max(end - 5, 0) + 1, end + 1)
-
-    def cell(number: int) -> str:
-        if number not in state.accepted:
-            return ". " if state.is_open(number) else "- "
-        take = state.accepted[number].take
-        value, _, _ = value_text(take.value_mm, unit).partition(" ")
-        return f"{value}{'?' if isinstance(take, Questioned) else ' '}"
-
-    rows: dict[tuple[object, str], dict[int, str]] = {}
-    for step in steps:
-        leg, direction = (AXES[axis].upper() for axis in step.series)
-        aside = step.end or ("stepped" if setting.short_mm(step).any() else "")
-        rows.setdefault((step.cell, f" {leg}    {direction}    {step.posture} {aside}"), {})[
-            step.cycle
-        ] = cell(step.number)
-    heads = "".join(f"{f'cycle {number}':>10}" for number in shown)
-    lines = [f"{f'leg gauge posture  [{unit}]':<24}{heads}"]
-    for (_, name), cells in rows.items():
-        values = "".join(f"{cells.get(number, ''):>10}" for number in shown)
-        lines.append(f"{name:<24}{values}".rstrip())
-    marks = "? kept although questioned   - skipped   . to come"
-    return "\n".join([*lines, f"{marks}   replaced: {len(state.replaced)}"])
+    """The last readings, one in a line."""
+    lines = [f"The last readings of {len(state.accepted)}:"]
+    for number, item in list(state.accepted.items())[-20:]:
+        kept = "  kept although questioned" if isinstance(item.take, Questioned) else ""
+        name, shown = step_name(setting.steps[number - 1]), value_text(item.take.value_mm, unit)
+        lines.append(f"  {number:>3}  {name}  {shown}{kept}")
+    return "\n".join(lines)
 
 
 def wrapped(text: str, columns: int) -> str:

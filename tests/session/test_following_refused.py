@@ -19,7 +19,7 @@ SAMPLES = HERE.parents[1] / "sample_data"
         (("--cycles", "2"), 2, "--then and --cycles do not go together"),
         (("--order", "paper"), 2, "--then and --order do not go together"),
         (("--until", "0.1"), 2, "--then and --until do not go together"),
-        (("--resume",), 2, "Leave out --then: what was begun is known"),
+        (("--resume",), 2, "--then and --resume do not go together"),
         (("--choice", "999"), 2, "There is no recommendation 999"),
         (("--seed", "8"), 2, "was not measured on this simulated machine"),
         (("--offsets-active", "1000", "0", "0"), 2, "These are not three joint offsets"),
@@ -70,7 +70,7 @@ def test_the_first_file_is_never_the_new_one(first: Path, tmp_path: Path) -> Non
 def test_in_a_terminal_it_is_confirmed(first: Path, tmp_path: Path) -> None:
     arguments = choice(first, is_step)[:-1]
     with Terminal(tmp_path, "n.yaml", *arguments, agreed=False) as terminal:
-        terminal.expect(r"shall this be")
+        terminal.expect(r"shall\s+this\s+be")
         terminal.expect(r"three offsets > ")
         assert "Next, about 2 min: Without touching the stands" in " ".join(terminal.seen.split())
         terminal.type("n")

@@ -28,7 +28,7 @@ from orthoglide_cal.session.events import (
     Skipped,
     Undone,
 )
-from orthoglide_cal.session.journal import START, Journal, decode, encode
+from orthoglide_cal.session.journal import Journal, decode, encode
 from orthoglide_cal.session.state import replay
 
 from .virtual import AT, opened, questioned, taken
@@ -58,7 +58,7 @@ def eventful() -> list[Event]:
 
 def written(events: list[Event]) -> tuple[bytes, list[int]]:
     """The journal's bytes and where each record ends."""
-    data, checksum, ends = b"", START, []
+    data, checksum, ends = b"", 0, []
     for event in events:
         line, checksum = encode(event, checksum)
         data += line

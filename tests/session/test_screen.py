@@ -12,7 +12,7 @@ from orthoglide_cal.session.wording import table, value_text
 from orthoglide_cal.words import Unit
 
 from .terminal import AT_ONCE, PATIENCE_S, PROMPT, environment
-from .virtual import answered, opened, readings_of, steps_of, typed
+from .virtual import answered, readings_of, steps_of, typed
 
 # As a shell must be given it: a clone may stand at a path with a blank.
 PYTHON = shlex.quote(sys.executable)
@@ -60,17 +60,13 @@ def test_a_narrow_screen_breaks_no_word_and_shows_no_broken_picture(
     assert "rail X" not in screen.text
 
 
-@pytest.mark.parametrize("cycles", [3, 9])
-def test_a_table_shows_the_cycle_in_hand(tmp_path: Path, cycles: int) -> None:
-    lines = typed(readings_of(steps_of(cycles=cycles)))[: 6 * cycles - 4]
-    dialogue, _ = answered(tmp_path / "s.journal", lines, first=opened(cycles=cycles))
-    shown = table(dialogue.state, dialogue.setting, Unit.MM).splitlines()
-    heads = ["1", "2", "3", "4"] if cycles == 3 else ["5", "6", "7", "8", "9"]
-    assert [word for word in shown[0].split() if word.isdigit()] == heads
-    assert f"{float(lines[0 if cycles == 3 else 24]):+.3f}" == shown[1].split()[3]
-    inches = table(dialogue.state, dialogue.setting, Unit.INCH).splitlines()
-    assert "[in]" in inches[0]
-    assert float(inches[1].split()[3]) == pytest.approx(float(shown[1].split()[3]) / 25.4, abs=6e-6)
+def test_a_table_has_the_last_readings(tmp_path: Path) -> None:
+    lines = typed(readings_of(steps_of()))[:26]
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    shown = table(dialogue.state, dialogue.setting, Unit.INCH).splitlines()
+    assert (len(shown), shown[0]) == (21, "The last readings of 26:")
+    assert re.fullmatch(r" +21  leg Y, ISO, cycle 1, gauge X  \S+ in \(\S+ mm\)", shown[15])
+    assert float(shown[15].split()[-4]) == pytest.approx(float(lines[20]) / 25.4, abs=6e-5)
 
 
 @pytest.mark.parametrize("end", ["\t", "\r"])

@@ -129,14 +129,11 @@ class SerialPort:
             UsageError: anything else, or an unknown format.
         """
         match, name = _PORT.fullmatch(text), text.partition(":")[0]
-        if match is None and text in SERIAL_FORMATS:
-            raise UsageError(
-                f"The gauge {text!r} lacks its port.", f"Write it as {text}:/dev/ttyUSB0."
-            )
         if match is None or name not in SERIAL_FORMATS:
             raise UsageError(
-                f"There is no gauge format {(name if match else text)!r}.",
-                f"Choose typed, simulated, or FORMAT:PORT with one of {', '.join(SERIAL_FORMATS)}.",
+                f"There is no gauge {text!r}.",
+                "Choose typed, simulated, or FORMAT:PORT, such as sylvac:/dev/ttyUSB0, with one of"
+                f" {', '.join(SERIAL_FORMATS)}.",
             )
         self.format = SERIAL_FORMATS[name]
         self.port = match["port"]
@@ -144,15 +141,6 @@ class SerialPort:
         # Of the gauges that are read side by side; none if the line is of one gauge.
         self.channels = match["channels"].split(",") if match["channels"] else []
         self.name = f"{name}:{self.port}"
-        check = f"Is it on, its cable plugged in, and set to {self.baud} baud?"
-        if self.format.request:
-            self.hint = "press Return or the gauge's button"
-            answer = f"The gauge on {self.port} did not answer."
-            self.silence = f"{answer} {check} Or press its button."
-        else:
-            self.hint = "press its button"
-            answer = f"Return cannot ask the gauge on {self.port}: press its button."
-            self.silence = f"{answer} Nothing? {check}"
         self._splitter = Splitter()
         self._line: serial.Serial | None = None
 
@@ -226,8 +214,14 @@ class SerialGauge(LiveGauge):
     def __init__(self, source: Sequence[str]) -> None:
         """`source` as for `SerialPort`, not opened yet. Raises UsageError."""
         self.ports = [SerialPort(text) for text in source]
-        self.hint, self.silence = self.ports[0].hint, self.ports[0].silence
+        asks = any(port.format.request for port in self.ports)
+        self.hint = f"press {'Return or ' if asks else ''}the gauge's button"
         self._stand = 0
+
+    @property
+    def _wanted(self) -> int:
+        """The port that is listened to."""
+        return min(self._stand, len(self.ports) - 1)
 
     def open(self) -> None:
         """Open the ports. Raises UsageError, GaugeLost."""
@@ -237,15 +231,18 @@ class SerialGauge(LiveGauge):
     def begin(self, step: SessionStep, takes: int) -> None:
         """Only what is sent while its prompt is shown counts."""
         self._stand = step.stand
-        wanted = self.ports[min(step.stand, len(self.ports) - 1)]
-        self.hint, self.silence = wanted.hint, wanted.silence
+        port = self.ports[self._wanted]
+        answer = f"Return cannot ask the gauge on {port.port}: press its button. Nothing?"
+        if port.format.request:
+            answer = f"The gauge on {port.port} did not answer. Press its button."
+        self.silence = f"{answer} Is it on, its cable plugged in, and set to {port.baud} baud?"
         for port in self.ports:
             port.discard()
 
     def poll(self, asked: bool) -> list[Heard]:
         """What all gauges said; only the one that is wanted is asked, and counts."""
         heard: list[Heard] = []
-        wanted = min(self._stand, len(self.ports) - 1)
+        wanted = self._wanted
         for number, port in enumerate(self.ports):
             for token in port.read(asked and number == wanted):
                 name, elsewhere = port.name, None
@@ -261,13 +258,11 @@ class SerialGauge(LiveGauge):
 
     def reconnect(self) -> bool:
         """Try to open the ports that are closed."""
-        back = True
-        for port in self.ports:
-            try:
-                port.open()
-            except GaugeLost:
-                back = False
-        return back
+        try:
+            self.open()
+        except GaugeLost:
+            return False
+        return True
 
     def close(self) -> None:
         """Close all ports."""
