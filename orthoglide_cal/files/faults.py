@@ -29,7 +29,6 @@ _WORDS = {
     "number_type": ("A number is wanted here.", "Write a plain number such as 310.25."),
     "string_type": ("A text is wanted here.", "Write a word or put the text in quotes."),
     "literal_error": ("This {key} is not known.", "{near}Known: {known}."),
-    "union_tag_invalid": ("This kind of machine is not known.", "{near}Known: {known}."),
     "greater_than": ("The number must be greater than {gt:g}.", _NUMBER),
     "greater_than_zero": ("The number must be greater than zero.", "Give its size."),
     "greater_than_equal": ("The number must be at least {ge:g}.", _NUMBER),
@@ -171,7 +170,7 @@ def _worded(
 ) -> Iterator[tuple[Steps, str, str]]:
     """(path, what, remedy) of each fault."""
     for each in error.errors(include_url=False):
-        path, classes = _path(each["loc"], schema)
+        path = each["loc"]
         given = each.get("ctx", {})
         cause = given.get("error")
         if isinstance(cause, InputError):
@@ -181,16 +180,14 @@ def _worded(
                 steps = (int(index) if index else name for index, name in inner)
                 yield (*path, *steps), problem.what, problem.remedy
             continue
-        known = _QUOTED.findall(given.get("expected") or given.get("expected_tags") or "")
+        known = _QUOTED.findall(given.get("expected", ""))
         meant = ""
         kind = _ALSO.get(each["type"], each["type"])
-        if kind == "union_tag_invalid":
-            path, meant = (*path, "kind"), str(given["tag"])
-        elif kind == "literal_error":
+        if kind == "literal_error":
             meant = str(each["input"])
         elif kind == "extra_forbidden":
             meant = str(path[-1])
-            known = list(dict.fromkeys(name for c in classes for name in map(str, _fields(c))))
+            known = _known(path, schema)
         elif kind == "missing" and isinstance(path[-1], int):
             kind = "too_short"
         elif kind == "greater_than_equal" and given["ge"] == 0:
@@ -216,19 +213,14 @@ def _not_above_zero(value: object, bound: Mapping[str, float]) -> bool:
     return parse_number(str(value), decimal_comma=True) <= 0.0 <= min(bound.values())
 
 
-def _path(loc: Steps, schema: object) -> tuple[Steps, Sequence[type]]:
-    """The path in the file, without the names of classes in a union; the classes that end it."""
-    classes, path = _classes(schema), []
-    for step in loc:
-        tagged = [each for each in classes if _tag(each) == step]
+def _known(path: Steps, schema: object) -> list[str]:
+    """Names that are known where an unknown one stands."""
+    classes = _classes(schema)
+    for step in path[:-1]:
         fields = [_fields(each)[step] for each in classes if step in _fields(each)]
-        if tagged and not fields:
-            classes = tagged
-            continue
-        path.append(step)
         if fields:
             classes = [each for field in fields for each in _classes(field)]
-    return tuple(path), classes
+    return list(dict.fromkeys(str(name) for each in classes for name in _fields(each)))
 
 
 def _fields(kind: type) -> dict[str | int, object]:
@@ -237,11 +229,6 @@ def _fields(kind: type) -> dict[str | int, object]:
         return {name: field.annotation for name, field in kind.model_fields.items()}
     hints: dict[str | int, object] = {}
     return hints | get_type_hints(kind)
-
-
-def _tag(kind: type) -> object:
-    field = kind.model_fields.get("kind") if issubclass(kind, BaseModel) else None
-    return field.default if field else None
 
 
 def _classes(annotation: object) -> Sequence[type]:

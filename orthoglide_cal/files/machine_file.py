@@ -18,7 +18,6 @@ import numpy as np
 from pydantic import (
     AfterValidator,
     Field,
-    TypeAdapter,
     ValidationError,
     ValidationInfo,
     field_validator,
@@ -32,7 +31,7 @@ from orthoglide_cal.files.yaml_edit import edited
 from orthoglide_cal.files.yaml_tree import Tree, load_tree, yaml_text
 from orthoglide_cal.model import Cause, Effect, Entered, Estimate, Machine, Model
 from orthoglide_cal.model.machine import JointOffsets
-from orthoglide_cal.model.machines import MACHINES, AnyMachine, kind_of
+from orthoglide_cal.model.machines import MACHINES, kind_of
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, yaml_number
 
 # A section that only a Klipper configuration has, or a part of one.
@@ -48,8 +47,6 @@ _LARGEST_TOLERANCE = 1000.0
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
-
-_MACHINE: TypeAdapter[Machine] = TypeAdapter(AnyMachine)
 
 
 class IdentifiedParameter(Schema):
@@ -189,7 +186,12 @@ class StoredMachine:
 
 
 def read_machine_file(path: Path | str) -> StoredMachine:
-    """The machine file at a path ("-": standard input). Raises as `read_machine` does."""
+    """The machine file at a path ("-": standard input).
+
+    Raises:
+        InvalidFileError: everything in it that breaks the schema, each with line and path.
+        InputError: not readable, not YAML, or not a machine file.
+    """
     file = read_document(str(path), YAML_LIMIT)
     if PRINTER_SECTION.search(file.text):
         raise InputError(
@@ -201,7 +203,7 @@ def read_machine_file(path: Path | str) -> StoredMachine:
 
 
 def machine_file_in(tree: Tree) -> StoredMachine:
-    """The machine file that a parsed document is. Raises as `read_machine` does."""
+    """The machine file that a parsed document is. Raises as `read_machine_file` does."""
     value, file = tree.value, tree.file
     if not isinstance(value, dict):
         raise InputError(
@@ -231,24 +233,12 @@ def machine_file_in(tree: Tree) -> StoredMachine:
 
 
 def read_machine(path: Path | str | None = None) -> Model:
-    """The machine described by a file, with its accepted causes; the prototype for None.
-
-    Args:
-        path: machine file; "-" is standard input.
-
-    Raises:
-        InvalidFileError: everything in it that breaks the schema, each with line and path.
-        InputError: not readable, not YAML, or not a machine file.
-    """
+    """The machine in a file, with its accepted causes; the prototype for None."""
     return default_machine() if path is None else read_machine_file(path).model
 
 
 def machine_from_text(content: str, path: str) -> Model:
-    """The machine that the text of a machine file describes; `path` is its name in messages.
-
-    Raises:
-        InvalidFileError, InputError: as `read_machine`.
-    """
+    """The machine that a text describes; `path` is its name. Raises as `read_machine_file`."""
     return machine_file_in(load_tree(document_from_bytes(content.encode(), path))).model
 
 
@@ -287,12 +277,9 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         what = "A group of keys is wanted here." if here else "The key is missing."
         note(what, "Write `name: value` lines, indented." if here else "Add a line `machine: …`.")
         return None
-    if "kind" in value and not isinstance(value["kind"], str):
-        note("This kind of machine is not known.", f"Known: {', '.join(MACHINES)}.", "kind")
-        value = {key: value[key] for key in value if key != "kind"}
-    kind = kind_of(value)
-    made = MACHINES.get(kind)
-    own = made or MACHINES[kind_of({key: value[key] for key in value if key != "kind"})]
+    kind = value.get("kind", kind_of(value))
+    made = MACHINES.get(kind) if isinstance(kind, str) else None
+    own = made or MACHINES[kind_of(value)]
     around = _Around.model_fields
     order = sorted(own.model_fields, key=lambda key: key in Machine.model_fields)
     known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *around)))
@@ -300,18 +287,19 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         if key not in known:
             near = "" if faults.full else nearest(key, known)
             note("The key is not known.", f"{near}Known here: {', '.join(known)}.", key)
-    if made and "kind" not in value and made.model_fields["kind"].default != kind_of({}):
+    if made is None:
+        what, near = "This kind of machine is not known.", nearest(str(kind), MACHINES)
+        note(what, f"{near}Known: {', '.join(MACHINES)}.", "kind")
+    elif "kind" not in value and kind != kind_of({}):
         faults.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     found: list[Any] = []
-    parts = (
-        (_MACHINE, AnyMachine, {key: value[key] for key in value if key in own.model_fields}),
-        (TypeAdapter(_Around), _Around, {key: value[key] for key in value if key in around}),
-    )
-    for adapter, schema, part in parts:
+    schemas: tuple[type[Schema] | None, ...] = made, _Around
+    for schema in filter(None, schemas):
+        part = {key: value[key] for key in value if key in schema.model_fields}
         if part.get("identified", part) is None:
             del part["identified"]
         try:
-            found.append(adapter.validate_python(part, context=own))
+            found.append(schema.model_validate(part, context=own))
         except ValidationError as error:
             faults.take(error, schema, lambda inner: tree.place((*path, *inner)))
     tolerances = value.get("tolerances")

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated
-
-from pydantic import Discriminator, Tag
 
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
@@ -17,23 +14,10 @@ MACHINES: Mapping[str, type[Machine]] = MappingProxyType(
 )
 
 
-def kind_of(given: object) -> str:
-    """The kind of a machine, or of the keys of a machine file.
-
-    Without a `kind` it is the one that has the most of these keys for itself, or an Orthoglide.
-    """
-    if isinstance(given, Machine):
-        return given.kind
-    keys = given if isinstance(given, dict) else {}
+def kind_of(keys: Mapping[str, object]) -> str:
+    """The kind of a file without a `kind`: of most keys that no other has, or an Orthoglide."""
     own = {
         kind: keys.keys() & made.model_fields.keys() - Machine.model_fields.keys()
         for kind, made in MACHINES.items()
     }
-    likeliest = max(own, key=lambda kind: len(own[kind]))
-    return str(keys.get("kind") or likeliest)
-
-
-AnyMachine = Annotated[
-    Annotated[Orthoglide, Tag("orthoglide")] | Annotated[LinearDelta, Tag("linear_delta")],
-    Discriminator(kind_of),
-]
+    return max(own, key=lambda kind: len(own[kind]))

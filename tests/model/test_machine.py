@@ -2,16 +2,20 @@
 
 import pytest
 import yaml
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.machines import MACHINES, AnyMachine
+from orthoglide_cal.model.machines import MACHINES, kind_of
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.machines import PROTOTYPE, ROOT
 from tests.printers import PRINTER
 
-ANY = TypeAdapter(AnyMachine)
+
+def read(values):
+    return MACHINES[values.get("kind", kind_of(values))].model_validate(values)
+
+
 LEFT_OUT = ("schema_version", "identified")
 
 
@@ -30,18 +34,18 @@ def keys(name, **other):
 def test_its_kind_is_told_by_its_keys_too(name, made):
     stated = keys(name)
     silent = {key: value for key, value in stated.items() if key != "kind"}
-    machine = ANY.validate_python(silent)
+    machine = read(silent)
     assert type(machine) is made
     assert MACHINES[machine.kind] is made
-    assert machine == ANY.validate_python({**stated, "kind": machine.kind})
-    assert hash(machine) == hash(ANY.validate_python(silent))
+    assert machine == read({**stated, "kind": machine.kind})
+    assert hash(machine) == hash(read(silent))
 
 
 @pytest.mark.parametrize("machine", [PROTOTYPE, PRINTER], ids=lambda machine: machine.kind)
 def test_what_it_dumps_makes_the_same_machine(machine):
     for dumped in (machine.model_dump(), machine.model_dump(mode="json")):
-        assert ANY.validate_python(dumped) == machine
-    assert ANY.validate_json(machine.model_dump_json()) == machine
+        assert read(dumped) == machine
+    assert type(machine).model_validate_json(machine.model_dump_json()) == machine
 
 
 @pytest.mark.parametrize(
@@ -63,17 +67,16 @@ def test_what_it_dumps_makes_the_same_machine(machine):
 )  # fmt: skip
 def test_a_slip_has_its_place(name, other, place, words):
     with pytest.raises(ValidationError) as caught:
-        ANY.validate_python(keys(name, **other))
+        read(keys(name, **other))
     (fault,) = caught.value.errors()
-    # Behind the kind.
-    assert fault["loc"][1:] == place
+    assert fault["loc"] == place
     assert words in fault["msg"]
 
 
 def test_one_length_stands_for_all_arms_and_a_missing_offset_for_none():
-    (one,) = {ANY.validate_python(keys("linear_delta", arm_length_mm="300.5")).arm_length_mm}
+    (one,) = {read(keys("linear_delta", arm_length_mm="300.5")).arm_length_mm}
     assert one == (300.5, 300.5, 300.5)
-    machine = ANY.validate_python(keys("orthoglide_prototype", offsets_mm={"y": "−0.25"}))
+    machine = read(keys("orthoglide_prototype", offsets_mm={"y": "−0.25"}))
     assert machine.active == (0.0, -0.25, 0.0)
 
 
