@@ -18,7 +18,7 @@ _CSV = ".csv"
 
 
 def write_program(program: PostureProgram, target: Path, template: Path | None = None) -> None:
-    """Write a posture program; "-" shows it as a table on standard output.
+    """Write a posture program; "-" shows its table on standard output.
 
     Args:
         program: what to write.
@@ -29,28 +29,19 @@ def write_program(program: PostureProgram, target: Path, template: Path | None =
         UsageError: another kind of file, a template without G-code, or the file exists.
         InputError: the template cannot be used, or the file cannot be written.
     """
-    from orthoglide_cal.files import write_text
     from orthoglide_cal.report import program as texts
 
-    form = target.suffix.lower()
+    form = _CSV if str(target) == "-" else target.suffix.lower()
     if template is not None and form not in _GCODE:
         raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
-    if str(target) == "-":
-        from orthoglide_cal.report.terminal import TerminalPage
-
-        common.console().print(TerminalPage(texts.program_page(program)), crop=False)
-        return
     if form == _CSV:
         text = texts.program_csv(program)
     elif form in _GCODE:
         text = texts.program_gcode(program, _template(program, template))
     else:
         raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
-    write_text(target, text)
-    common.tell(
-        f"{len(program.blocks)} blocks written to {target}. Try them first without gauges,"
-        " slowly, a hand at the stop."
-    )
+    said = "Try them first without gauges, slowly, a hand at the stop."
+    _write(text, target, f"{len(program.blocks)} blocks written to {target}. {said}")
 
 
 def _template(program: PostureProgram, path: Path | None) -> Template:
@@ -59,11 +50,9 @@ def _template(program: PostureProgram, path: Path | None) -> Template:
     from orthoglide_cal.files.gcode_template import gcode_template
     from orthoglide_cal.files.text import YAML_LIMIT, read_document
 
-    numbers = [block.number for block in program.blocks]
-    if path is not None:
-        return gcode_template(read_document(str(path), YAML_LIMIT), numbers)
     with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
-        return gcode_template(read_document(str(shipped), YAML_LIMIT), numbers)
+        document = read_document(str(path or shipped), YAML_LIMIT)
+    return gcode_template(document, [block.number for block in program.blocks])
 
 
 def write_places(found: SessionForecast, target: Path) -> None:
@@ -72,7 +61,7 @@ def write_places(found: SessionForecast, target: Path) -> None:
     Raises:
         UsageError: another kind of file, a layout with distances, or the file exists.
     """
-    from orthoglide_cal.files import places_csv, write_text
+    from orthoglide_cal.files import places_csv
     from orthoglide_cal.model.probe_plan import ProbePlan
 
     if not found.can_be_sent:
@@ -81,17 +70,22 @@ def write_places(found: SessionForecast, target: Path) -> None:
             "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
             " choose a layout without distances: --layout bed-13",
         )
-    text = places_csv(ProbePlan.require(found.plan))
+    if str(target) != "-" and target.suffix.lower() != _CSV:
+        raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
+    said = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
+    told = f"{len(found.plan)} places written to {target}: {found.what}. {said}"
+    _write(places_csv(ProbePlan.require(found.plan)), target, told)
+
+
+def _write(text: str, target: Path, told: str) -> None:
+    """A file, of which people are told; or "-"."""
+    from orthoglide_cal.files import write_text
+
     if str(target) == "-":
         print(text, end="")
         return
-    if target.suffix.lower() != _CSV:
-        raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
     write_text(target, text)
-    common.tell(
-        f"{len(found.plan)} places written to {target}: {found.what}. Fill in"
-        " reading_mm, the height at which the probe triggers, bed mesh off."
-    )
+    common.tell(told)
 
 
 def _unknown(target: Path, remedy: str) -> UsageError:

@@ -7,7 +7,7 @@ where the blocks go; all others are copied as they stand.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Annotated
 
@@ -24,14 +24,12 @@ _PAUSE = re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+")
 _COMMENT = re.compile(r"\([^)]*\)?|;.*")
 _NUMBER = re.compile(r"\s*/?\s*N0*([0-9]+)", re.IGNORECASE)
 _CODE = re.compile(r"G0*([0-9]+)(?![0-9.])", re.IGNORECASE)
-_MARKER = "blocks"
-_NOTE = "note"
 _PRINT = "orthocal template gcode shows one that is complete."
-# Codes that exclude each other: those that the blocks are written for, and what others mean.
-_MODES: tuple[tuple[tuple[str, ...], Mapping[str, str]], ...] = (
-    (("21", "71", "710"), dict.fromkeys(("20", "70", "700"), "inches")),
-    (("90",), {"91": "distances from the last point"}),
-    (("94",), {"93": "feeds as inverse times", "95": "feeds per turn"}),
+# Codes of which the last one holds: that for which the blocks are written, and what others mean.
+_MODES = (
+    {"21": "", "71": "", "710": "", "20": "inches", "70": "inches", "700": "inches"},
+    {"90": "", "91": "distances from the last point"},
+    {"94": "", "93": "feeds as inverse times", "95": "feeds per turn"},
 )
 
 
@@ -98,11 +96,10 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
     markers: list[bool] = []
     modes: dict[int, tuple[int, str]] = {}
     for line, text in enumerate(document.text.rstrip("\n").split("\n"), start=1):
-        ours = _OURS.fullmatch(text)
-        if ours:
+        if ours := _OURS.fullmatch(text):
             key, colon, value = (ours[1] or ours[2] or "").partition(":")
             name = key.strip().lower()
-            if name == _MARKER and not colon:
+            if name == "blocks" and not colon:
                 markers.append(ours[1] is None)
                 if len(markers) > 1:
                     faults.add("This is a second place for the blocks.", "Take one out.", line=line)
@@ -111,38 +108,27 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
             elif name in known:
                 settings[name] = " ".join(value.split())
                 places[name] = FaultPlace(line, None, value.strip())
-            elif name != _NOTE:
-                near = nearest(name, (*known, _NOTE, _MARKER))
+            elif name != "note":
+                near = nearest(name, (*known, "note", "blocks"))
                 faults.add("This is no setting.", f"{near}{_PRINT}", line=line, value=name)
             continue
         parts[bool(markers)].append(text)
         code = _COMMENT.sub("", text)
         number = _NUMBER.match(code)
         if number and int(number[1]) in taken:
-            faults.add(
-                "A posture has this block number.",
-                "Number your own lines otherwise, or not at all.",
-                line=line,
-                value=f"N{number[1]}",
-            )
-        if not markers:
-            for found in _CODE.findall(code):
-                modes |= {k: (line, found) for k, (ok, no) in enumerate(_MODES)
-                          if found in ok or found in no}  # fmt: skip
+            remedy = "Number your own lines otherwise, or not at all."
+            wrong = "A posture has this block number."
+            faults.add(wrong, remedy, line=line, value=f"N{number[1]}")
+        for found in [] if markers else _CODE.findall(code):
+            modes |= {k: (line, found) for k, codes in enumerate(_MODES) if found in codes}
     for k, (line, found) in modes.items():
-        right, wrong = _MODES[k]
-        if found in wrong:
-            faults.add(
-                f"The blocks are not written for this code ({wrong[found]}).",
-                f"Write G{right[0]} before the blocks.",
-                line=line,
-                value=f"G{found}",
-            )
+        if meaning := _MODES[k][found]:
+            wrong = f"The blocks are not written for this code ({meaning})."
+            remedy = f"Write G{next(iter(_MODES[k]))} before the blocks."
+            faults.add(wrong, remedy, line=line, value=f"G{found}")
     if not markers:
-        faults.add(
-            "The template does not say where the blocks go.",
-            f"Put a line (orthocal {_MARKER}) there. {_PRINT}",
-        )
+        wrong = "The template does not say where the blocks go."
+        faults.add(wrong, f"Put a line (orthocal blocks) there. {_PRINT}")
     around = {"before": parts[0], "after": parts[1], "semicolon": any(markers)}
     try:
         template = Template.model_validate({**around, **settings})

@@ -81,14 +81,12 @@ class PostureProgram:
 
     Attributes:
         machine: that is driven.
-        home_mm: joint position of the isotropic posture, from which displacements count.
         approach_mm: length of the slow approach, along each joint.
         session: the command that measures with these blocks: in others they mean other postures.
         blocks: one for each visit.
     """
 
     machine: Orthoglide
-    home_mm: float
     approach_mm: float
     session: str
     blocks: tuple[Block, ...]
@@ -161,7 +159,7 @@ def posture_program(
         from_above = tuple(np.flatnonzero(above).tolist())
         blocks.append(Block(number, visit, way, start, posture, from_above, set_up))
         here = there
-    return PostureProgram(model.orthoglide, home, approach_mm, session, tuple(blocks))
+    return PostureProgram(model.orthoglide, approach_mm, session, tuple(blocks))
 
 
 def _way(model: Model, leg: int, start: float, end: float) -> tuple[Point, ...]:

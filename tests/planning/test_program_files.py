@@ -132,19 +132,6 @@ def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
         assert row["machine"] == '\'=1+1,"x"'
 
 
-def test_the_table_shows_every_block(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    steps = steps_of(NOMINAL)
-    write_program(posture_program(NOMINAL, steps, SESSION), Path("-"))
-    shown = capsys.readouterr().out
-    for step in visits_of(steps):
-        assert f"N{step.block} " in shown
-    assert "370.250  304.393  304.393" in shown
-    assert max(map(len, shown.splitlines())) <= 80
-
-
 @pytest.mark.parametrize(
     ("old", "new", "line", "said"),
     [
@@ -216,7 +203,11 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
     for wait in done.readings:
         way = wait.arrival.end - wait.arrival.start
         np.testing.assert_allclose(way, 2.0, rtol=0.0, atol=MICROMETRE)
-    assert run("plan", *common, "--program", "-").stdout.startswith("Posture program")
+    moves = ("--travel", "-105", "65", "--approach", "2")
+    table = tmp_path / "made.csv"
+    assert run("plan", *common, *moves, "--program", str(table)).exit_code == 0
+    shown = run("plan", *common, *moves, "--program", "-")
+    assert shown.stdout == table.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
