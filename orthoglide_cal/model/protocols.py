@@ -103,18 +103,19 @@ def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> GaugePlan
     return plan_of(readings)
 
 
-def single_posture(machine: Orthoglide, cycles: int = 1) -> GaugePlan:
+def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) -> GaugePlan:
     """Iso, Max, Min of the x-leg, then of the y-leg; at each, joint end and tool end along z.
 
-    The height of both leg ends above the base, at the same posture (sec. 3.2).
+    The height of both leg ends above the base, at the same posture (sec. 3.2); arguments as of
+    `double_posture`.
 
     Returns:
-        A plan of 12·cycles readings in time order; one gauge zero per leg.
+        A plan of 12·cycles readings in time order, 4 more if closed; one gauge zero per leg.
     """
     readings = []
     minutes = 0.0
     for leg in (0, 1):
-        for posture in POSTURES * cycles:
+        for posture in (*POSTURES * cycles, *[Posture.ISO] * closing):
             moved = machine.displacement_mm(posture)
             for end in (Contact.JOINT, Contact.TOOL):
                 readings.append(PlannedReading(leg, HEIGHT, moved, end, minutes))

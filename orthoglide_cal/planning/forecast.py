@@ -26,24 +26,23 @@ from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.probe_plan import ProbePlan
-from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import separations
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
-    clock,
     gauge_moves,
     sequence,
+    timed_plan,
 )
 from orthoglide_cal.schema import Minutes, Schema
+from orthoglide_cal.words import counted
 
 # The scatter of readings: what their number averages.
 AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
 ARRAYS = ConfigDict(arbitrary_types_allowed=True)
-# Hundredths are enough.
 
 
 def lengths(model: Model, values: Floats) -> dict[str, float]:
@@ -91,8 +90,19 @@ class SessionForecast(Schema):
 
     @classmethod
     def of(cls, model: Model, session: Layout, method: Method = Method.READINGS) -> Self:
-        """Before a reading is taken; raises RankDeficientError as `expected_budget`."""
-        budget, machine = expected_budget(model, session.plan, method), model.machine
+        """What a method finds of a session's readings, on average.
+
+        Raises:
+            RankDeficientError: they will not determine the parameters; says what to add.
+        """
+        plan, machine = session.plan, model.machine
+        uncertain = _plausible_influences(model, plan)
+        estimator = estimator_for(model, plan, uncertain, method)
+        dof = len(plan) - plan.setups - len(machine.parameter_names)
+        scatter = Scatter(machine.instrument.noise_mm, float(dof)) if dof > 0 else None
+        taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
+        both = (*uncertain, *taken)
+        budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
         parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
         noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
         known = determined(model, expanded)
@@ -101,7 +111,7 @@ class SessionForecast(Schema):
         return cls(
             model=model,
             budget=budget,
-            readings=len(session.plan),
+            readings=len(plan),
             noise_std_mm=lengths(model, noise),
             expanded_mm=lengths(model, expanded),
             parameters=dict(zip(machine.parameter_names, each, strict=True)),
@@ -171,10 +181,8 @@ def session_of(
     """
     stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
     steps = sequence(model.orthoglide, protocol, cycles, order, stands)
-    *times, minutes = clock(steps)
-    timed = zip(steps, times, strict=True)
-    plan = plan_of([step.planned._replace(minutes=at) for step, at in timed])
-    what = f"{protocol}, {cycles} cycle{'s' * (cycles > 1)}"
+    plan, minutes = timed_plan(steps)
+    what = f"{protocol}, {counted(cycles, 'cycle')}"
     return Layout(protocol, what, plan, minutes, cycles, gauge_moves(steps))
 
 
@@ -200,32 +208,15 @@ def forecast(
     return SessionForecast.of(model, session_of(model, protocol, cycles, stands), method)
 
 
-def expected_budget(model: Model, plan: Plan, method: Method = Method.READINGS) -> Budget:
-    """The budget of the parameters that a method will find from readings of a plan.
-
-    Args:
-        model: the machine, its gauge and its accepted causes.
-        plan: n readings.
-        method: an estimator that they can feed.
-
-    Raises:
-        RankDeficientError: they will not determine the parameters; says what to add.
-    """
-    gauge, uncertain = model.machine.instrument, _plausible_influences(model, plan)
-    estimator = estimator_for(model, plan, uncertain, method)
-    dof = len(plan) - plan.setups - len(model.machine.parameter_names)
-    scatter = Scatter(gauge.noise_mm, float(dof)) if dof > 0 else None
-    taken = fixed_influences(model, np.zeros(len(model.machine.parameter_names)), plan)
-    return budget_of_readings(estimator, plan, gauge, scatter, (*uncertain, *taken))
-
-
 def estimator_for(
     model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
 ) -> Floats:
     """What a small change of each reading does to the parameters, shape (p, n).
 
     Args:
-        model, plan, method: as in `expected_budget`.
+        model: the machine, its gauge and its accepted causes.
+        plan: n readings.
+        method: an estimator that they can feed.
         uncertain: what acts on the readings beside noise.
 
     Raises:

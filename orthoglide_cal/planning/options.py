@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -38,6 +37,7 @@ from orthoglide_cal.planning.steps import (
     sequence,
     sequence_options,
     steps_of,
+    timed_plan,
 )
 from orthoglide_cal.words import counted
 
@@ -49,7 +49,7 @@ HALF_WAY = 0.5  # along the leg
 # A gauge place nearer to another than this share of the leg teaches nothing new.
 ANOTHER_PLACE = 0.08
 LEGS = (0, 1, 2)
-TIMES = MappingProxyType({1: "one cycle", 5: "five cycles"})
+TIMES = ((1, "one cycle"), (5, "five cycles"))
 ALONE = (1, 2, 3, 5)  # cycles of a session of its own
 
 
@@ -104,16 +104,20 @@ def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
     """What the kind of machine has to offer beside gauges on legs; none for an Orthoglide."""
     if first is None:
         return ()
-    found = []
-    for what, plan, minutes in model.machine.further(first):
-        later = replace(
-            plan,
-            order=plan.order + int(first.order.max()) + 1,
-            hours=plan.hours + float(first.hours.max()),
-            part=plan.part + first.parts,
-        )
-        found.append(Option(what, later, minutes, continues=False))
-    return tuple(found)
+    return tuple(
+        Option(what, _later(first, plan), minutes, continues=False)
+        for what, plan, minutes in model.machine.further(first)
+    )
+
+
+def _later(first: AnyPlan, plan: AnyPlan) -> AnyPlan:
+    """A plan as a part of its own behind all that was read."""
+    return replace(
+        plan,
+        order=plan.order + int(first.order.max()) + 1,
+        hours=plan.hours + float(first.hours.max()),
+        part=plan.part + first.parts,
+    )
 
 
 # Postures of one leg in words, and one cycle of displacements [mm]; the first closes the last.
@@ -147,7 +151,7 @@ def _going_on(here: _Stands, machine: Orthoglide) -> Iterator[Option]:
         yield replace(here, wait=WAIT_MIN).option(
             f"{still}, {again} after a quarter of an hour.", [last]
         )
-    for times, how_often in TIMES.items():
+    for times, how_often in TIMES:
         for words, stops in walks:
             yield here.option(f"{still}, read {how_often}: {words}.", (*stops * times, 0.0))
     words, stops = walks[0]
@@ -171,10 +175,7 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
     protocol = MeasuringProtocol.BEST if bar_warning(usual, machine) else MeasuringProtocol.DOUBLE
     for cycles in ALONE:
         session = (protocol, cycles, Order.PAPER, 2)
-        steps = sequence(machine, *session)
-        *times, minutes = (MINUTES_PER_SETUP + at for at in clock(steps))
-        timed = zip(steps, times, strict=True)
-        plan = plan_of([step.planned._replace(minutes=at) for step, at in timed])
+        plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
         how_often = counted(cycles, "cycle")
         what = (
             f"Measure a session of its own, {protocol}, {how_often} per leg, reading by reading."
@@ -192,7 +193,7 @@ def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     half_way = ", with the gauges half-way" if np.any(np.not_equal(fixed, HALF_WAY)) else ""
     checked = "labels and + sides checked"
     turn = "half round its own axis"
-    for times, how_often in TIMES.items():
+    for times, how_often in TIMES:
         for leg in LEGS:
             stand = f"et the stands up afresh at leg {AXES[leg]}{half_way}"
             for words, stops in walks:
@@ -226,25 +227,18 @@ def _sitting(
     turned: bool = False,
 ) -> Option:
     """One leg after the other, with new set-ups, as a part of its own."""
-    plan = plan_of(
-        [
-            PlannedReading(
-                leg, direction, displacement, Contact.FIXED, gauge_at=gauge_at, turned=turned
-            )
-            for leg in legs
-            for displacement in stops
-            for direction in other_axes(leg)
-        ]
-    )
-    steps = steps_of(plan, machine, Order.PAPER, stands=2)
-    *times, minutes = (MINUTES_PER_SETUP + at for at in clock(steps))
-    plan = replace(plan, hours=np.array(times) / 60.0)
+    read = PlannedReading(0, 0, 0.0, Contact.FIXED, gauge_at=gauge_at, turned=turned)
+    readings = [
+        read._replace(leg=leg, direction=direction, displacement=displacement)
+        for leg in legs
+        for displacement in stops
+        for direction in other_axes(leg)
+    ]
+    steps = steps_of(plan_of(readings), machine, Order.PAPER, stands=2)
+    plan, minutes = timed_plan(steps, MINUTES_PER_SETUP)
     plan = replace(
-        plan,
+        _later(first, plan),
         setup=plan.setup + first.setups,
-        order=plan.order + int(first.order.max()) + 1,
-        hours=plan.hours + float(first.hours.max()),
-        part=plan.part + int(first.part.max()) + 1,
         # What was commanded short was so for those readings alone.
         entered=plan.entered + first.stood[first.in_time[-1]],
     )

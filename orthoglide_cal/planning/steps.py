@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-
-import numpy as np
 
 from orthoglide_cal.files import number_text
 from orthoglide_cal.model import (
@@ -23,7 +21,12 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE, MINUTES_PER_SETUP, PlannedReading
+from orthoglide_cal.model.protocols import (
+    MINUTES_PER_POSTURE,
+    MINUTES_PER_SETUP,
+    PlannedReading,
+    plan_of,
+)
 from orthoglide_cal.planning.design import design_of
 
 # Pace assumed for what else is done between readings [min].
@@ -129,7 +132,7 @@ def sequence(
         case MeasuringProtocol.DOUBLE:
             plan = double_posture(machine, cycles)
         case MeasuringProtocol.SINGLE:
-            plan = _closed(single_posture(machine, cycles))
+            plan = single_posture(machine, cycles, closing=True)
         case MeasuringProtocol.BEST:
             plan = design_of(machine).plan(cycles)
     return steps_of(plan, machine, order, stands)
@@ -147,15 +150,9 @@ def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, sta
     return " ".join(option for option, said in told.items() if said)
 
 
-def _closed(plan: GaugePlan) -> GaugePlan:
-    """The single-posture plan with a closing isotropic posture on each leg, as in sec. 4.1."""
-    rows = plan.in_time.tolist()
-    legs = ([i for i in rows if plan.leg[i] == leg] for leg in (0, 1))
-    closed = np.array([i for mine in legs for i in (*mine, *mine[:2])])
-    return replace(plan.subset(closed), order=np.arange(len(closed)))
-
-
-def steps_of(plan: Plan, machine: Orthoglide, order: Order, stands: int) -> tuple[SessionStep, ...]:
+def steps_of(
+    plan: Plan, machine: Orthoglide, order: Order, stands: int
+) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 
     Args:
@@ -198,18 +195,15 @@ def planned_readings(plan: Plan) -> list[PlannedReading]:
     """The readings of a plan, at no time at all."""
     plan = GaugePlan.require(plan)
     columns = (
-        plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at, plan.part,
-        plan.turned, plan.entered,
-    )  # fmt: skip
+        *(plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at, plan.part),
+        *(plan.turned, plan.entered),
+    )
     return [
-        PlannedReading(
-            leg, direction, displacement, Contact(contact), gauge_at=at, part=part, turned=turned,
-            entered=(x, y, z),
-        )
-        for leg, direction, displacement, contact, at, part, turned, (x, y, z) in zip(
+        PlannedReading(leg, direction, moved, Contact(contact), 0.0, at, part, turned, (x, y, z))
+        for leg, direction, moved, contact, at, part, turned, (x, y, z) in zip(
             *(column.tolist() for column in columns), strict=True
         )
-    ]  # fmt: skip
+    ]
 
 
 def _grouped(rows: Sequence[int], *keys: Ints) -> list[int]:
@@ -269,6 +263,13 @@ def clock(steps: Sequence[SessionStep]) -> list[float]:
             now += MINUTES_PER_TURN
         times.append(now)
     return [*times, now + MINUTES_PER_POSTURE if times else now]
+
+
+def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[GaugePlan, float]:
+    """Readings of steps, the first after `begin_min`, and when all are taken [min]."""
+    *times, minutes = (begin_min + at for at in clock(steps))
+    timed = zip(steps, times, strict=True)
+    return plan_of([step.planned._replace(minutes=at) for step, at in timed]), minutes
 
 
 def minutes_left(steps: Sequence[SessionStep]) -> float:
