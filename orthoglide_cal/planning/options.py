@@ -8,13 +8,14 @@ and its bars is met again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from orthoglide_cal.model import (
     AXES,
     Contact,
+    Floats,
     GaugePlan,
     Model,
     double_posture,
@@ -30,7 +31,6 @@ from orthoglide_cal.model.protocols import (
 )
 from orthoglide_cal.planning.bar import bar_warning, places, reach_mm
 from orthoglide_cal.planning.steps import (
-    NOTHING_ENTERED,
     MeasuringProtocol,
     Order,
     clock,
@@ -145,12 +145,11 @@ def _going_on(here: _Stands, machine: Orthoglide) -> Iterator[Option]:
     still = f"Without touching the stands at leg {AXES[here.leg]}"
     last = float(here.first.displacement[here.first.in_time[-1]])
     again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
-    warning = bar_warning(here.option("", [last]).plan, machine)
+    once, after_a_while = here.option(f"{still}, {again}.", [last]), "after a quarter of an hour"
+    warning = bar_warning(once.plan, machine)
     if warning is None or not warning.leaves:
-        yield here.option(f"{still}, {again}.", [last])
-        yield replace(here, wait=WAIT_MIN).option(
-            f"{still}, {again} after a quarter of an hour.", [last]
-        )
+        yield once
+        yield here.option(f"{still}, {again} {after_a_while}.", [last], wait_min=WAIT_MIN)
     for times, how_often in TIMES:
         for words, stops in walks:
             yield here.option(f"{still}, read {how_often}: {words}.", (*stops * times, 0.0))
@@ -160,12 +159,9 @@ def _going_on(here: _Stands, machine: Orthoglide) -> Iterator[Option]:
         moved = machine.joints_at(here.leg, np.array(stops))[:, axis] - machine.home_mm
         for step, way in ((STEP_MM, "short"), (-STEP_MM, "too far")):
             if low <= (moved - step).min() and (moved - step).max() <= high:
-                short = step * np.eye(3)[axis]
-                yield replace(here, step=(short[0], short[1], short[2])).option(
-                    f"{still}, drive as before but with carriage {AXES[axis]} {STEP_MM:g} mm {way},"
-                    f" as the screen shows: {words}.",
-                    (*stops, 0.0),
-                )
+                what = f"carriage {AXES[axis]} {STEP_MM:g} mm {way}, as the screen shows: {words}"
+                what = f"{still}, drive as before but with {what}."
+                yield here.option(what, (*stops, 0.0), short_mm=step * np.eye(3)[axis])
                 break
 
 
@@ -254,46 +250,44 @@ class _Stands:
         machine: on which.
         leg: where they are.
         last: of each direction that is read there, its last reading.
-        wait: before the next one [min].
-        step: how much short each carriage is commanded [mm].
     """
 
     first: GaugePlan
     machine: Orthoglide
     leg: int
-    last: dict[int, int] = field(default_factory=dict)
-    wait: float = 0.0
-    step: tuple[float, float, float] = NOTHING_ENTERED
+    last: list[int]
 
     @property
     def gauge_at(self) -> float:
         """Where they stand along the leg: of two, the one that is farther from half-way."""
-        stood = self.first.gauge_at[list(self.last.values())].tolist()
-        return float(max(stood, key=lambda at: abs(at - 0.5)))
+        return float(max(self.first.gauge_at[self.last].tolist(), key=lambda at: abs(at - 0.5)))
 
     @classmethod
     def after(cls, first: GaugePlan, machine: Orthoglide) -> _Stands | None:
         """The stands of the last reading; None where no stand is fixed in space."""
         here = first.in_time[first.standing[first.in_time]]
         last = dict(zip(first.direction[here].tolist(), here.tolist(), strict=True))
-        return cls(first, machine, int(first.leg[here[-1]]), last) if last else None
+        return cls(first, machine, int(first.leg[here[-1]]), [*last.values()]) if last else None
 
-    def option(self, what: str, stops: Sequence[float]) -> Option:
-        """Further postures, in the same set-ups."""
-        first, index = self.first, np.array([*self.last.values()] * len(stops), dtype=np.intp)
-        before = {item.name: getattr(first, item.name)[index] for item in fields(GaugePlan)}
-        start = float(first.hours.max()) + MINUTES_PER_POSTURE / 60.0
-        plan = GaugePlan(
-            **before
-            | {
-                "displacement": np.repeat(stops, len(self.last)),
-                "order": int(first.order.max()) + 1 + np.arange(len(index)),
-                "entered": first.stood[index] + self.step,
-            }
+    def option(
+        self,
+        what: str,
+        stops: Sequence[float],
+        wait_min: float = 0.0,
+        short_mm: Floats | float = 0.0,
+    ) -> Option:
+        """Further postures, in the same set-ups, each carriage commanded short by `short_mm`."""
+        first, index = self.first, np.array(self.last * len(stops))
+        plan = replace(
+            first.subset(index),
+            setup=first.setup[index],
+            displacement=np.repeat(stops, len(self.last)),
+            order=int(first.order.max()) + 1 + np.arange(len(index)),
+            entered=first.stood[index] + short_mm,
         )
         # A bar that was turned before is not turned again.
         as_it_lies = replace(plan, turned=np.zeros_like(plan.turned))
-        steps = steps_of(as_it_lies, self.machine, Order.PAPER, stands=2)
-        *times, minutes = (self.wait + at for at in clock(steps))
-        plan = replace(plan, hours=start + np.array(times) / 60.0)
-        return Option(what, plan, minutes, continues=True)
+        *times, minutes = clock(steps_of(as_it_lies, self.machine, Order.PAPER, stands=2))
+        start = float(first.hours.max()) + (MINUTES_PER_POSTURE + wait_min) / 60.0
+        hours = start + np.array(times) / 60.0
+        return Option(what, replace(plan, hours=hours), minutes + wait_min, continues=True)

@@ -40,16 +40,12 @@ from orthoglide_cal.schema import Schema
 # Repeats that are shown beside those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
 # Every method that can be fed with the readings of a protocol.
+_SINGLE = (Method.SINGLE, Method.SINGLE_SEQUENTIAL)
+_DOUBLE = (Method.TWELVE, Method.TWELVE_LINEAR, Method.SIX, Method.SIX_LINEAR)
 METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = MappingProxyType(
     {
-        MeasuringProtocol.DOUBLE: (
-            Method.READINGS,
-            Method.TWELVE,
-            Method.TWELVE_LINEAR,
-            Method.SIX,
-            Method.SIX_LINEAR,
-        ),
-        MeasuringProtocol.SINGLE: (Method.READINGS, Method.SINGLE, Method.SINGLE_SEQUENTIAL),
+        MeasuringProtocol.DOUBLE: (Method.READINGS, *_DOUBLE),
+        MeasuringProtocol.SINGLE: (Method.READINGS, *_SINGLE),
         MeasuringProtocol.BEST: (Method.READINGS,),
     }
 )
@@ -132,7 +128,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class PlannedContribution:
-    """What one source adds to the uncertainty: its standard uncertainty of each length."""
+    """What one source adds to the standard uncertainty of each length."""
 
     source: str
     type: str
