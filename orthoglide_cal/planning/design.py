@@ -94,7 +94,9 @@ def design_of(machine: Orthoglide) -> Design:
         if needed.min(initial=least) < least * (1.0 - ROUNDING):
             least = float(needed.min())
             chosen = count[int(np.argmax(needed <= least * (1.0 + ROUNDING)))]
-            best = Design(_in_turn(postures, chosen), place)
+            # In turn: what is alike stands apart in time.
+            turns = np.concatenate([np.flatnonzero(chosen > turn) for turn in range(MOST_VISITS)])
+            best = Design(tuple(postures[turns].tolist()), place)
     if best is None:
         raise RankDeficientError(
             "No postures within the joint limits let the gauges see the joint offsets.",
@@ -124,12 +126,7 @@ def _jacobians(machine: Orthoglide, postures: Floats) -> Floats:
 
 
 def _cost(jacobian: Floats, count: Ints) -> Floats:
-    """Readings for a largest variance of an offset of σ², for c designs, shape (c,).
-
-    Args:
-        jacobian: of each gauge at each posture, shape (g, p, 3).
-        count: readings of each gauge at each posture in a cycle, shape (c, p).
-    """
+    """Readings for a variance of σ² of c designs that visit postures (c, p), shape (c,)."""
     total = count.sum(axis=1)
     # Σ w J Jᵀ − (Σ w J)(Σ w J)ᵀ/Σ w, summed over the gauges.
     squares = np.tensordot(count, np.einsum("gpi,gpj->pij", jacobian, jacobian), axes=1)
@@ -138,11 +135,3 @@ def _cost(jacobian: Floats, count: Ints) -> Floats:
     covariance = np.linalg.inv(precision + NOTHING * np.eye(3))
     largest = np.diagonal(covariance, axis1=1, axis2=2).max(axis=1)
     return np.asarray(largest * total * len(jacobian))
-
-
-def _in_turn(postures: Floats, count: Ints) -> tuple[float, ...]:
-    """Postures in turn, each as often as wanted: what is alike stands apart in time."""
-    rounds = range(int(count.max()))
-    return tuple(
-        float(d) for k in rounds for d, often in zip(postures, count, strict=True) if often > k
-    )

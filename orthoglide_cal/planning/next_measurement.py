@@ -203,14 +203,9 @@ def _apart(seen: Predictions) -> Floats:
 
 
 def _odds(seen: Predictions, judged: Predictions) -> tuple[Floats, Floats]:
-    """By how much readings raise the log odds of the true explanation over a rival.
+    """By how much readings as `seen` raise the log odds of the true explanation over a rival.
 
-    Args:
-        seen: of readings as f explanations have them.
-        judged: by what is known of these.
-
-    Returns:
-        Mean and standard deviation, each of shape (f, f), the true one first.
+    Mean and standard deviation, each of shape (f, f), the true one first.
     """
     covariance, gap = seen.covariance[:, None], seen.mean[:, None] - judged.mean
     precision = np.linalg.inv(judged.covariance)
@@ -319,9 +314,8 @@ def _expected(
 ) -> tuple[Floats, Floats, Floats]:
     """What one explanation says of n readings; `goes_on` are those whose stands are still there.
 
-    Returns:
-        Their mean (n,), a root (n, u) of its covariance, and the root (u, u) of the covariance of
-        what they depend on, the parameters first.
+    Their mean (n,), a root (n, u) of its covariance, and the root (u, u) of the covariance of what
+    they depend on, the parameters first.
     """
     # What belongs to the set-up goes on only where the set-up does, a step of estimated size with
     # its uncertainty.
@@ -347,10 +341,7 @@ def _predicted(
 ) -> Predictions:
     """Of an option whose readings begin at `start` in what is expected of all.
 
-    Args:
-        stay: the first readings if their stands are still there.
-        plan: of the option.
-        start, expected: as of `_expected`, of each of the fits.
+    `stay` are the first readings if their stands are still there.
     """
     own = slice(start, start + len(plan))
 

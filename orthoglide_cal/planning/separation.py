@@ -91,8 +91,19 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
         plan: n readings that determine the offsets.
         among: ids of those to look at; None for all.
     """
-    every, supposed = _candidates(model, plan), model.machine.linearization_points
-    causes = tuple(cause for cause in every if among is None or cause.id in among)
+    machine, known = model.machine, {effect.cause.id for effect in model.accepted}
+    possible = [
+        cause
+        for id, cause in CAUSES.items()
+        if (among is None or id in among)
+        and cause.possible(machine)
+        and id not in known
+        and (not isinstance(cause, RelabelCause) or _relabellings(cause, plan, machine))
+        and cause.places(plan, machine)
+    ]
+    # Of the machine first, then of the measurement.
+    causes = tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
+    supposed = machine.linearization_points
     total = np.zeros((len(causes), len(causes) + 1))
     for offsets in supposed if causes else ():
         near = _Near(model, plan, offsets, causes)
@@ -101,43 +112,17 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
 
-def _candidates(model: Model, plan: Plan) -> tuple[Cause, ...]:
-    """Causes that can be behind such readings: of the machine first, then of the measurement."""
-    known = {effect.cause.id for effect in model.accepted}
-    possible = [
-        cause
-        for cause in CAUSES.values()
-        if cause.possible(model.machine)
-        and cause.id not in known
-        and (not isinstance(cause, RelabelCause) or _relabellings(cause, plan, model.machine))
-        and cause.places(plan, model.machine)
-    ]
-    return tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
-
-
 def _relabellings(cause: RelabelCause, plan: Plan, machine: Machine) -> list[Place]:
     """The places at which the readings can express it."""
     return [place for place in cause.places(plan, machine) if cause.reversible(plan, place)]
 
 
 class _Changes(NamedTuple):
-    """What r faults do to n readings.
+    """What r faults do to n readings."""
 
-    Attributes:
-        added: to each reading, shape (n, r) [mm].
-        share: of each among the plausible ones of its cause, shape (r,).
-        unit: in which the readings were written down, shape (r,) [mm].
-    """
-
-    added: Floats
-    share: Floats
-    unit: Floats
-
-    @classmethod
-    def alike(cls, added: Floats) -> _Changes:
-        """Equally plausible ones, written down in mm."""
-        count = added.shape[1]
-        return cls(added, np.full(count, 1.0 / count), np.ones(count))
+    added: Floats  # to each reading, shape (n, r) [mm]
+    share: Floats  # of each among the plausible ones of its cause, shape (r,)
+    unit: Floats  # in which the readings were written down, shape (r,) [mm]
 
 
 class _Near:
@@ -191,17 +176,17 @@ class _Near:
         """What a cause of plausible size does, at each place and for each choice of signs."""
         if isinstance(cause, RelabelCause):
             places = _relabellings(cause, self._plan, self._machine)
-            nothing = np.zeros((len(self._plan), 1))
-            found = [
-                self._exchanged(cause, place, nothing, 1.0 / cause.unit_mm(place))
-                for place in places
-            ]
-            share = np.array([cause.share(place) for place in places])
-            unit = np.array([cause.unit_mm(place) for place in places])
-            return _Changes(np.hstack(found), share / share.sum(), unit)
+            nothing, unit = np.zeros((len(self._plan), 1)), [cause.unit_mm(at) for at in places]
+            pairs = zip(places, unit, strict=True)
+            found = [self._exchanged(cause, at, nothing, 1.0 / mm) for at, mm in pairs]
+            share = np.array([cause.share(at) for at in places])
+            return _Changes(np.hstack(found), share / share.sum(), np.array(unit))
         if isinstance(cause, PatternCause):
-            return _Changes.alike(self._patterns(cause))
-        return _Changes.alike(self._columns[cause.id] @ _signs(cause).T)
+            added = self._patterns(cause)
+        else:
+            added = self._columns[cause.id] @ _signs(cause).T
+        ones = np.ones(added.shape[1])
+        return _Changes(added, ones / ones.sum(), ones)
 
     def _patterns(self, cause: PatternCause) -> Floats:
         """What one plausible size, or one count, adds at each place, shape (n, places) [mm]."""
@@ -211,13 +196,9 @@ class _Near:
         return np.asarray(unit * cause.patterns(self._plan, places))
 
     def _cost(self, cause: Cause, changes: _Changes, left: Floats, plain: Floats) -> Floats:
-        """Least cost of a rival's explanation of each change, shape (r,).
+        """Least cost of a rival's explanation of r changes that show as `left` (k, r), (r,).
 
-        Args:
-            cause: the rival.
-            changes: r of them.
-            left: the same as they show, shape (k, r).
-            plain: their cost if nothing is wrong, shape (r,).
+        `plain` is their cost if nothing is wrong.
         """
         if isinstance(cause, RelabelCause):
             costs = []
@@ -250,13 +231,9 @@ class _Near:
 
 
 def _explained(columns: Floats, left: Floats, cause: Cause) -> Floats:
-    """By how much sizes of one standard deviation each lessen the cost of changes, shape (r,).
+    """By how much sizes of one standard deviation each (k, p) lessen the cost of changes (k, r).
 
-    Args:
-        columns: what each parameter adds, shape (k, p).
-        left: the changes, shape (k, r).
-        cause: says whether its named parameters may be negative; otherwise the best of all choices
-            of parameters that act, with none of them negative.
+    Of named parameters that cannot be negative the best choice acts, the others are zero.
     """
     gram, overlap = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ left
     named = len(cause.names)
