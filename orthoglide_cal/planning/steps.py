@@ -44,13 +44,6 @@ class MeasuringProtocol(StrEnum):
     SINGLE = "single-posture"
     BEST = "best-design"  # the double-posture protocol with the postures that tell most
 
-    @property
-    def option(self) -> str | None:
-        """As `measure` and `plan` are told; None for what they do anyway."""
-        if self is MeasuringProtocol.DOUBLE:
-            return None
-        return "--design best" if self is MeasuringProtocol.BEST else "--protocol single"
-
 
 class Order(StrEnum):
     """Order of the steps."""
@@ -124,9 +117,8 @@ def sequence(
 
     Args:
         machine: its joint limits are the Max and Min postures.
-        protocol, order: which readings, and in which order.
-        cycles: repeats of Iso, Max, Min on each leg; a closing Iso follows.
-        stands: gauges that are read side by side. The single-posture protocol uses one.
+        protocol, cycles: which readings; repeats of Iso, Max, Min on each leg, and a closing Iso.
+        order, stands: as of `steps_of`; the single-posture protocol uses one gauge.
     """
     match protocol:
         case MeasuringProtocol.DOUBLE:
@@ -142,7 +134,8 @@ def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, sta
     """What `measure` and `plan` are told for a `sequence`; nothing for the usual one."""
     single = protocol is MeasuringProtocol.SINGLE
     told = {
-        f"{protocol.option}": protocol.option is not None,
+        "--protocol single": single,
+        "--design best": protocol is MeasuringProtocol.BEST,
         f"--cycles {cycles}": cycles != CYCLES,
         f"--order {order}": order is not Order.PAPER,
         f"--gauges {stands}": stands != 2 and not single,

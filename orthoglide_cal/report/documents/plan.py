@@ -84,7 +84,9 @@ def _page(
     first: tuple[doc.Section, ...] = ()
     if begun is not None and plan.next:
         data = f"{file_words(visible(begun.input.path))}, {begun.input.readings}"
-        now, alone = _now_mm(begun), (doc.Facts(tuple(session)), notice)
+        # The largest U of the lengths that there are; None if there are none to be entered.
+        now = max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
+        alone = (doc.Facts(tuple(session)), notice)
         first = (_next_section(plan, now), doc.Section("A session of its own would give", alone))
         facts, notice = (("Readings", data), scatter), _next_notice(plan, begun, now)
     return doc.Page(
@@ -180,28 +182,18 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     title = f"{chosen.readings} readings, about {chosen.minutes:.0f} min"
     tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
     if plan.target is not None:
-        wanted = f"± {_millimetres(plan.target.expanded_mm)} mm"
+        wanted = f"± {plan.target.expanded_mm:g} mm"
         if not plan.target.reached:
-            why = _unreached(plan, plan.target.expanded_mm)
+            why = (
+                f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings:"
+                " take a finer gauge or a better stand."
+            )
+            if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
+                why = _floor_words(plan, plan.floor)
             return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (why, *lines))
         title = f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
         tone = doc.Tone.GOOD
     return doc.Notice(tone, title, (*lines, _limit(plan), *_rivals(plan)))
-
-
-def _millimetres(value: float) -> str:
-    """A length as it was asked for, however small."""
-    return short(value, 6) if value >= 1e-6 else f"{value:g}"
-
-
-def _unreached(plan: MeasurementPlan, target_mm: float) -> str:
-    """Why the target is out of reach: what cannot be seen, or noise."""
-    if plan.floor is not None and float(plan.floor.expanded_mm.max()) > target_mm:
-        return _floor_words(plan, plan.floor)
-    return (
-        f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings: take a"
-        " finer gauge or a better stand."
-    )
 
 
 def _floor_words(plan: MeasurementPlan, floor: Budget) -> str:
@@ -378,17 +370,12 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     return doc.Section("Which causes can be distinguished", tuple(blocks))
 
 
-def _now_mm(begun: Answer) -> float | None:
-    """The largest U of the lengths that there are; None if there are none to be entered."""
-    return max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
-
-
 def _next_notice(plan: MeasurementPlan, begun: Answer, now: float | None) -> doc.Notice:
     """What to measure besides the data that there are, and what it brings."""
     best = plan.next[0]
     title = f"about {max(best.minutes, 1.0):.0f} min: {best.what}"
     worth = f"With it: {_reach(plan.model, best.expanded)}."
-    target = () if plan.target is None else (_target_line(plan, plan.target.expanded_mm, now),)
+    target = _target_line(plan, now)
     if best.between:
         first, second = between_words(best)
         settled = f"It leaves one name with a chance of {percent(best.chance)}: it tells {first}"
@@ -407,16 +394,19 @@ def _next_notice(plan: MeasurementPlan, begun: Answer, now: float | None) -> doc
     return doc.Notice(doc.Tone.INFO, f"Next, {title}", (worth + today, *target))
 
 
-def _target_line(plan: MeasurementPlan, target_mm: float, now_mm: float | None) -> str:
+def _target_line(plan: MeasurementPlan, now_mm: float | None) -> Iterator[str]:
     """The quickest way to a U that was asked for, with the data that there are."""
-    wanted = f"± {_millimetres(target_mm)} mm"
-    if now_mm is not None and now_mm <= target_mm:
-        return f"{wanted} is reached already."
+    if plan.target is None:
+        return
+    target_mm = plan.target.expanded_mm
     able = [each for each in plan.next if max(each.expanded_mm.values()) <= target_mm]
-    if not able:
-        return f"{wanted} is reached by none of these."
-    quickest = min(able, key=lambda each: each.minutes)
-    return f"{wanted} takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
+    said = "is reached by none of these."
+    if now_mm is not None and now_mm <= target_mm:
+        said = "is reached already."
+    elif able:
+        quickest = min(able, key=lambda each: each.minutes)
+        said = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
+    yield f"± {target_mm:g} mm {said}"
 
 
 def _next_section(plan: MeasurementPlan, now_mm: float | None) -> doc.Section:
