@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -51,6 +52,7 @@ ANOTHER_PLACE = 0.08
 LEGS = (0, 1, 2)
 TIMES = ((1, "one cycle"), (5, "five cycles"))
 ALONE = (1, 2, 3, 5)  # cycles of a session of its own
+P = TypeVar("P", bound=Plan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,7 @@ def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
     )
 
 
-def _later(first: AnyPlan, plan: AnyPlan) -> AnyPlan:
+def _later(first: Plan, plan: P) -> P:
     """A plan as a part of its own behind all that was read."""
     return replace(
         plan,

@@ -143,9 +143,7 @@ def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, sta
     return " ".join(option for option, said in told.items() if said)
 
 
-def steps_of(
-    plan: Plan, machine: Orthoglide, order: Order, stands: int
-) -> tuple[SessionStep, ...]:
+def steps_of(plan: Plan, machine: Orthoglide, order: Order, stands: int) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 
     Args:
