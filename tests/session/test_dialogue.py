@@ -213,7 +213,9 @@ def test_skip_all_ends_the_session(tmp_path: Path) -> None:
 
 def test_table_help_and_pause(tmp_path: Path) -> None:
     dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", "0.41", "t", "?"])
-    table, help_text = [text for text, _ in screen.shown if "\n  " in text][-2:]
+    texts = [text for text, _ in screen.shown]
+    (table,) = (text for text in texts if text.startswith("The last"))
+    (help_text,) = (text for text in texts if text.startswith("Type the reading,"))
     assert {"-0.640", "+0.410", "cycle"} <= set(table.split())
     assert all(f"\n  {key} " in help_text for key in "unstpq?km")
     assert dialogue.state.count == 3
