@@ -237,17 +237,16 @@ class Dialogue:
                 self.asker.say(str(refusal), Style.BAD)
 
     def _take_back(self, stream: Unasked) -> None:
-        """A gauge sends by itself: take back the readings that its messages became."""
+        """A gauge sends by itself: take back the reading that its first message became."""
         self.asker.say(wording.STREAM, Style.BAD)
-        taken = 0
-        if stream.readings and self.state.pending is not None:
-            self.write(events.Answered(at=self.now(), keep=False))
-            taken += 1
-        while taken < stream.readings and self.state.before is not None:
-            self.write(events.Undone(at=self.now()))
-            taken += 1
-        if taken:
-            self.asker.say(f"{_are(taken)} taken back: the gauge sent that by itself.")
+        if stream.read and (self.state.pending or self.state.before):
+            waiting = self.state.pending is not None
+            self.write(
+                events.Answered(at=self.now(), keep=False)
+                if waiting
+                else events.Undone(at=self.now())
+            )
+            self.asker.say("1 reading is taken back: the gauge sent that by itself.")
 
     def _read(self, step: SessionStep, token: Token, source: str) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
