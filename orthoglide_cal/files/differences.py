@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import unused
 from orthoglide_cal.files.rows import (
     DIFFERENCE_KINDS,
     KNOWN_DIFFERENCES,
@@ -26,22 +25,11 @@ DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
 
 def differences_from_table(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InvalidFileError with everything that is wrong."""
-    faults = table.faults
-    values = [name for name in DIFFERENCE_COLUMNS[1:] if name in table.columns]
-    if len(values) != 1:
-        faults.add(
-            "Values are given both in mm and in inches." if values else "The column is missing.",
-            table.other_unit("value_mm") or "Give one column, value_mm or value_in.",
-            line=table.header_line,
-            column=DIFFERENCE_COLUMNS[2 if values else 1],
-        )
-        faults.check()
-    if not table.rows:
-        faults.add("There is no difference.", "Give one row for each, under the header.")
+    remarks = table.check_header(DIFFERENCE_COLUMNS[:2], DIFFERENCE_COLUMNS, DIFFERENCE_COLUMNS[2])
     longest = {
         "value_mm": (Orthoglide.require(machine).leg_length_mm, "difference", "the leg is long")
     }
-    checking = Rows(table.rows, DifferenceRow, Reading(table.number, longest), faults)
+    checking = Rows(table.rows, DifferenceRow, Reading(table.number, longest), table.faults)
     kind = _kind(checking)
     rows = checking.checked()
     known = {each.name: each for each in DIFFERENCES[kind]}
@@ -50,7 +38,7 @@ def differences_from_table(table: Table, machine: Machine) -> Differences:
         which=tuple(known[row.difference] for row in rows),
         value=np.array([row.value_mm for row in rows]),
         source=table.file.source,
-        remarks=tuple(_remarks(kind, {row.difference for row in rows}, table)),
+        remarks=(*remarks, *_remarks(kind, {row.difference for row in rows})),
     )
 
 
@@ -110,15 +98,12 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     return kind
 
 
-def _remarks(kind: DataKind, names: set[str], table: Table) -> list[str]:
-    unknown = (name for name in table.columns if name not in DIFFERENCE_COLUMNS)
-    remarks = unused("Columns", unknown, DIFFERENCE_COLUMNS)
+def _remarks(kind: DataKind, names: set[str]) -> Iterator[str]:
     missing = [each.name for each in DIFFERENCES[kind] if each.name not in names]
     if missing:
-        remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
+        yield f"Of the {kind} differences these are missing: {', '.join(missing)}."
     if kind is DataKind.TWELVE and names <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
-        remarks.append(
+        yield (
             "These names were taken as max and min relative to the isotropic posture; a"
             " single-posture file also has dz_x0 or dz_y0."
         )
-    return remarks

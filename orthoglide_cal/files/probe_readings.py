@@ -9,8 +9,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files.faults import unused
-from orthoglide_cal.files.printer_file import PrinterFile
+from orthoglide_cal.files.printer_file import PrinterFile, StoredCalibration, StoredMesh
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import Excerpt, Floats, Ints, Machine, Readings
@@ -35,15 +34,10 @@ _TRIMMED_MM = 0.02
 def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     """The touches of a CSV. Raises InvalidFileError with everything that is wrong."""
     faults = table.faults
-    for name in (*PLACE_COLUMNS, "reading_mm"):
-        if name not in table.columns:
-            remedy = table.other_unit(name) or "Give x_mm, y_mm and reading_mm for each touch."
-            faults.add(f"The column {name} is missing.", remedy, line=table.header_line)
+    remarks = table.check_header((*PLACE_COLUMNS, "reading_mm"), PROBE_COLUMNS)
     table.check_split_numbers(("reading_mm",), PROBE_COLUMNS[:-1])
     faults.check()
-    if not table.rows:
-        faults.add("There is no reading.", "Give one row for each touch, under the header.")
-    elif not any("reading_mm" in row.cells for row in table.rows):
+    if table.rows and not any("reading_mm" in row.cells for row in table.rows):
         faults.add(
             "No reading is filled in.",
             "Probe the places in this order, and write the height at which the probe triggers.",
@@ -78,7 +72,6 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
         np.argsort(np.argsort(seq, kind="stable")),
         np.array([row.minutes or 0.0 for row in rows]) if timed else None,
     )
-    unknown = (name for name in table.columns if name not in PROBE_COLUMNS)
     return Readings(
         plan,
         plan.place[:, 2] - plan.surface,
@@ -87,7 +80,7 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
         table.file.source,
         cycle=np.array([row.cycle or 1 for row in rows]),
         note=tuple(row.note or "" for row in rows),
-        remarks=tuple(unused("Columns", unknown, PROBE_COLUMNS)),
+        remarks=tuple(remarks),
     )
 
 
@@ -170,24 +163,25 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     Raises:
         InputError: it does not store that.
     """
-    if file.heights is None and file.mesh is None:
-        raise InputError(
-            "The file stores neither probed heights nor a mesh.",
-            "Run DELTA_CALIBRATE or BED_MESH_CALIBRATE, then SAVE_CONFIG.",
-            file=file.source.path,
-        )
     chosen = stored or ("mesh" if file.heights is None else "calibration")
-    return (_mesh if chosen == "mesh" else _calibration)(file, machine)
-
-
-def _mesh(file: PrinterFile, machine: LinearDelta) -> Readings:
-    mesh = file.mesh
-    if mesh is None:
-        raise InputError(
-            "The file stores no mesh.",
-            "Run BED_MESH_CALIBRATE and SAVE_CONFIG, or take --data calibration.",
-            file=file.source.path,
+    if chosen == "mesh" and file.mesh:
+        return _mesh(file, file.mesh, machine)
+    if chosen == "calibration" and file.heights:
+        return _calibration(file, file.heights, machine)
+    if file.heights is None and file.mesh is None:
+        wanted, remedy = (
+            "neither probed heights nor a mesh",
+            "Run DELTA_CALIBRATE or BED_MESH_CALIBRATE",
         )
+    elif chosen == "mesh":
+        wanted, remedy = "no mesh", "Take --data calibration, or run BED_MESH_CALIBRATE"
+    else:
+        wanted, remedy = "no probed heights", "Take --data mesh, or run DELTA_CALIBRATE"
+    what = f"The file stores {wanted}."
+    raise InputError(what, f"{remedy} and SAVE_CONFIG.", file=file.source.path)
+
+
+def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta) -> Readings:
     n, height = len(mesh.x), file.probe[2]
     away = np.hypot(mesh.x, mesh.y)
     if away.max() > BEYOND * machine.bed_radius_mm:
@@ -213,16 +207,9 @@ def _mesh(file: PrinterFile, machine: LinearDelta) -> Readings:
     )
 
 
-def _calibration(file: PrinterFile, machine: LinearDelta) -> Readings:
+def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearDelta) -> Readings:
     """Heights and distances, at the places where the machine's parameters put the nozzle."""
-    heights, distances = file.heights, file.distances
-    if heights is None:
-        raise InputError(
-            "The file stores no probed heights.",
-            "Run DELTA_CALIBRATE and SAVE_CONFIG, or take --data mesh.",
-            file=file.source.path,
-        )
-    rails = machine.nominal_rails
+    rails, distances = machine.nominal_rails, file.distances
 
     def reached(carriages: Floats) -> Floats:
         return np.asarray(trilaterate(rails.carriages(carriages), rails.lengths, strict=False))

@@ -7,13 +7,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
-from difflib import get_close_matches
 
 import numpy as np
 from pydantic import AliasChoices, ConfigDict, Field
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults, unused
+from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.rows import (
     LATEST_MINUTES,
     TURNED,
@@ -38,7 +37,6 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
-from orthoglide_cal.words import listed
 
 NEEDED_COLUMNS = ("leg", "posture", "direction")
 VALUE_COLUMNS = ("reading_mm", "reading_in")
@@ -118,18 +116,18 @@ class Conditions(Circumstances):
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
-    _check_header(table)
+    needed = (*NEEDED_COLUMNS, VALUE_COLUMNS[0])
+    remarks = table.check_header(needed, READING_COLUMNS, VALUE_COLUMNS[1])
     table.check_split_numbers(VALUE_COLUMNS, CODED_COLUMNS)
-    unknown = [name for name in table.columns if name not in READING_COLUMNS]
     records = table.rows
-    if not {*unknown}.isdisjoint(_SESSION_COLUMNS):
+    if not {*table.columns}.isdisjoint(_SESSION_COLUMNS):
         records = tuple(
             replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
             for each in records
         )
     return readings_from_records(
         records, machine, table.file.source, table.faults, Reading(table.number),
-        remarks=unused("Columns", unknown, READING_COLUMNS),
+        remarks=remarks,
     )  # fmt: skip
 
 
@@ -157,8 +155,6 @@ def readings_from_records(
     Raises:
         InvalidFileError: everything that is wrong with the records.
     """
-    if not records and not faults:
-        faults.add("There is no reading.", "Give one row for each reading, under the header.")
     than = "the leg is long"
     reading.travel = machine.joint_limits_mm
     reading.longest = {
@@ -314,30 +310,6 @@ def readings_csv(readings: Readings) -> str:
         columns,
         ([number_text(c) if isinstance(c, float) else c for c in row] for row in cells),
     )
-
-
-def _check_header(table: Table) -> None:
-    """Raise what is found so far if the header lacks a column."""
-    present = [name for name in table.columns if name]
-    wanted = [name for name in NEEDED_COLUMNS if name not in present]
-    values = [name for name in VALUE_COLUMNS if name in present]
-    if not values:
-        wanted.append(VALUE_COLUMNS[0])
-    others = [name for name in present if name not in READING_COLUMNS]
-    for name in wanted:
-        close = get_close_matches(name, others, n=1)
-        add = f"Add it; the header has: {listed(present)}."
-        remedy = table.other_unit(name) or (f"Rename the column {close[0]!r}." if close else add)
-        table.faults.add("The column is missing.", remedy, line=table.header_line, column=name)
-    if len(values) == 2:
-        table.faults.add(
-            "Readings are given both in mm and in inches.",
-            "Keep one of the columns reading_mm and reading_in.",
-            line=table.header_line,
-            column=VALUE_COLUMNS[1],
-        )
-    if wanted or len(values) == 2:
-        table.faults.check()
 
 
 def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:

@@ -202,11 +202,13 @@ class Row(Schema):
     """Base of all rows; what else stands in a record is kept by its file, and reported.
 
     Attributes:
+        noun: what a row is.
         inches: column that may give the reading in inches.
         empty: column → what to write into an empty cell of one that is needed.
     """
 
     model_config = ConfigDict(extra="ignore")
+    noun: ClassVar[str] = "reading"
     inches: ClassVar[str] = ""
     empty: ClassVar[Mapping[str, str]] = {}
 
@@ -315,6 +317,7 @@ class DifferenceRow(Row):
     difference: Annotated[str, AfterValidator(difference_name)]
     value_mm: Length
 
+    noun = "difference"
     inches = "value_in"
     empty: ClassVar[Mapping[str, str]] = {
         "difference": KNOWN_DIFFERENCES,
@@ -341,6 +344,7 @@ class Rows(Generic[R]):
     ) -> None:
         self.records = records
         self.faults = faults
+        self._noun = schema.noun
         missing = "The value is missing."
         words = {f"missing {name}": (missing, remedy) for name, remedy in schema.empty.items()}
         mm = schema.inches.replace("_in", "_mm")
@@ -369,7 +373,11 @@ class Rows(Generic[R]):
         return [(index, row) for index, row in enumerate(self.rows) if row is not None]
 
     def checked(self) -> list[R]:
-        """All rows. Raises InvalidFileError if anything is wrong."""
+        """All rows, at least one. Raises InvalidFileError if anything is wrong."""
+        if not self.records and not self.faults:
+            self.faults.add(
+                f"There is no {self._noun}.", "Give one row for each, under the header."
+            )
         self.faults.check()
         return [row for row in self.rows if row is not None]
 

@@ -11,13 +11,14 @@ import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import pairwise
 
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Faults, unused
 from orthoglide_cal.files.rows import Record
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import parse_number, shortened
-from orthoglide_cal.words import MM, short
+from orthoglide_cal.words import MM, listed, short
 
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
@@ -49,17 +50,44 @@ class Table:
         """The number that a cell writes. Raises InputError without a place."""
         return parse_number(text, decimal_comma=self.decimal_comma)
 
-    def other_unit(self, column: str) -> str | None:
-        """What to do about a column such as `reading_um` where `reading_mm` is wanted."""
-        stem = column.removesuffix("mm")
-        for name in self.columns:
-            one = MM.get(name.removeprefix(stem))
-            if one and name.startswith(stem) and name not in (column, f"{stem}in"):
-                return (
-                    f"{column} is wanted: multiply the numbers in {name!r} by {short(one, 6)} and"
-                    f" rename the column (inches: {stem}in)."
-                )
-        return None
+    def check_header(
+        self, columns: Sequence[str], known: Sequence[str], inches: str = ""
+    ) -> list[str]:
+        """Raise what is found so far if the header lacks a column or gives lengths twice.
+
+        Args:
+            columns: that are needed.
+            known: all that have a meaning.
+            inches: that may stand instead of the last one needed.
+
+        Returns:
+            A remark on the columns without a meaning, if there are any.
+        """
+        before, present = self.faults.count, [name for name in self.columns if name]
+        others = [name for name in present if name not in known]
+        for name in columns:
+            if name in present or (name == columns[-1] and inches in present):
+                continue
+            close = get_close_matches(name, others, n=1)
+            remedy = f"Add it; the header has: {listed(present)}."
+            if close:
+                remedy = f"Rename the column {close[0]!r}."
+            for other in others:
+                one = MM.get(other.removeprefix(name.removesuffix("mm")))
+                if one and name.endswith("_mm"):
+                    remedy = (
+                        f"{name} is wanted: multiply the numbers in {other!r} by {short(one, 6)}"
+                        " and rename the column."
+                    )
+            what = "The column is missing."
+            self.faults.add(what, remedy, line=self.header_line, column=name)
+        if {columns[-1], inches} <= set(present):
+            what = "Lengths are given both in mm and in inches."
+            remedy = f"Keep one of the columns {columns[-1]} and {inches}."
+            self.faults.add(what, remedy, line=self.header_line, column=inches)
+        if self.faults.count > before:
+            raise self.faults.error()
+        return unused("Columns", others, known)
 
     def check_split_numbers(self, columns: Sequence[str], coded: Sequence[str]) -> None:
         """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.

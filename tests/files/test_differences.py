@@ -77,8 +77,8 @@ BAD = [
     (table(["x_y"], ""), 2, "value_mm", None, "missing", "remove the row"),
     (table(["x_y"], "400"), 2, "value_mm", "400", "larger than the leg", "mm"),
     (table([]), None, None, None, "no difference", "one row"),
-    ("difference,value\nx_y,1\n", 1, "value_mm", None, "missing", "value_mm or value_in"),
-    ("difference,value_mm,value_in\nx_y,1,\n", 1, "value_in", None, "both", "one column"),
+    ("difference,value\nx_y,1\n", 1, "value_mm", None, "missing", "Rename"),
+    ("difference,value_mm,value_in\nx_y,1,\n", 1, "value_in", None, "both", "Keep one"),
 ]
 
 

@@ -94,9 +94,9 @@ def test_the_order_in_time_is_that_of_the_numbers(tmp_path: Path) -> None:
 H = "x_mm,y_mm,reading_mm\n0,0,0.1\n"
 S, M = (f"{name},x_mm,y_mm,reading_mm\n1,0,0,0.1\n" for name in ("seq", "minutes"))
 BAD = [
-    ("x_mm,y_mm\n1,2\n", (1, None, None), "reading_mm is missing", "for each touch"),
-    ("y_mm,reading_mm\n1,2\n", (1, None, None), "x_mm is missing", "for each touch"),
-    ("x_mm,y_mm,reading_um\n1,2,3\n", (1, None, None), "reading_mm is missing", "multiply"),
+    ("x_mm,y_mm\n1,2\n", (1, "reading_mm", None), "column is missing", "Add it"),
+    ("y_mm,reading_mm\n1,2\n", (1, "x_mm", None), "column is missing", "Add it"),
+    ("x_mm,y_mm,reading_um\n1,2,3\n", (1, "reading_mm", None), "column is missing", "multiply"),
     ("x_mm,y_mm,reading_mm\n", (None, None, None), "no reading", "under the header"),
     ("x_mm,x_mm,y_mm,reading_mm\n1,1,2,3\n", (1, "x_mm", None), "twice", "Rename"),
     (H + "1,2,\n", (3, "reading_mm", None), "missing", "remove the row"),
