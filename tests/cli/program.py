@@ -25,6 +25,20 @@ def run(*arguments: str, text: str = "") -> Result:
     return CliRunner().invoke(app, list(arguments), input=text)
 
 
+def done(*arguments: str, text: str = "") -> str:
+    """Standard output of a command that succeeds."""
+    result = run(*arguments, text=text)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def refused(code: int, *arguments: str, text: str = "") -> str:
+    """What is said by a command that ends with this exit code, without the breaks of its lines."""
+    result = run(*arguments, text=text)
+    assert result.exit_code == code, result.output
+    return words(result.stderr)
+
+
 def lines(result: Result) -> list[dict[str, Any]]:
     """The JSON objects on standard output, one per line; NaN and Infinity are refused."""
 

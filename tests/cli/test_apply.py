@@ -13,7 +13,7 @@ import yaml
 from orthoglide_cal.files import shipped_folder
 from tests import truth
 
-from .program import UNDETERMINED, lines, parameters, run
+from .program import UNDETERMINED, answer, done, parameters, refused, run
 
 COMMENT = "# of the foundry, not to be lost\n"
 FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
@@ -40,8 +40,7 @@ def active() -> np.ndarray:
 
 
 def applied() -> None:
-    done = run("apply", "before.csv", "--yes")
-    assert done.exit_code == 0, done.stderr
+    done("apply", "before.csv", "--yes")
 
 
 def measured_again(name: str = "after.csv") -> None:
@@ -52,7 +51,7 @@ def measured_again(name: str = "after.csv") -> None:
 
 def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
     before = Path("machine.yaml").read_text(encoding="utf-8")
-    (exported,) = lines(run("export", "before.csv", "--json"))
+    exported = answer("export", "before.csv")
     applied()
     after = Path("machine.yaml").read_text(encoding="utf-8")
     changed = [line for line in before.splitlines() if line not in after.splitlines()]
@@ -67,33 +66,24 @@ def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
 
 
 def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
+    before = run("solve", "before.csv", "--json").stdout
     applied()
+    assert run("solve", "before.csv", "--json").stdout == before
     measured_again()
-    (solved,) = lines(run("solve", "after.csv", "--json"))
-    (exported,) = lines(run("export", "after.csv", "--json"))
+    solved, exported = answer("solve", "after.csv"), answer("export", "after.csv")
     for k, axis in enumerate("xyz"):
         joint = parameters(exported)[axis]
         assert joint["active"] == active()[k]
         assert joint["enter"] == pytest.approx(FIRST.offsets[k], abs=0.01)
         assert abs(parameters(solved)[axis]["found"]) < 0.01
-    (verified,) = lines(run("verify", "before.csv", "after.csv", "--json"))
+    verified = answer("verify", "before.csv", "after.csv")
     np.testing.assert_allclose(list(verified["applied_mm"].values()), active(), atol=1e-9)
     assert verified["answer"] == "as modelled"
-    again = run("verify", "before.csv", "after.csv", "--json", "--applied", *map(str, active()))
-    assert lines(again)[0]["differences"] == verified["differences"]
-
-
-def test_the_first_measurement_still_says_what_it_said() -> None:
-    before = run("solve", "before.csv", "--json").stdout
-    applied()
-    assert run("solve", "before.csv", "--json").stdout == before
-
-
-def test_the_second_correction_adds_to_the_first() -> None:
-    applied()
+    again = answer("verify", "before.csv", "after.csv", "--applied", *map(str, active()))
+    assert again["differences"] == verified["differences"]
+    # The second correction adds to the first.
     first = active()
-    measured_again()
-    assert run("apply", "after.csv", "--yes").exit_code == 0
+    done("apply", "after.csv", "--yes")
     one, other = machine_file()["history"]  # type: ignore[misc]
     assert other["before"] == one["after"] == dict(zip("xyz", first.tolist(), strict=True))
     np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
@@ -103,23 +93,19 @@ def test_the_sheet_as_left_shows_both_sides() -> None:
     applied()
     measured_again()
     digests = [sha256(Path(name).read_bytes()).hexdigest() for name in ("before.csv", "after.csv")]
-    shown = run("report", "before.csv", "--after", "after.csv", "--limit", "0.05")
-    assert shown.exit_code == 0, shown.stderr
-    head, *rows = shown.stdout.split("\nParameters\n")[1].splitlines()[:4]
+    shown = done("report", "before.csv", "--after", "after.csv", "--limit", "0.05")
+    head, *rows = shown.split("\nParameters\n")[1].splitlines()[:4]
     assert head.split()[-6:] == ["before", "entered", "now", "left", "±", "U"]
     for row, value in zip(rows, active(), strict=True):
         before, entered, now = row.split()[-6:-3]
         assert (float(before), float(entered), float(now)) == (0.0, value, value)
-    assert all(digest in shown.stdout for digest in digests)
-    assert "before.csv" in shown.stdout
-    assert "after.csv" in shown.stdout
+    assert all(said in shown for said in (*digests, "before.csv", "after.csv"))
 
 
 def test_undo_takes_the_last_entry_back() -> None:
     before = machine_file()
     applied()
-    undone = run("apply", "--undo")
-    assert undone.exit_code == 0
+    done("apply", "--undo")
     assert machine_file() == {**before, "history": []}
     assert COMMENT in Path("machine.yaml").read_text(encoding="utf-8")
     assert run("apply", "--undo").exit_code == 2
@@ -142,16 +128,16 @@ def test_what_is_refused_changes_nothing(arguments: tuple[str, ...], words: str)
     applied()
     measured_again()
     before = Path("machine.yaml").read_bytes()
-    refused = run("apply", *arguments)
-    assert refused.exit_code == 2
-    assert words in refused.stderr
+    assert words in refused(2, "apply", *arguments)
     assert Path("machine.yaml").read_bytes() == before
 
 
 def test_a_result_that_must_not_be_used_is_not_applied() -> None:
     Path("few.csv").write_text(UNDETERMINED, encoding="utf-8")
     before = Path("machine.yaml").read_bytes()
-    assert run("apply", "few.csv", "--yes").exit_code == run("export", "few.csv").exit_code == 4
+    assert run("export", "few.csv").exit_code == 4
+    # No option is offered that `apply` does not have.
+    assert "--force" not in refused(4, "apply", "few.csv", "--yes")
     assert Path("machine.yaml").read_bytes() == before
 
 
@@ -173,16 +159,21 @@ def test_a_session_from_before_the_last_entry_is_refused(started: str | None, co
 def test_a_session_of_another_machine_is_refused() -> None:
     other = str(shipped_folder() / "orthoglide_prototype.yaml")
     run("simulate", "--seed", "3", "--machine", other, "--output", "other.yaml")
-    refused = run("apply", "other.yaml", "--yes")
-    assert refused.exit_code == 2
-    assert "name, leg_length_mm" in refused.stderr
+    assert "name, leg_length_mm" in refused(2, "apply", "other.yaml", "--yes")
+    # Naming another machine's file does not make a session that machine's.
+    simulated_session()
+    text = Path("machine.yaml").read_text(encoding="utf-8")
+    changed = text.replace(f"leg_length_mm: {truth.LARGE.leg}", "leg_length_mm: 421.5")
+    Path("machine.yaml").write_text(changed, encoding="utf-8")
+    said = refused(2, "apply", "s.yaml", "--machine", "machine.yaml", "--yes")
+    assert "leg_length_mm" in said
+    assert Path("machine.yaml").read_text(encoding="utf-8") == changed != text
 
 
 def test_the_shipped_machine_is_never_written() -> None:
     path = shipped_folder() / "orthoglide_large.yaml"
     before = path.read_bytes()
-    refused = run("apply", "before.csv", "--yes", "--machine", str(path))
-    assert refused.exit_code == 2
+    refused(2, "apply", "before.csv", "--yes", "--machine", str(path))
     assert path.read_bytes() == before
 
 
@@ -191,20 +182,16 @@ def test_offsets_changed_by_hand_are_not_taken_back() -> None:
     text = Path("machine.yaml").read_text(encoding="utf-8")
     changed = re.sub("^offsets_mm: .*", "offsets_mm: {x: 1, y: 0, z: 0}", text, flags=re.MULTILINE)
     Path("machine.yaml").write_text(changed, encoding="utf-8")
-    refused = run("apply", "--undo")
-    assert refused.exit_code == 2
-    assert "by hand" in refused.stderr
+    assert "by hand" in refused(2, "apply", "--undo")
 
 
 def test_without_a_machine_file_it_says_how_to_make_one() -> None:
     Path("machine.yaml").unlink()
-    refused = run("apply", "before.csv", "--yes")
-    assert refused.exit_code == 2
-    assert "orthocal machine new" in refused.stderr
+    assert "orthocal machine new" in refused(2, "apply", "before.csv", "--yes")
 
 
 def test_json_says_what_changed() -> None:
-    (said,) = lines(run("apply", "before.csv", "--yes", "--json"))
+    said = answer("apply", "before.csv", "--yes")
     (entry,) = machine_file()["history"]  # type: ignore[misc]
     assert {key: said[key] for key in entry} == json.loads(json.dumps(entry))
     assert said["machine_file"] == "machine.yaml"
@@ -213,41 +200,26 @@ def test_json_says_what_changed() -> None:
 def test_sessions_say_themselves_what_was_active() -> None:
     """Of two sessions, and with the machine file's offsets changed since."""
     run("simulate", "--offsets", "0.4", "0", "0", "--seed", "1", "--output", "one.yaml")
-    assert run("apply", "one.yaml", "--yes").exit_code == 0
+    done("apply", "one.yaml", "--yes")
     entered = active()
     left = np.array([0.4, 0.0, 0.0]) - entered
     run("simulate", "--offsets", *map(str, left), "--seed", "2", "--output", "two.yaml")
     run("apply", "--undo")
-    (exported,) = lines(run("export", "two.yaml", "--json", "--machine", "machine.yaml"))
+    exported = answer("export", "two.yaml", "--machine", "machine.yaml")
     assert parameters(exported)["x"]["active"] == entered[0]
-    (verified,) = lines(run("verify", "one.yaml", "two.yaml", "--json"))
+    verified = answer("verify", "one.yaml", "two.yaml")
     assert verified["applied_mm"]["x"] == pytest.approx(entered[0], abs=1e-9)
     # They need no machine file: nothing that lies around may stop them.
     Path("other.yaml").write_text("kind: broken\n", encoding="utf-8")
-    assert run("verify", "one.yaml", "two.yaml").exit_code == 0
-    Path("other.yaml").unlink()
+    done("verify", "one.yaml", "two.yaml")
 
 
 def simulated_session() -> None:
     """s.yaml, as `measure --gauge simulated --seed 4` leaves one."""
-    done = run("simulate", "--offsets", "1", "-0.8", "0.6", "--seed", "3", "-o", "s.yaml")
-    assert done.exit_code == 0, done.stderr
+    done("simulate", "--offsets", "1", "-0.8", "0.6", "--seed", "3", "-o", "s.yaml")
     content = yaml.safe_load(Path("s.yaml").read_text(encoding="utf-8"))
     content["environment"] = {**(content.get("environment") or {}), "seed": "4"}
     Path("s.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-
-
-def test_a_session_says_itself_which_machine_it_is_of() -> None:
-    """Naming another machine's file does not make it that machine's."""
-    machine = Path("machine.yaml").read_text(encoding="utf-8")
-    simulated_session()
-    other = machine.replace(f"leg_length_mm: {truth.LARGE.leg}", "leg_length_mm: 421.5")
-    assert other != machine
-    Path("machine.yaml").write_text(other, encoding="utf-8")
-    refused = run("apply", "s.yaml", "--machine", "machine.yaml", "--yes")
-    assert refused.exit_code == 2
-    assert "leg_length_mm" in refused.stderr
-    assert Path("machine.yaml").read_text(encoding="utf-8") == other
 
 
 def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
@@ -257,10 +229,3 @@ def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
     assert "orthocal measure --gauge simulated --seed 4" in shown
     assert "orthocal measure --gauge simulated --seed 4" in run().stdout
     assert "are in the controller" in run("solve", "s.yaml").stdout
-
-
-def test_no_option_is_offered_that_apply_does_not_have() -> None:
-    Path("d.csv").write_text(run("template", "differences").stdout, encoding="utf-8")
-    refused = run("apply", "d.csv", "--yes")
-    assert refused.exit_code == 4
-    assert "--force" not in refused.stderr

@@ -6,31 +6,8 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files import machine_text
-from tests.cli.program import SESSION, SIX, UNDETERMINED, lines, run
+from tests.cli.program import DOUBLE, SESSION, SIX, UNDETERMINED, lines, refused, run
 from tests.machines import NOMINAL
-
-
-@pytest.fixture
-def sound(tmp_path: Path) -> str:
-    """A session with nothing wrong but its offsets."""
-    path = tmp_path / "sound.csv"
-    made = run("simulate", "--offsets", "0.4", "-0.3", "0.9", "--seed", "3", "--output", str(path))
-    assert made.exit_code == 0
-    return str(path)
-
-
-@pytest.mark.parametrize(("path", "code"), [("missing.csv", 3), (SIX, 4)])
-def test_json_gives_an_error_in_its_place(path: str, code: int) -> None:
-    shown = run("export", path, "--json")
-    assert shown.exit_code == code
-    (answer,) = lines(shown)
-    assert answer["input"]["path"] == path
-    assert answer["error"]
-    assert shown.stderr == ""
-    plain = run("export", path)
-    assert plain.exit_code == code
-    assert plain.stdout == ""
-    assert plain.stderr.strip()
 
 
 @pytest.mark.parametrize("form", [(), ("--json",)])
@@ -47,17 +24,15 @@ def test_a_refusal_tells_the_command_with_the_files_given(
     assert typed in (lines(shown)[0]["error"] if form else shown.stderr)
 
 
-def test_json_beside_another_format_is_refused(sound: str) -> None:
-    shown = run("export", sound, "--json", "--format", "table")
-    assert shown.exit_code == 2
-    assert "--json does not go with --format table" in shown.stderr
+def test_json_beside_another_format_is_refused() -> None:
+    said = refused(2, "export", DOUBLE, "--json", "--format", "table")
+    assert "--json does not go with --format table" in said
 
 
 def test_what_must_not_be_used_is_marked_if_forced() -> None:
-    refused = run("export", SIX)
-    assert refused.exit_code == 4
-    assert "Export refused." in refused.stderr
-    assert "To export all the same, marked as forced: --force" in refused.stderr
+    said = refused(4, "export", SIX)
+    assert "Export refused." in said
+    assert "To export all the same, marked as forced: --force" in said
     forced = run("export", SIX, "--force", "--format", "linuxcnc")
     assert forced.exit_code == 0
     assert "# FORCED: this result must not be used." in forced.stdout
