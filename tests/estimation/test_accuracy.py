@@ -44,36 +44,26 @@ from tests.estimation.sessions import (
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, sure
 
 
-def test_six_differences_are_independent() -> None:
-    """Eq. (28): 2 I."""
-    assert problem_of(SIX, NOMINAL).covariance() == pytest.approx(2.0 * np.eye(6), abs=1e-15)
-
-
-def test_twelve_differences_share_their_isotropic_reading() -> None:
-    """Eq. (31) with the errata of eq. (30): 2 on the diagonal, 1 between + and − of one name."""
-    covariance = problem_of(TWELVE, NOMINAL).covariance()
-    for i, one in enumerate(DIFFERENCES[TWELVE]):
-        for j, other in enumerate(DIFFERENCES[TWELVE]):
+@pytest.mark.parametrize("kind", [SIX, TWELVE])
+def test_covariance_of_differences(kind: DataKind) -> None:
+    """Eq. (28): 2 I; eq. (31) with the errata of eq. (30): + and − of one name share a reading."""
+    covariance = problem_of(kind, NOMINAL).covariance()
+    for i, one in enumerate(DIFFERENCES[kind]):
+        for j, other in enumerate(DIFFERENCES[kind]):
             expected = 2.0 if one == other else 1.0 if one.series == other.series else 0.0
             assert covariance[i, j] == pytest.approx(expected, abs=1e-15)
 
 
 @both_models
-def test_covariance_of_the_six_equation_method_is_eq_29(model: Model) -> None:
-    problem = problem_of(SIX, model)
-    jacobian = problem.at_zero[1]
-    expected = np.asarray(2.0 * np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
-    assert unit_covariance(problem, jacobian) == pytest.approx(expected, rel=1e-10)
-    assert sigma_rho(expected) == pytest.approx(np.sqrt(np.mean(np.diag(expected))), rel=1e-14)
-
-
-@both_models
-def test_covariance_of_the_twelve_equation_method_is_eq_32(model: Model) -> None:
-    problem = problem_of(TWELVE, model)
+@pytest.mark.parametrize("kind", [SIX, TWELVE])
+def test_covariance_of_the_papers_methods_is_eq_32(model: Model, kind: DataKind) -> None:
+    """Of six differences, which are independent, that is eq. (29)."""
+    problem = problem_of(kind, model)
     jacobian = problem.at_zero[1]
     inner = np.linalg.inv(jacobian.T @ jacobian)
-    expected = inner @ jacobian.T @ problem.covariance() @ jacobian @ inner
+    expected = np.asarray(inner @ jacobian.T @ problem.covariance() @ jacobian @ inner)
     assert unit_covariance(problem, jacobian) == pytest.approx(expected, rel=1e-10)
+    assert sigma_rho(expected) == pytest.approx(np.sqrt(np.mean(np.diag(expected))), rel=1e-14)
 
 
 def test_covariances_come_in_batches() -> None:

@@ -32,6 +32,7 @@ def refused(data: Measured, model: Model) -> RankDeficientError:
     with pytest.raises(RankDeficientError) as caught:
         solve(data, model)
     assert caught.value.exit_code == 4
+    assert not re.search(r"\d\.\d", str(caught.value))
     for axis in AXES:
         assert (f"Δρ_{axis}" in caught.value.what) == (axis in caught.value.undetermined)
     return caught.value
@@ -122,34 +123,20 @@ def test_raw_single_posture_readings() -> None:
     assert mended.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
 
 
-def test_one_reading_of_each_cell_is_no_difference() -> None:
-    """Every gauge zero takes one reading away."""
+@pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])
+def test_one_direction_of_one_leg_is_too_little_for_every_method(method: str) -> None:
+    """As is one reading of each set-up, whose zero takes it away."""
     full = readings(NOMINAL, double_posture(PROTOTYPE))
     firsts = np.unique(full.plan.setup, return_index=True)[1]
-    error = refused(some(full, firsts), NOMINAL)
-    assert error.undetermined == ("x", "y", "z")
+    for kept in (of(full.plan, "x", "y"), firsts):
+        with pytest.raises(RankDeficientError):
+            solve(some(full, kept), NOMINAL, method)
 
 
-def test_joint_ends_alone_say_nothing() -> None:
+def test_joint_ends_alone_say_nothing_nor_do_known_causes_more() -> None:
     full = readings(NOMINAL, single_posture(PROTOTYPE))
     error = refused(some(full, full.plan.contact == Contact.JOINT), NOMINAL)
     assert error.undetermined == ("x", "y", "z")
     assert "joint end and tool end" in error.remedy
-
-
-@pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])
-def test_one_direction_of_one_leg_is_too_little_for_every_method(method: str) -> None:
-    full = readings(NOMINAL, double_posture(PROTOTYPE))
-    with pytest.raises(RankDeficientError):
-        solve(some(full, of(full.plan, "x", "y")), NOMINAL, method)
-
-
-def test_known_causes_do_not_make_the_offsets_visible() -> None:
-    full = differences(SIX, BENT)
-    error = refused(only(full, "dx_y", "dx_z"), BENT)
-    assert DOUBLE_WORDS.findall(error.remedy)
-
-
-def test_no_number_survives_a_refusal() -> None:
-    error = refused(only(differences(SIX, NOMINAL), "dx_y"), NOMINAL)
-    assert not re.search(r"\d\.\d", str(error))
+    bent = refused(only(differences(SIX, BENT), "dx_y", "dx_z"), BENT)
+    assert DOUBLE_WORDS.findall(bent.remedy)

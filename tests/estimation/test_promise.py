@@ -22,19 +22,16 @@ from orthoglide_cal.model import (
     double_posture,
     single_posture,
 )
-from orthoglide_cal.paper import published
-from orthoglide_cal.paper.tables import PRINTED_MM, experiment
+from orthoglide_cal.paper.tables import experiment
 from tests import truth
 from tests.estimation.sessions import (
     BENT,
     OFFSETS,
     SINGLE,
     SIX,
-    TWELVE,
     differences,
     of_values,
     only,
-    problem_of,
     readings,
 )
 from tests.machines import NOMINAL, PROTOTYPE, sure
@@ -116,19 +113,6 @@ def measured(form: str, offsets: Floats, noise: float = 0.0) -> Measured:
     return readings_of(PROTOTYPE, plan, values + noise * rng.standard_normal(len(plan)))
 
 
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_on_the_nominal_machine_it_is_the_papers_measured_minus_modelled(number: int) -> None:
-    """Table 4, where what was found is entered as it is."""
-    printed, data = published.EXPERIMENTS[number], experiment(number)
-    found = solve(data, NOMINAL).offsets_mm
-    rows = promise(data, known(NOMINAL, found), found, NOISE)
-    assert [row.difference for row in rows] == list(DIFFERENCES[SIX])
-    assert [row.measured_mm for row in rows] == pytest.approx(printed.measured, abs=1e-12)
-    assert [row.expected_mm for row in rows] == pytest.approx(printed.expected, abs=PRINTED_MM)
-    for row in rows:
-        assert row.expected_mm == pytest.approx(row.measured_mm - row.modelled_mm, abs=1e-12)
-
-
 @forms
 def test_it_is_what_the_truth_reads_once_other_offsets_are_entered(form: str) -> None:
     """What is measured then is the truth's reading plus the misfit that was measured before."""
@@ -143,19 +127,6 @@ def test_it_is_what_the_truth_reads_once_other_offsets_are_entered(form: str) ->
         assert row.expected_mm == pytest.approx(after + row.measured_mm - before, abs=1e-9)
         misfits.append(row.measured_mm - before)
     assert np.abs(misfits).max() > 0.03
-
-
-@forms
-def test_it_keeps_what_the_gap_leaves(form: str) -> None:
-    """Entering the offsets does not mend the rails."""
-    rows = promise(measured(form, OFFSETS), known(BENT, OFFSETS), OFFSETS, NOISE)
-    left = [true_difference(shown_as(form), row.difference, np.zeros(3)) for row in rows]
-    assert np.abs(left).max() > 0.05
-    assert [row.expected_mm for row in rows] == pytest.approx(left, abs=1e-9)
-    # It would be gone if measured − modelled were promised.
-    assert [row.modelled_mm for row in rows] == pytest.approx(
-        [row.measured_mm for row in rows], abs=1e-9
-    )
 
 
 @pytest.mark.parametrize("form", ["six", "twelve", "double-posture readings"])
@@ -200,15 +171,6 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
 def test_nothing_entered_changes_nothing() -> None:
     for row in promise(experiment(1), known(BENT, OFFSETS), np.zeros(3), NOISE):
         assert row.expected_mm == row.measured_mm
-
-
-def test_the_change_is_of_every_entry_of_a_problem() -> None:
-    problem = problem_of(TWELVE, BENT)
-    expected = [
-        true_difference(TWELVE, each, OFFSETS - ENTERED) - true_difference(TWELVE, each, OFFSETS)
-        for each in DIFFERENCES[TWELVE]
-    ]
-    assert problem.change(OFFSETS, ENTERED) == pytest.approx(expected, abs=1e-9)
 
 
 def test_nothing_is_promised_where_nothing_was_measured() -> None:

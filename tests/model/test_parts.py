@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation import Problem
 from orthoglide_cal.model import (
     Contact,
     GaugePlan,
@@ -17,7 +16,6 @@ from orthoglide_cal.model import (
     double_posture,
     simulate,
     simulate_with_jacobian,
-    zero_free,
 )
 from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from tests.machines import PROTOTYPE
@@ -123,21 +121,6 @@ def test_readings_that_differ_in_it_are_no_repeats() -> None:
     assert len(plan.moments[0]) == 4
     plain = replace(plan, turned=False, entered=0.0)
     assert len(set(plain.cells.tolist())) == len(plain.distinct[0]) == 2
-
-
-def test_repeats_are_folded_only_where_they_are_some() -> None:
-    """Predicting each kind of reading once changes nothing."""
-    model = Model(PROTOTYPE, (CAUSES["bar_skew"].at(SKEW),))
-    mixed = replace(
-        double_posture(PROTOTYPE, cycles=3),
-        turned=np.arange(60) % 20 > 9,
-        entered=np.outer(np.arange(60) % 20 > 14, STEP),
-    )
-    between = replace(mixed, setup=mixed.setup + 6 * (mixed.entered.any(axis=1)))
-    for plan in (mixed, between):
-        matrix = zero_free(plan)
-        problem = Problem(model, plan, matrix)
-        assert problem.predict(OFFSETS) == pytest.approx(matrix @ simulate(model, OFFSETS, plan))
 
 
 def test_a_carriage_comes_from_where_it_stood_before_the_step() -> None:
