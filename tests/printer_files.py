@@ -40,41 +40,53 @@ def mesh_places(bed: float) -> Floats:
     return np.stack((x.ravel(), y.ravel()), axis=1)
 
 
-def printer_cfg(machine: Delta, truth: Truth, seed: int = 1, noise: float = 0.012) -> str:
-    """What Klipper saves: parameters, seven heights, three distances, a round mesh."""
+def printer_cfg(
+    machine: Delta,
+    truth: Truth,
+    seed: int = 1,
+    noise: float = 0.012,
+    sections: str = "cm",
+    surface: float = 0.0,
+) -> str:
+    """What Klipper saves: parameters, seven heights and three distances ("c"), a round mesh ("m").
+
+    Without noise it is what the truth reads, to the digits of the file; what is touched lies at
+    the height `surface` [mm].
+    """
     rng = np.random.default_rng(seed)
     home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
 
     def steps(places: Floats) -> list[str]:
         joints = indicated(machine, places)
-        return [",".join(f"{v:.3f}" for v in row) for row in ((home - joints) / STEP).round()]
+        counts = ((home - joints) / STEP).round(0 if noise else 3)
+        return [",".join(f"{v:.3f}" for v in row) for row in counts]
 
     turn = np.radians(30.0 + 60.0 * np.arange(6))
     ring = 0.9 * machine.bed * np.stack((np.cos(turn), np.sin(turn)), axis=1)
     at = np.concatenate((np.zeros((1, 2)), ring))
-    flat = np.zeros(len(at))
-    high = touches(machine, truth, *at.T, flat, flat) + noise * rng.normal(size=len(at))
+    flat = np.full(len(at), surface)
+    high = touches(machine, truth, *at.T, flat, 0.0 * flat) + noise * rng.normal(size=len(at))
     lines = ["", "[delta_calibrate]"]
     for k, position in enumerate(steps(np.column_stack((at, high)))):
-        lines += [f"height{k} = 0.0", f"height{k}_pos = {position}"]
+        lines += [f"height{k} = {surface}", f"height{k}_pos = {position}"]
     ends = [np.column_stack((ring[i], ring[j])).T for i, j in ((0, 3), (1, 4), (2, 5))]
     first, second = (np.array([np.append(end[k], 0.2) for end in ends]) for k in range(2))
-    apart = distances(machine, truth, first, second) + 0.05 * rng.normal(size=3)
+    apart = distances(machine, truth, first, second) + (0.05 if noise else 0.0) * rng.normal(size=3)
     for k, (one, other) in enumerate(zip(steps(first), steps(second), strict=True)):
-        lines += [f"distance{k} = {apart[k]:.4f}", f"distance{k}_pos1 = {one}"]
+        lines += [f"distance{k} = {apart[k]:.{4 if noise else 6}f}", f"distance{k}_pos1 = {one}"]
         lines += [f"distance{k}_pos2 = {other}"]
     places = mesh_places(machine.bed)
     inside = np.hypot(*places.T) <= machine.bed - 10.0
-    still = np.zeros(inside.sum())
+    still = np.full(inside.sum(), surface)
     # What lies outside was not probed; it repeats what lies next to it.
     height = np.zeros(len(places))
-    height[inside] = touches(machine, truth, *places[inside].T, still, still)
+    height[inside] = touches(machine, truth, *places[inside].T, still, 0.0 * still) - surface
     height[inside] += noise * rng.normal(size=len(still))
     rows, reached = height.reshape(GRID, GRID), inside.reshape(GRID, GRID)
     for row, own in zip(rows, reached, strict=True):
         first, last = np.flatnonzero(own)[[0, -1]]
         row[:first], row[last + 1 :] = row[first], row[last]
-    lines += ["", "[bed_mesh default]", "version = 1", "points ="]
+    calibration, lines = lines, ["", "[bed_mesh default]", "version = 1", "points ="]
     lines += ["\t  " + ", ".join(f"{v:.6f}" for v in row) for row in rows]
     low, side = f"{-machine.bed + 10.0:.2f}", f"{machine.bed - 10.0:.2f}"
     lines += [f"x_count = {GRID}", f"y_count = {GRID}", f"min_x = {low}", f"max_x = {side}"]
@@ -85,10 +97,12 @@ def printer_cfg(machine: Delta, truth: Truth, seed: int = 1, noise: float = 0.01
             f"\n[stepper_{tower}]\nangle = {machine.angles[k]}\narm_length = {machine.arms[k]}\n"
             f"position_endstop = {machine.endstops[k]}"
         )
-    block = "\n".join(("\n".join(saved), *lines)).split("\n")
+    kept = [*calibration * ("c" in sections), *lines * ("m" in sections)]
+    block = "\n".join(("\n".join(saved), *kept)).split("\n")
     head = ["[printer]", "kinematics: delta", f"print_radius: {machine.bed}"]
     for tower in "abc":
         head += [f"[stepper_{tower}]", "microsteps: 16", "rotation_distance: 40"]
+    head += ["[probe]", f"z_offset: {surface}"] if surface else []
     head += ["[bed_mesh]", f"mesh_radius: {machine.bed - 10.0}"]
     mark = "#*# <---------------------- SAVE_CONFIG ---------------------->"
     note = "#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated."

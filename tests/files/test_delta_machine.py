@@ -26,21 +26,6 @@ def line_of(start: str) -> int:
     return next(n for n, line in enumerate(TEXT.split("\n"), 1) if line.startswith(start))
 
 
-def test_the_file_that_ships() -> None:
-    model = read(TEXT)
-    machine = model.machine
-    assert isinstance(machine, LinearDelta)
-    assert machine.kind == model.machine.kind == "linear_delta"
-    assert machine.arm_length_mm == (344.1,) * 3
-    assert machine.delta_radius_mm == 161.8
-    assert machine.tower_angles_deg == (210.0, 330.0, 90.0)
-    assert machine.endstops_mm == (420.0,) * 3
-    assert machine.bed_radius_mm == 150.0
-    assert (machine.probe.resolution_mm, machine.probe.repeatability_mm) == (0.0, 0.012)
-    assert (machine.probe.calliper_mm, machine.probe.texture_mm) == (float(CALLIPER), 0.02)
-    assert model.accepted == ()
-
-
 def test_the_file_of_an_independent_program_with_three_arms() -> None:
     text = delta_yaml(UNEVEN)
     machine = read(text).machine
@@ -70,9 +55,7 @@ def test_it_is_read_as_it_was_written() -> None:
         ]
         model = read(text).extended(found)
         again = read(machine_text(model))
-        for name in LinearDelta.model_fields:
-            mine, theirs = (getattr(each.machine, name) for each in (again, model))
-            assert mine == theirs, name
+        assert again.machine == model.machine
         assert machine_values(again) == machine_values(model)
         for mine, theirs in zip(again.accepted, model.accepted, strict=True):
             assert mine.cause is theirs.cause
@@ -98,24 +81,15 @@ E = "{a: 420, b: 420, c: 420}"
 BAD = [
     (T, "[330, 210, 90]", 10, "tower_angles_deg", None, "counter-clockwise", "[210, 330, 90]"),
     (T, "[210, 210, 90]", 10, "tower_angles_deg", None, "counter-clockwise", "firmware"),
-    (T, "[210, 330]", 10, "tower_angles_deg[2]", None, "too short", "Add"),
-    (T, "[210, 330, 90, 0]", 10, "tower_angles_deg", None, "too many", "Remove"),
-    (T, "[210, x, 90]", 10, "tower_angles_deg[1]", "x", "not a number", "plain number"),
     (R, "delta_radius_mm: 344.1", 9, "delta_radius_mm", "344.1", "as large as an arm",
      "horizontal distance"),
-    (R, "delta_radius_mm: 400", 9, "delta_radius_mm", "400", "as large as an arm", "the middle"),
     (R, "delta_radius_mm: 0", 9, "delta_radius_mm", "0", "greater than zero", "size"),
     (R, "delta_radius: 161.8", 9, "delta_radius", "161.8", "not known", "'delta_radius_mm'?"),
-    (A, "arm_length_mm: [344, 344] ", 8, "arm_length_mm[2]", None, "too short", "Add"),
     (A, "arm_length_mm: [344, 344, 0.5] ", 8, "arm_length_mm[2]", "0.5", "at least 1", "unit"),
-    (A, "arm_length_mm: [344, x, 344] ", 8, "arm_length_mm[1]", "x", "not a number", "number"),
     (A, "arm_length_mm: [344, 344, 150] ", 9, "delta_radius_mm", "161.8", "as large as an arm",
      "horizontal"),
     (A, "arm_length_mm: -3 ", 8, "arm_length_mm", "-3", "greater than zero", "size"),
-    (A, "arm_length_mm: ", 8, "arm_length_mm", None, "number is wanted", "plain number"),
-    (A, "# ", 3, "arm_length_mm", None, "missing", "arm_length_mm: …"),
     (E, "{a: 420, b: 420}", 11, "endstops_mm.c", None, "missing", "c: …"),
-    (E, "{a: 420, b: 420, c: 420, x: 1}", 11, "endstops_mm.x", "1", "not known", "a, b, c"),
     (E, "{a: 420, b: 420, c: 1e9}", 11, "endstops_mm.c", "1e9", "at most 10000", "unit"),
     ("bed_radius_mm: 150", "bed_radius_mm: 0", 12, "bed_radius_mm", "0", "zero", "size"),
     ("bed_radius_mm: 150", "bed_radius_mm: 150\nleg_length_mm: 3", 13, "leg_length_mm", "3",

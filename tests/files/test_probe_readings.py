@@ -8,6 +8,7 @@ import pytest
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import (
+    Input,
     default_machine,
     machine_from_text,
     read_input,
@@ -15,20 +16,17 @@ from orthoglide_cal.files import (
 )
 from orthoglide_cal.files.printer_file import REPEATABILITY_MM
 from orthoglide_cal.files.probe_readings import MINUTES_PER_TOUCH
-from orthoglide_cal.model import Floats, Model, Readings
+from orthoglide_cal.model import Model, Readings
 from orthoglide_cal.model.instrument import CALLIPER_MM
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta
+from tests.printer_files import printer_cfg
 from tests.printers import CONFIG, UNEVEN, printer, true_values
 from tests.truth.delta import (
-    Delta,
     Layout,
     Truth,
     delta_csv,
     delta_yaml,
-    distances,
-    indicated,
     make_delta_session,
-    touches,
 )
 from tests.truth.plan import frozen
 
@@ -36,7 +34,6 @@ from .helpers import places, problems
 
 MODEL = machine_from_text(CONFIG.read_text(encoding="utf-8"), "m.yaml")
 TRUTH = Truth(endstops=frozen([0.5, -0.3, 0.4]), radius=0.4, angles=frozen([0.15, -0.1, 0.0]))
-STEP = 0.0125
 Z = 1.5
 
 
@@ -148,181 +145,102 @@ def test_a_column_of_places_makes_no_touches_of_gauge_readings(tmp_path: Path) -
 # --- printer.cfg ------------------------------------------------------------------------------
 
 
-def steps(machine: Delta, joints: Floats) -> list[str]:
-    """Stepper positions below the endstops, as the firmware writes them, rows of (n, 3)."""
-    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
-    return [",".join(f"{n:.3f}" for n in row) for row in ((home - joints) / STEP).tolist()]
-
-
-def ring(machine: Delta, count: int, share: float) -> Floats:
-    """Places on a circle, (count, 2)."""
-    turn = 2.0 * np.pi * np.arange(count) / count
-    return share * machine.bed * np.stack((np.cos(turn), np.sin(turn)), axis=1)
-
-
-def printer_cfg(machine: Delta, truth: Truth, sections: str = "cm") -> str:
+def cfg(sections: str = "cm", truth: Truth = TRUTH) -> str:
     """What the firmware of such a printer saves, exactly measured."""
-    lines = [
-        "[printer]", "kinematics: delta", f"delta_radius: {machine.radius}",
-        f"print_radius: {machine.bed}", "[probe]", f"z_offset: {Z}",
-        "[bed_mesh]", f"mesh_radius: {0.8 * machine.bed}",
-    ]  # fmt: skip
-    for name, arm, angle, end in zip(
-        "abc", machine.arms, machine.angles, machine.endstops, strict=True
-    ):
-        lines += [
-            f"[stepper_{name}]", "rotation_distance: 40", "microsteps: 16",
-            f"arm_length: {arm}", f"angle: {angle}", f"position_endstop: {end}",
-        ]  # fmt: skip
-    lines.append("#*# <---------------------- SAVE_CONFIG ---------------------->")
-    if "m" in sections:
-        edge = 0.8 * machine.bed
-        axis = np.linspace(-edge, edge, 5)
-        x, y = (each.ravel() for each in np.meshgrid(axis, axis))
-        inside = np.hypot(x, y) <= edge * (1 + 1e-9)
-        read = np.zeros(25)
-        block = np.full(inside.sum(), Z)
-        read[inside] = touches(machine, truth, x[inside], y[inside], block, 0.0 * block) - Z
-        for row in range(5):
-            own = np.flatnonzero(inside[5 * row : 5 * row + 5])
-            padded = np.clip(np.arange(5), own[0], own[-1])
-            read[5 * row : 5 * row + 5] = read[5 * row + padded]
-        lines += ["#*# [bed_mesh default]", "#*# version = 1", "#*# points ="]
-        lines += ["#*# \t  " + ", ".join(f"{v:.6f}" for v in row) for row in read.reshape(5, 5)]
-        lines += ["#*# x_count = 5", "#*# y_count = 5"]
-        for name in "xy":
-            lines += [f"#*# min_{name} = {-edge}", f"#*# max_{name} = {edge}"]
-    if "c" in sections:
-        at = np.vstack((np.zeros((1, 2)), ring(machine, 6, 0.9)))
-        z = touches(machine, truth, at[:, 0], at[:, 1], np.full(7, Z), np.zeros(7))
-        lines.append("#*# [delta_calibrate]")
-        for n, row in enumerate(steps(machine, indicated(machine, np.column_stack((at, z))))):
-            lines += [f"#*# height{n} = {Z}", f"#*# height{n}_pos = {row}"]
-        first = np.column_stack((ring(machine, 6, 0.7), np.full(6, 0.3)))
-        second = np.roll(first, 2, axis=0)
-        measured = distances(machine, truth, first, second).tolist()
-        ends = [steps(machine, indicated(machine, each)) for each in (first, second)]
-        for n, (size, one, other) in enumerate(zip(measured, *ends, strict=True)):
-            lines += [
-                f"#*# distance{n} = {size:.6f}",
-                f"#*# distance{n}_pos1 = {one}",
-                f"#*# distance{n}_pos2 = {other}",
-            ]
-    return "\n".join(lines) + "\n"
+    return printer_cfg(UNEVEN, truth, noise=0.0, sections=sections, surface=Z)
 
 
-@pytest.mark.parametrize("data", ["calibration", "mesh"])
-def test_what_a_printer_saved_gives_its_true_parameters(tmp_path: Path, data: str) -> None:
+def taken(folder: Path, text: str, **options) -> Input:
+    """What a command reads of it."""
+    return read_input(saved(folder, text, "printer.cfg"), **options)
+
+
+def fault_of(folder: Path, text: str, **options) -> InputError:
+    """The only fault."""
+    (fault,) = problems(lambda: taken(folder, text, **options))
+    return fault
+
+
+@pytest.mark.parametrize(("data", "count"), [("c", 10), ("m", 49)])
+def test_what_a_printer_saved_gives_its_true_parameters(
+    tmp_path: Path, data: str, count: int
+) -> None:
     """Exactly measured they are those of the truth, to the digits that the file has."""
-    text = printer_cfg(UNEVEN, TRUTH, data[0])
-    given = read_input(saved(tmp_path, text, "printer.cfg"))
-    read = given.measured
-    assert isinstance(read, Readings)
-    assert len(read) == {"calibration": 13, "mesh": 13}[data]
-    found = solve(read, given.model)
+    given = taken(tmp_path, cfg(data))
+    assert len(given.measured) == count
+    found = solve(given.measured, given.model)
     # A step is 12.5 µm and written to a thousandth, a height to a nanometre.
     assert found.offsets_mm == pytest.approx(true_values(UNEVEN, TRUTH), abs=2e-4)
     assert found.rms_after_mm < 1e-5
 
 
-def test_the_machine_is_the_one_that_the_file_describes(tmp_path: Path) -> None:
-    given = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg"))
-    machine = given.model.machine
-    assert isinstance(machine, LinearDelta)
-    assert machine.arm_length_mm == UNEVEN.arms
-    assert machine.endstops_mm == UNEVEN.endstops
-    assert machine.tower_angles_deg == UNEVEN.angles
-    assert (machine.delta_radius_mm, machine.bed_radius_mm) == (UNEVEN.radius, UNEVEN.bed)
-    assert machine.probe.repeatability_mm == REPEATABILITY_MM
-    assert machine.probe.calliper_mm == CALLIPER_MM
-    assert machine.name == "printer.cfg"
-
-
 def test_the_calibration_comes_first_and_distances_are_distances(tmp_path: Path) -> None:
-    read = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")).measured
-    assert isinstance(read, Readings)
-    plan = read.plan
-    assert plan.distance.tolist() == [False] * 7 + [True] * 6
-    assert plan.surface.tolist() == [Z] * 7 + [0.0] * 6
-    first = np.column_stack((ring(UNEVEN, 6, 0.7), np.full(6, 0.3)))
-    assert plan.place[7:] == pytest.approx(first, abs=5e-5)
-    assert plan.other[7:] == pytest.approx(np.roll(first, 2, axis=0), abs=5e-5)
+    plan = taken(tmp_path, cfg()).measured.plan
+    assert plan.distance.tolist() == [False] * 7 + [True] * 3
+    assert plan.surface.tolist() == [Z] * 7 + [0.0] * 3
+    turn = np.radians(30.0 + 60.0 * np.arange(6))
+    ring = 0.9 * UNEVEN.bed * np.stack((np.cos(turn), np.sin(turn), 0.0 * turn), axis=1)
+    ring[:, 2] = 0.2
+    assert plan.place[7:] == pytest.approx(ring[:3], abs=5e-5)
+    assert plan.other[7:] == pytest.approx(ring[3:], abs=5e-5)
     assert plan.weight[7:] == pytest.approx(REPEATABILITY_MM / CALLIPER_MM)
     assert plan.weight[:7].tolist() == [1.0] * 7
 
 
 def test_padded_points_of_a_mesh_are_left_out_and_it_is_said(tmp_path: Path) -> None:
-    read = read_input(saved(tmp_path, printer_cfg(UNEVEN, TRUTH, "m"), "printer.cfg")).measured
-    assert isinstance(read, Readings)
-    assert len(read) == 13
-    assert np.hypot(*read.plan.place[:, :2].T).max() <= 0.8 * UNEVEN.bed * 1.0001
-    assert any("12 points" in remark and "not probed" in remark for remark in read.remarks)
+    read = taken(tmp_path, cfg("m")).measured
+    assert np.hypot(*read.plan.place[:, :2].T).max() <= (UNEVEN.bed - 10.0) * 1.0001
+    assert any("32 points" in remark and "not probed" in remark for remark in read.remarks)
     assert read.plan.place[:, 2] - read.plan.surface == pytest.approx(read.value, abs=1e-12)
 
 
 def test_what_else_is_known_comes_from_the_machine_file(tmp_path: Path) -> None:
     """Its probe, tolerances and causes; the numbers in force are those of the printer.cfg."""
-    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
     own = printer(UNEVEN, {"leg_length": 0.1})
     probe = own.probe.changed(calliper_mm=0.02, texture_mm=0.02)
-    endstops = Endstops(1.0, 2.0, 3.0)
-    known = Model(own.changed(name="mine", probe=probe, endstops_mm=endstops))
-    machine = read_input(path, known).model.machine
-    assert isinstance(machine, LinearDelta)
-    assert (machine.name, machine.probe.calliper_mm, machine.probe.texture_mm) == (
-        "mine",
-        0.02,
-        0.02,
-    )
+    known = own.changed(name="mine", probe=probe, endstops_mm=Endstops(1.0, 2.0, 3.0))
+    machine = taken(tmp_path, cfg(), model=Model(known)).model.machine
+    assert (machine.name, machine.probe) == ("mine", probe)
     assert machine.tolerances == {"leg_length": 0.1}
     assert machine.endstops_mm == UNEVEN.endstops
+    bare = taken(tmp_path, cfg()).model.machine
+    assert isinstance(bare, LinearDelta)
+    assert (bare.name, bare.arm_length_mm, bare.endstops_mm) == (
+        "printer.cfg", UNEVEN.arms, UNEVEN.endstops,
+    )  # fmt: skip
+    assert (bare.probe.repeatability_mm, bare.probe.calliper_mm) == (REPEATABILITY_MM, CALLIPER_MM)
 
 
 def test_a_machine_of_another_kind_is_refused(tmp_path: Path) -> None:
-    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
+    """As is a printer's file for a machine file; where it belongs is said."""
     with pytest.raises(UsageError, match="is of a linear delta") as caught:
-        read_input(path, default_machine())
+        taken(tmp_path, cfg(), model=default_machine())
     assert "--machine" in caught.value.remedy
-
-
-def test_a_printers_file_is_no_machine_file_and_where_it_belongs_is_said(tmp_path: Path) -> None:
-    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH), "printer.cfg")
-    (fault,) = problems(read_machine_file, path)
+    (fault,) = problems(read_machine_file, saved(tmp_path, cfg(), "printer.cfg"))
     assert "not a machine file" in fault.what
     assert "solve, diagnose or plan" in fault.remedy
 
 
-@pytest.mark.parametrize("kinematics", ["cartesian", "corexy"])
-def test_a_printer_of_another_kind_is_refused(tmp_path: Path, kinematics: str) -> None:
-    text = printer_cfg(UNEVEN, TRUTH).replace("kinematics: delta", f"kinematics: {kinematics}")
-    (fault, *_) = problems(read_input, saved(tmp_path, text, "printer.cfg"))
-    assert fault.line == 2
-    assert kinematics in f"{fault.what} {fault.value}"
-
-
 def test_towers_in_the_other_sense_are_a_fault_of_their_line(tmp_path: Path) -> None:
-    text = printer_cfg(UNEVEN, TRUTH).replace("angle: 209.0", "angle: 345")
-    (fault,) = problems(read_input, saved(tmp_path, text, "printer.cfg"))
-    lines = text.split("\n")
-    assert places([fault]) == [(lines.index("angle: 90.0") + 1, "angle", None)]
+    text = cfg().replace("angle = 209.0", "angle = 345")
+    fault = fault_of(tmp_path, text)
+    assert places([fault]) == [(text.split("\n").index("#*# angle = 90.0") + 1, "angle", None)]
     assert "counter-clockwise" in fault.what
     assert "stepper_a" in fault.remedy
 
 
-def test_a_printer_that_stores_nothing_is_told_what_to_run(tmp_path: Path) -> None:
-    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH, ""), "printer.cfg")
-    with pytest.raises(InputError) as caught:
-        read_input(path)
-    assert "CALIBRATE" in caught.value.remedy
+@pytest.mark.parametrize("stored", [None, "mesh", "calibration"])
+def test_a_printer_that_stores_nothing_is_told_what_to_run(
+    tmp_path: Path, stored: str | None
+) -> None:
+    """And not sent to the other choice."""
+    fault = fault_of(tmp_path, cfg(""), stored=stored)
+    assert "neither probed heights nor a mesh" in fault.what
+    assert "DELTA_CALIBRATE" in fault.remedy
+    assert "BED_MESH_CALIBRATE" in fault.remedy
 
 
-def test_a_printer_that_stores_nothing_is_not_sent_to_the_other_choice(tmp_path: Path) -> None:
-    path = saved(tmp_path, printer_cfg(UNEVEN, TRUTH, ""), "printer.cfg")
-    for stored in (None, "mesh", "calibration"):
-        (fault,) = problems(lambda kind=stored: read_input(path, stored=kind))
-        assert "neither probed heights nor a mesh" in fault.what
-        assert "DELTA_CALIBRATE" in fault.remedy
-        assert "BED_MESH_CALIBRATE" in fault.remedy
+END = f"position_endstop = {UNEVEN.endstops[0]}"
 
 
 @pytest.mark.parametrize(
@@ -330,11 +248,7 @@ def test_a_printer_that_stores_nothing_is_not_sent_to_the_other_choice(tmp_path:
     [
         ("microsteps: 16", "microsteps: 32", "mm off"),
         ("rotation_distance: 40", "rotation_distance: 32", "mm off"),
-        (
-            f"position_endstop: {UNEVEN.endstops[0]}",
-            f"position_endstop: {UNEVEN.endstops[0] - 30.0}",
-            "mm off",
-        ),
+        (END, f"position_endstop = {UNEVEN.endstops[0] - 30.0}", "mm off"),
         ("rotation_distance: 40", "rotation_distance: 4000", "out of reach"),
     ],
 )
@@ -342,22 +256,20 @@ def test_settings_that_changed_since_the_heights_were_stored(
     tmp_path: Path, old: str, new: str, words: str
 ) -> None:
     """Of one tower: the stored steps count from its endstop, in the length they have then."""
-    text = printer_cfg(UNEVEN, TRUTH)
+    text = cfg()
     assert old in text
-    (fault,) = problems(read_input, saved(tmp_path, text.replace(old, new, 1), "printer.cfg"))
-    assert fault.line is not None
-    assert text.split("\n")[fault.line - 1].startswith("#*# height")
+    fault = fault_of(tmp_path, text.replace(old, new, 1))
+    assert text.split("\n")[(fault.line or 0) - 1].startswith("#*# height")
     assert words in fault.what
     assert "DELTA_CALIBRATE" in fault.remedy
-    mesh = printer_cfg(UNEVEN, TRUTH, "m")
-    assert len(read_input(saved(tmp_path, mesh.replace(old, new), "p.cfg")).measured) == 13
+    assert len(taken(tmp_path, cfg("m").replace(old, new)).measured) == 49
 
 
 def test_a_distance_that_was_typed_wrong_is_named(tmp_path: Path) -> None:
-    text = printer_cfg(UNEVEN, TRUTH)
-    line = next(row for row in text.split("\n") if row.startswith("#*# distance3 "))
-    wrong = text.replace(line, f"#*# distance3 = {float(line.split()[-1]) + 30.0}")
-    (fault,) = problems(read_input, saved(tmp_path, wrong, "printer.cfg"))
+    text = cfg()
+    line = next(row for row in text.split("\n") if row.startswith("#*# distance2 "))
+    wrong = text.replace(line, f"#*# distance2 = {float(line.split()[-1]) + 30.0}")
+    fault = fault_of(tmp_path, wrong)
     assert fault.line == text.split("\n").index(line) + 1
     assert "mm off" in fault.what
     assert "DELTA_ANALYZE" in fault.remedy
@@ -368,51 +280,36 @@ def test_endstops_that_were_trimmed_after_the_calibration_are_told(
     tmp_path: Path, by: float, words: str
 ) -> None:
     """As a first layer is set: all three by the same."""
-    text = printer_cfg(UNEVEN, Truth())
-    assert not any("first layer" in each for each in remarks_of(tmp_path, text))
+    text = cfg(truth=Truth())
+    assert not any("first layer" in each for each in taken(tmp_path, text).measured.remarks)
     for end in set(UNEVEN.endstops):
-        text = text.replace(f"position_endstop: {end}\n", f"position_endstop: {end + by}\n")
-    (remark,) = (each for each in remarks_of(tmp_path, text) if "first layer" in each)
+        text = text.replace(f"position_endstop = {end}\n", f"position_endstop = {end + by}\n")
+    remarks = taken(tmp_path, text).measured.remarks
+    (remark,) = (each for each in remarks if "first layer" in each)
     assert words in remark
 
 
-def remarks_of(folder: Path, text: str) -> tuple[str, ...]:
-    return read_input(saved(folder, text, "printer.cfg")).measured.remarks
-
-
 def test_a_mesh_that_lies_beyond_the_bed_is_refused(tmp_path: Path) -> None:
-    text = printer_cfg(UNEVEN, TRUTH, "m").replace(
-        f"print_radius: {UNEVEN.bed}", f"print_radius: {0.6 * UNEVEN.bed}"
-    )
-    (fault,) = problems(read_input, saved(tmp_path, text, "printer.cfg"))
+    text = cfg("m").replace(f"print_radius: {UNEVEN.bed}", f"print_radius: {0.6 * UNEVEN.bed}")
+    fault = fault_of(tmp_path, text)
     assert "from the middle of the bed" in fault.what
     assert "print_radius" in fault.remedy
     assert text.split("\n")[(fault.line or 0) - 1].startswith("#*# \t")
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("[printer]", "[printer] # mine"),
-        ("[printer]", "[ printer ]"),
-        ("[printer]", "[printer]\t; mine"),
-    ],
-)
-def test_a_printer_is_known_by_its_section(tmp_path: Path, old: str, new: str) -> None:
-    text = printer_cfg(UNEVEN, TRUTH).replace(old, new)
-    for name in "abc":
-        text = text.replace(f"[stepper_{name}]", f"[stepper_{name}] # {name}")
-    assert len(read_input(saved(tmp_path, text, "printer.cfg")).measured) == 13
+@pytest.mark.parametrize("section", ["[printer] # mine", "[ printer ]", "[printer]\t; mine"])
+def test_a_printer_is_known_by_its_section(tmp_path: Path, section: str) -> None:
+    assert len(taken(tmp_path, cfg().replace("[printer]", section, 1)).measured) == 10
 
 
+@pytest.mark.parametrize("stored", [None, "mesh"])
 @pytest.mark.parametrize(
     "text", ["[gcode_macro M600]\ngcode:\n  PAUSE\n", "[Printer]\n", "[include a.cfg]\n"]
 )
-def test_a_part_of_a_configuration_is_no_table(tmp_path: Path, text: str) -> None:
-    for stored in (None, "mesh"):
-        path = saved(tmp_path, text, "part.cfg")
-        (fault,) = problems(lambda kind=stored, file=path: read_input(file, stored=kind))
-        assert "no linear delta" in fault.what
+def test_a_part_of_a_configuration_is_no_table(
+    tmp_path: Path, text: str, stored: str | None
+) -> None:
+    assert "no linear delta" in fault_of(tmp_path, text, stored=stored).what
 
 
 # --- solved -----------------------------------------------------------------------------------
