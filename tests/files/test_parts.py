@@ -1,12 +1,9 @@
 """Readings of several parts in files: read, refused where they are wrong, written as they were."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.errors import InvalidFileError
 from orthoglide_cal.files import (
     check_file,
     read_input,
@@ -16,6 +13,8 @@ from orthoglide_cal.files import (
 )
 from orthoglide_cal.model import Model, Readings
 from tests.machines import PROTOTYPE
+
+from .helpers import problems
 
 HEADER = "leg,posture,direction,reading_mm,part,bar,entered,gauge_at\n"
 ROWS = [
@@ -32,16 +31,6 @@ def read(path: Path, rows: list[str] = ROWS) -> Readings:
     found = read_input(str(path), Model(PROTOTYPE)).measured
     assert isinstance(found, Readings)
     return found
-
-
-def refused(path: Path, row: int, text: str) -> tuple[str, str]:
-    """What is said, in one line, of a file with one other row."""
-    rows = [*ROWS[:row], text, *ROWS[row + 1 :]]
-    with pytest.raises(InvalidFileError) as error:
-        read(path, rows)
-    (fault,) = error.value.problems
-    assert fault.line == row + 2
-    return fault.what, fault.column
 
 
 def test_the_columns_are_read(tmp_path: Path) -> None:
@@ -83,9 +72,9 @@ def test_decimal_commas_are_read_in_it(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, row: int, text: str, column: str, said: str) -> None:
-    what, where = refused(tmp_path / "r.csv", row, text)
-    assert said in what
-    assert where == column
+    (fault,) = problems(read, tmp_path / "r.csv", [*ROWS[:row], text, *ROWS[row + 1 :]])
+    assert (fault.line, fault.column) == (row + 2, column)
+    assert said in fault.what
 
 
 def test_a_bar_that_is_turned_within_a_part_gets_new_zeros(tmp_path: Path) -> None:
@@ -102,16 +91,9 @@ def test_a_bar_that_is_turned_within_a_part_gets_new_zeros(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("other", ["y,max,x,0.1,1,,,", "x,iso,y,0.1,1,turned,,"])
 def test_a_bar_is_turned_for_both_directions(tmp_path: Path, other: str) -> None:
-    rows = [
-        "x,iso,z,0.1,1,,,",
-        "y,iso,x,0.1,1,,,",
-        "x,max,y,0.1,1,turned,,",
-        *filter(None, [other]),
-    ]
+    rows = ["x,iso,z,0.1,1,,,", "y,iso,x,0.1,1,,,", "x,max,y,0.1,1,turned,,", other]
     path = tmp_path / "r.csv"
-    with pytest.raises(InvalidFileError) as error:
-        read(path, rows)
-    (fault,) = error.value.problems
+    (fault,) = problems(read, path, rows)
     assert (fault.line, fault.column) == (2, "bar")
     assert "The bar of leg x is turned for direction y alone" in fault.what
     assert not check_file(str(path), Model(PROTOTYPE))[0].valid

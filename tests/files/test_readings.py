@@ -95,14 +95,12 @@ def test_other_ways_to_write_the_same(tmp_path, text):
     assert read.remarks == same.remarks
 
 
-def test_inches(tmp_path):
-    read = readings(tmp_path, "leg;posture;direction;reading_in\nx;iso;y;-0,01\n")
-    assert read.value.tolist() == [-0.254]
-
-
-def test_thousands_are_not_guessed(tmp_path):
-    read = readings(tmp_path, "leg;posture;direction;reading_mm\nx;iso;y;1,234\n")
-    assert read.value.tolist() == [1.234]
+@pytest.mark.parametrize(
+    ("unit", "cell", "mm"), [("in", "-0,01", -0.254), ("mm", "1,234", 1.234)], ids=["inch", "comma"]
+)
+def test_inches_and_no_thousands(tmp_path, unit, cell, mm):
+    read = readings(tmp_path, f"leg;posture;direction;reading_{unit}\nx;iso;y;{cell}\n")
+    assert read.value.tolist() == [mm]
 
 
 def row(cells: str, extra: str = "") -> str:
@@ -219,12 +217,8 @@ REMARKS = [
 def test_remarks(tmp_path, text, words):
     (remark,) = readings(tmp_path, text).remarks
     assert words in remark
-
-
-def test_equal_rows_without_cycle_or_minutes_are_plain_repeats(tmp_path):
-    read = readings(tmp_path, f"{HEAD}\nx,iso,y,1\nx,iso,y,1\n")
-    assert len(read) == 2
-    assert not any("repeats" in remark for remark in read.remarks)
+    # Without minutes equal rows are plain repeats.
+    assert not any("repeats" in each for each in readings(tmp_path, f"{GOOD}x,max,y,-0.25").remarks)
 
 
 def test_postures_follow_the_machine(tmp_path):
@@ -264,9 +258,7 @@ def test_only_a_stated_order_tells_of_a_return(tmp_path):
         read = readings(tmp_path, "\n".join(stated))
         assert read.plan.setup.tolist() == [0, 0, 1, 2]
         assert any("came back" in remark for remark in read.remarks)
-
-
-def test_the_order_is_that_of_seq(tmp_path):
+    # Whatever the order of the rows.
     stated = [f"{LABELLED},seq", *(f"{row},{k}" for row, k in zip(ROWS, (0, 1, 3, 2), strict=True))]
     assert readings(tmp_path, "\n".join(stated)).plan.setup.tolist() == [0, 0, 1, 0]
 
@@ -346,20 +338,12 @@ def test_what_is_written_is_read_back_exactly(data):
         assert pairs_of(read, same) == read.plan.setups == same.plan.setups
 
 
-def test_columns_without_content_are_left_out():
-    text = readings_csv(made(double_posture(MACHINE, cycles=1)))
-    assert text.split("\n")[0] == "leg,posture,direction,cycle,reading_mm,seq,minutes"
-
-
-def test_the_place_of_a_gauge_at_an_end_is_not_written():
+def test_columns_without_content_are_left_out_and_minutes_are_short():
+    header, *rows = readings_csv(made(double_posture(MACHINE, cycles=1))).splitlines()
+    assert header == "leg,posture,direction,cycle,reading_mm,seq,minutes"
+    minutes = "0 0.4 0.8 1.2 5.6 6 6.4 6.8 11.2 11.6 12 12.4"
+    assert [row.split(",")[6] for row in rows[::2]] == minutes.split()
     assert "gauge_at" not in readings_csv(made(single_posture(MACHINE, cycles=1)))
-
-
-def test_minutes_are_short():
-    text = readings_csv(made(double_posture(MACHINE, cycles=1)))
-    minutes = [line.split(",")[6] for line in text.splitlines()[1:]]
-    assert minutes[::2] == ["0", "0.4", "0.8", "1.2", "5.6", "6", "6.4", "6.8", "11.2", "11.6",
-                            "12", "12.4"]  # fmt: skip
 
 
 @pytest.mark.parametrize(

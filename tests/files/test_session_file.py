@@ -1,5 +1,8 @@
 """Session files: round trips, recognition by content, faults, and the machine inside."""
 
+import json
+import re
+
 import pytest
 import yaml
 
@@ -87,15 +90,9 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
         skipped=1,
         notes=((given.notes[0][0], "yes: 1"),),
     )
-    assert (
-        (tmp_path / "session.yaml")
-        .read_text()
-        .split("\n")[given.notes[0][0] - 1]
-        .startswith("- {leg: x, posture: iso")
-    )
-
-
-def test_labels_without_an_entry_are_gauges_too(tmp_path):
+    noted = session_text(values()).split("\n")[given.notes[0][0] - 1]
+    assert noted.startswith("- {leg: x, posture: iso")
+    # Labels without an entry are gauges too.
     other = values(gauges=[{"id": "7"}], environment="a foggy day")
     given = read_input(save(tmp_path, session_text(other))).conditions
     assert given.gauges == (GaugeIdentity(id="7"), GaugeIdentity(id="012"))
@@ -131,15 +128,9 @@ def test_each_file_and_its_machine_are_read_once(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", ["session.yaml", "session", "data.csv", "x.txt"])
 @pytest.mark.parametrize("before", ["", "# a comment, with commas\n\n", "---\n", "\ufeff"])
 def test_recognised_by_content(tmp_path, name, before):
-    path = save(tmp_path, before + session_text(values()), name)
-    assert len(read_input(path, MODEL).measured) == 4
-
-
-def test_json_is_yaml(tmp_path):
-    import json
-
-    content = json.dumps(session_json(values()))
-    assert len(read_input(save(tmp_path, content, "s.json"), MODEL).measured) == 4
+    for text in (session_text(values()), json.dumps(session_json(values()))):
+        path = save(tmp_path, before + text, name)
+        assert len(read_input(path, MODEL).measured) == 4
 
 
 def test_an_unfinished_session_without_readings(tmp_path):
@@ -193,40 +184,35 @@ def test_the_default_machine_for_a_table(tmp_path):
     assert given.measured.plan.displacement.tolist() == [60.0]
 
 
-def without(text: str, *keys: str) -> str:
-    import re
-
-    for key in keys:
-        text = re.sub(rf" {key}: [^,}}]*,", "", text)
-    return text
+def without(text: str, key: str) -> str:
+    return re.sub(rf" {key}: [^,}}]*,", "", text)
 
 
-def test_minutes_from_timestamps(tmp_path):
-    path = save(tmp_path, without(session_text(values()), "minutes"))
+@pytest.mark.parametrize(
+    ("started", "seconds"),
+    [("2025-03-01T09:00:00+01:00", [30.25, 90.25, 150.25, 210.25]), (None, [0, 60, 120, 180])],
+)
+def test_minutes_from_timestamps(tmp_path, started, seconds):
+    path = save(tmp_path, without(session_text(values(started=started)), "minutes"))
     read = read_input(path, MODEL).measured
     assert read.timed
-    assert (read.plan.hours * 3600).tolist() == pytest.approx([30.25, 90.25, 150.25, 210.25])
+    assert (read.plan.hours * 3600).tolist() == pytest.approx(seconds)
 
 
-def test_timestamps_without_a_start(tmp_path):
-    text = without(session_text(values(started=None)), "minutes")
-    read = read_input(save(tmp_path, text), MODEL).measured
-    assert (read.plan.hours * 3600).tolist() == pytest.approx([0.0, 60.0, 120.0, 180.0])
-
-
-def test_timestamps_before_the_start_or_out_of_order(tmp_path):
-    text = without(session_text(values(started="2025-03-01T09:01:00+01:00")), "minutes")
-    (early,) = problems(read_input, save(tmp_path, text), MODEL)
-    assert (early.column, early.value) == ("readings[0].timestamp", "2025-03-01T09:00:30.250+01:00")
-    text = without(session_text(values()), "minutes").replace("T09:02", "T09:00")
-    (back,) = problems(read_input, save(tmp_path, text), MODEL)
-    assert (back.column, back.what[:19]) == ("readings[2].timestamp", "Time runs backwards")
-
-
-def test_mixed_time_zones(tmp_path):
-    text = without(session_text(values(started="2025-03-01T09:00:00")), "minutes")
-    found = problems(read_input, save(tmp_path, text), MODEL)
-    assert "time zone" in found[0].what
+@pytest.mark.parametrize(
+    ("started", "old", "column", "what"),
+    [
+        ("2025-03-01T09:01:00+01:00", "", "readings[0].timestamp", "before `started`"),
+        ("2025-03-01T09:00:00+01:00", "T09:02", "readings[2].timestamp", "Time runs backwards"),
+        ("2025-03-01T09:00:00", "", "readings[0].timestamp", "time zone"),
+    ],
+)
+def test_timestamps_that_cannot_be(tmp_path, started, old, column, what):
+    text = without(session_text(values(started=started)), "minutes")
+    text = text.replace(old, "T09:00") if old else text
+    fault, *_ = problems(read_input, save(tmp_path, text), MODEL)
+    assert fault.column == column
+    assert what in fault.what
 
 
 def test_resolution_with_its_unit_and_inches(tmp_path):

@@ -67,23 +67,21 @@ def test_standard_input(monkeypatch):
 
 
 def test_written_once(tmp_path):
-    path = tmp_path / "a.txt"
-    write_text(path, "grün\n")
+    path, old = tmp_path / "a.txt", os.umask(0o022)
+    try:
+        write_text(path, "grün\n")
+    finally:
+        os.umask(old)
+    assert path.stat().st_mode & 0o777 == 0o644
     assert path.read_bytes() == "grün\n".encode()
     with pytest.raises(UsageError):
         write_text(path, "other")
     write_text(path, "other", overwrite=True)
     assert path.read_text() == "other"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_permissions_follow_the_umask(tmp_path):
-    old = os.umask(0o022)
-    try:
-        write_text(tmp_path / "a", "x")
-    finally:
-        os.umask(old)
-    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o644
+    with pytest.raises(InputError, match="cannot be written") as caught:
+        write_text(tmp_path / "none" / "a", "x")
+    assert caught.value.file.endswith("a")
 
 
 def test_a_failure_leaves_nothing_behind(tmp_path, monkeypatch):
@@ -98,12 +96,6 @@ def test_a_failure_leaves_nothing_behind(tmp_path, monkeypatch):
         write_text(path, "after", overwrite=True)
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_no_folder(tmp_path):
-    with pytest.raises(InputError, match="cannot be written") as caught:
-        write_text(tmp_path / "none" / "a", "x")
-    assert caught.value.file.endswith("a")
 
 
 def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):

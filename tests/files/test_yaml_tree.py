@@ -5,7 +5,6 @@ import time
 import pytest
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import dotted
 from orthoglide_cal.files.yaml_tree import load_tree, yaml_text
 
 from .helpers import document
@@ -55,20 +54,19 @@ def test_scalars_stay_text_and_lines_are_known():
     ]  # fmt: skip
 
 
-def test_duplicate_keys_are_all_noted():
-    tree = load_tree(document("a: 1\nb: {c: 1, c: {d: 2}}\na: 3\n"))
-    assert [(f.line, f.column) for f in tree.faults.problems] == [(2, "b.c"), (3, "a")]
-    assert tree.value == {"a": "1", "b": {"c": "1"}}
-
-
-def test_duplicates_inside_a_duplicate_are_no_faults_of_their_own():
-    tree = load_tree(document("a: {b: 1}\na: {b: 1, b: 2, c: [{d: 1, d: 2}]}\n"))
-    assert [(f.line, f.column) for f in tree.faults.problems] == [(2, "a")]
-    assert tree.value == {"a": {"b": "1"}}
-
-
-def test_dotted_path():
-    assert dotted(("identified", 0, "cause")) == "identified[0].cause"
+@pytest.mark.parametrize(
+    ("text", "faults"),
+    [
+        ("a: 1\nb: {c: 1, c: {d: 2}}\na: 3\n", [(2, "b.c"), (3, "a")]),
+        # Those inside a duplicate are no faults of their own.
+        ("a: 1\nb: {c: 1}\na: {b: 1, b: 2, c: [{d: 1, d: 2}]}\n", [(3, "a")]),
+        ("a: 1\nb: {c: 1}\nl: [{c: 0, c: 1}]\n", [(3, "l[0].c")]),
+    ],
+)
+def test_duplicate_keys_are_all_noted(text, faults):
+    tree = load_tree(document(text))
+    assert [(f.line, f.column) for f in tree.faults.problems] == faults
+    assert (tree.value["a"], tree.value["b"]) == ("1", {"c": "1"})
 
 
 def test_yaml_has_no_aliases_which_the_reader_refuses():
