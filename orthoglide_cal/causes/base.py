@@ -34,7 +34,6 @@ class PatternCause(Cause):
     hides_reading: bool = False
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
-        """Those that were written down wrongly."""
         if self.stage is not Stage.RECORD:
             return ()
         return tuple(np.flatnonzero(self.patterns(plan, (place,))[:, 0]).tolist())
@@ -48,7 +47,6 @@ class PatternCause(Cause):
         raise NotImplementedError
 
     def spoiled(self, place: Place, plan: Plan) -> Ints:
-        """Those that its pattern changes."""
         return np.flatnonzero(self.patterns(plan, (place,))[:, 0])
 
     def contact(
@@ -66,7 +64,6 @@ class PatternCause(Cause):
         return readings + self._added(effect, plan, machine)
 
     def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
-        """Readings − pattern · theta."""
         return readings - self._added(effect, plan, machine)
 
     def _added(self, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
@@ -102,19 +99,16 @@ class RelabelCause(Cause):
         return plan
 
     def spoiled(self, place: Place, plan: Plan) -> Ints:
-        """Those that were written down with another sign or label."""
         index, sign = self.relabel(plan, place)
         moved = (index != np.arange(len(plan))) | (sign != 1.0)
         asked, read = map(GaugePlan.require, (plan, self.really_read(plan, place)))
         return np.flatnonzero(moved | (read.direction != asked.direction))
 
     def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
-        """Readings as they were written down."""
         index, sign = self.relabel(plan, effect.place)
         return np.asarray(sign * readings[..., index] / self.unit_mm(effect.place))
 
     def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
-        """Relabelled once more, in mm."""
         index, sign = self.relabel(plan, effect.place)
         return np.asarray(sign * readings[index] * self.unit_mm(effect.place))
 
@@ -136,12 +130,10 @@ class ExchangeCause(RelabelCause):
         raise NotImplementedError
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
-        """Exchange the readings; nothing where they do not pair up."""
         index = _partners(self, plan, place)
         return np.arange(len(plan)) if index is None else index, np.ones(len(plan))
 
     def reversible(self, plan: Plan, place: Place) -> bool:
-        """Whether every reading has its partner."""
         return _partners(self, plan, place) is not None
 
     def really_read(self, plan: Plan, place: Place) -> Plan:

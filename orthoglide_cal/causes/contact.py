@@ -67,15 +67,12 @@ class GaugeDrift(PatternCause):
     advice = "Clamp the stand of {where} afresh on a clean surface, and repeat this leg."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every (leg, direction)."""
         return series_places(plan)
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        """The leg and direction."""
         return series_at(place).words(plan)
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        """Hours since the session began, in the series."""
         return np.stack([series_at(at).readings(plan) * plan.hours for at in places], axis=1)
 
 
@@ -97,7 +94,6 @@ class StandShift(PatternCause):
     )
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """From every reading on but the first of each set-up."""
         return tuple(Place((i,)) for i in later_readings(plan))
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
@@ -111,11 +107,9 @@ class StandShift(PatternCause):
         return () if will_show or len(again) > 1 else again
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        """The first reading after the knock."""
         return f"from {machine.reading_words(plan, place.index[0])} on"
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        """1 from the place on, within its set-up."""
         return plan.onwards[:, [place.index[0] for place in places]]
 
 

@@ -47,15 +47,12 @@ class Misread(PatternCause):
     advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every reading."""
         return tuple(Place((i,)) for i in range(len(plan)))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        """The reading."""
         return machine.reading_words(plan, place.index[0])
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        """1 at the reading."""
         return np.eye(len(plan))[:, [place.index[0] for place in places]]
 
 
@@ -77,28 +74,23 @@ class GaugeSlip(PatternCause):
     advice = "Count the turns again: {where}. Add or take off whole revolutions there."
 
     def possible(self, machine: Machine) -> bool:
-        """Only a gauge with a dial has turns to miscount."""
         return (
             super().possible(machine)
             and Orthoglide.require(machine).gauge.revolution_mm is not None
         )
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
-        """Those that stand apart from the rest of their set-up."""
         return apart(plan, self.spoiled(place, plan))
 
     def millimetres(self, machine: Machine) -> float:
-        """One revolution of the dial [mm]."""
         return Orthoglide.require(machine).gauge.revolution_mm or 0.0
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every reading alone, and every reading but the first of a set-up with all after it."""
         followed = plan.onwards.sum(axis=0) > 1
         kept = [i for i in later_readings(plan) if followed[i]]
         return (*(Place((i, 0)) for i in range(len(plan))), *(Place((i, 1)) for i in kept))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        """The reading, or the first of several."""
         reading = machine.reading_words(plan, place.index[0])
         return f"from {reading} on" if place.index[1] else reading
 
@@ -123,7 +115,6 @@ class SignFlip(RelabelCause):
     advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every (leg, direction), then all readings of a table of one part."""
         return (*series_places(plan), *whole_table(plan))
 
     def share(self, place: Place) -> float:
@@ -131,11 +122,9 @@ class SignFlip(RelabelCause):
         return CLERICAL if place == EVERYWHERE else 1.0
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        """The leg and direction."""
         return "all readings" if place == EVERYWHERE else series_at(place).words(plan)
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
-        """Same readings, sign −1 in the series."""
         turned = True if place == EVERYWHERE else series_at(place).readings(plan)
         return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
 
@@ -158,7 +147,6 @@ class SwappedGauges(ExchangeCause):
     )
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every leg that was read in two directions in a part."""
         direction = GaugePlan.require(plan).direction
         legs = (InPart((leg,), part) for part in range(plan.parts) for leg in range(3))
         return tuple(
@@ -166,11 +154,9 @@ class SwappedGauges(ExchangeCause):
         )
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        """The leg."""
         return InPart.of(place, 1).words(plan)
 
     def concerned(self, plan: Plan, place: Place) -> Bools:
-        """Those of the leg in the part."""
         return InPart.of(place, 1).readings(plan)
 
     def really(self, series: Series, place: Place) -> Series:
@@ -191,7 +177,6 @@ class ExchangedColumns(ExchangeCause):
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """A table of one part."""
         return whole_table(plan)
 
     def really(self, series: Series, place: Place) -> Series:
@@ -211,19 +196,15 @@ class WrongUnit(RelabelCause):
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        """Every unit that is taken for mm, in a table of one part."""
         return tuple(Place((k,)) for _ in whole_table(plan) for k in range(len(UNITS)))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        """The unit."""
         return UNITS[place.index[0]].mistake
 
     def unit_mm(self, place: Place) -> float:
-        """Of the unit."""
         return UNITS[place.index[0]].mm
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
-        """The same readings."""
         return np.arange(len(plan)), np.ones(len(plan))
 
 

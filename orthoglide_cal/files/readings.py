@@ -33,7 +33,6 @@ from orthoglide_cal.model import (
     Readings,
     Source,
     number_setups,
-    places_of,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
@@ -206,7 +205,6 @@ def readings_of(
     gauge = tuple(row.gauge or "" for row in rows)
     part = np.array([(row.part or 1) - 1 for row in rows])
     turned = np.array([row.bar is not None for row in rows])
-    places = places_of(leg, direction, contact, gauge_at, part, turned)
     ordered = timed or first.seq is not None
     plan = GaugePlan(
         leg=leg,
@@ -216,13 +214,15 @@ def readings_of(
         ),
         contact=contact,
         gauge_at=gauge_at,
-        setup=number_setups(places, gauge, in_time.tolist(), ordered=ordered),
+        setup=np.zeros_like(leg),
         order=order,
         hours=np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0,
         part=part,
         turned=turned,
         entered=np.array([row.entered or (0.0,) * len(AXES) for row in rows]),
     )
+    setup = number_setups(plan.places, gauge, in_time.tolist(), ordered=ordered)
+    plan = replace(plan, setup=setup)
     cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else _cycles(plan)
     nothing = math.nan
     return Readings(
@@ -262,10 +262,7 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
     """
     plan, gauges = GaugePlan.require(readings.plan), readings.gauge
     seq, minutes = (np.argsort(plan.in_time) + 1).tolist(), (plan.hours * 60.0).tolist()
-    places = places_of(
-        plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
-    )
-    understood = number_setups(places, gauges, plan.in_time.tolist(), ordered=True)
+    understood = number_setups(plan.places, gauges, plan.in_time.tolist(), ordered=True)
     pairs = set(zip(understood.tolist(), plan.setup.tolist(), strict=True))
     if not len(pairs) == len(set(understood.tolist())) == plan.setups:
         gauges = tuple(f"set-up {number + 1}" for number in plan.setup.tolist())
@@ -399,10 +396,7 @@ def _remarks(
         remarks.append("gauge_at was not used: `end` says where the gauge stood.")
     if readings.timed or "cycle" in records[0].cells:
         remarks += _repeated_rows(records)
-    places = places_of(
-        plan.leg, plan.direction, plan.contact, plan.gauge_at, plan.part, plan.turned
-    )
-    anew = plan.setups - len(set(zip(places, readings.gauge, strict=True)))
+    anew = plan.setups - len(set(zip(plan.places, readings.gauge, strict=True)))
     if anew:
         remarks.append(
             f"Labelled gauges came back to a place {anew} times after use elsewhere; each return"

@@ -1,7 +1,6 @@
 """What every gauge reads: plan, rails, causes, the forward model; tool error and compensation."""
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
-from orthoglide_cal.model.differences import ideal_plan, reduction
 from orthoglide_cal.model.gauge_doubts import (
     gauge_doubts,
     off_scale,
@@ -38,7 +37,13 @@ from orthoglide_cal.model.plan import (
     without_zeros,
     zero_free,
 )
-from orthoglide_cal.model.protocols import double_posture, single_posture, visiting
+from orthoglide_cal.model.protocols import (
+    double_posture,
+    ideal_plan,
+    reduction,
+    single_posture,
+    visiting,
+)
 from orthoglide_cal.model.readings import (
     AXES,
     Contact,
@@ -47,5 +52,4 @@ from orthoglide_cal.model.readings import (
     Series,
     number_setups,
     other_axes,
-    places_of,
 )

@@ -70,7 +70,6 @@ class Gauge(Instrument):
 
     @property
     def travel_mm(self) -> float:
-        """Its range."""
         return self.range_mm
 
     @property

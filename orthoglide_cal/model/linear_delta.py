@@ -38,7 +38,6 @@ from orthoglide_cal.model.kinematics import (
     batch_of,
     behind_batch,
     components,
-    rail_position,
 )
 from orthoglide_cal.model.layouts import (
     BLOCKS_MM,
@@ -127,7 +126,6 @@ class LinearDelta(Machine):
     # On a flat bed these look alike.
     rivals = ("tower_lean", "bed_shape")
     fixed_parameters = ("leg_length",)
-    usual_homing_mm = 5.0
     # Frames and beds of printers are good or bad by a factor of ten: a plausible size is right
     # within a factor of three, and hardly decides between causes.
     tolerance_scales = _shares((0.25, 0.5, 1.0, 2.0, 4.0, 8.0), math.log(3.0))
@@ -187,17 +185,14 @@ class LinearDelta(Machine):
 
     @property
     def instrument(self) -> Probe:
-        """Its probe."""
         return self.probe
 
     @property
     def active(self) -> tuple[float, ...]:
-        """Endstops, radius, angles of the towers a and b [mm, deg]."""
         return (*self.endstops_mm, self.delta_radius_mm, *self.tower_angles_deg[:2])
 
     @property
     def plausible(self) -> tuple[float, ...]:
-        """What a printer can have [mm, deg]."""
         towers = [self.homing_std_mm] * len(TOWERS)
         return (*towers, self.radius_mm, self.angle_deg, self.angle_deg)
 
@@ -208,17 +203,14 @@ class LinearDelta(Machine):
 
     @property
     def travel_mm(self) -> float:
-        """From the highest endstop to the bed."""
         return max(self.endstops_mm)
 
     @property
     def expanding_mm(self) -> float:
-        """An arm."""
         return sum(self.arm_length_mm) / len(TOWERS)
 
     @property
     def geometry_words(self) -> str:
-        """Arms and bed."""
         arms = ", ".join(f"{arm:g}" for arm in dict.fromkeys(self.arm_length_mm))
         return f"arms {arms} mm, bed of radius {self.bed_radius_mm:g} mm"
 
@@ -234,14 +226,6 @@ class LinearDelta(Machine):
     def home_mm(self) -> float:
         """Height of the carriages, about, with the tool in the middle of the bed [mm]."""
         return float(np.mean(self._above(self.delta_radius_mm)))
-
-    def joints_for(self, tool: Floats) -> Floats:
-        """Inverse kinematics of the controller: carriage heights (..., 3) for places (..., 3) [mm].
-
-        Raises:
-            UnreachableError: an arm is too short for the place.
-        """
-        return np.asarray(rail_position(self.nominal_rails, np.asarray(tool, dtype=np.float64)))
 
     def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
@@ -276,14 +260,12 @@ class LinearDelta(Machine):
         return real, parameters[..., :3] + raised
 
     def recalibrated(self, after: Machine) -> bool:
-        """Whether any of these, or an arm, has another value."""
         parameters = ("endstops_mm", "delta_radius_mm", "tower_angles_deg", "arm_length_mm")
         return any(getattr(self, name) != getattr(after, name) for name in parameters)
 
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
     ) -> GaugeResponse:
-        """What probe and calliper read, and where the tool is then."""
         plan = ProbePlan.require(plan)
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
         joints = real.joints(self.command(plan), offsets).swapaxes(-1, -2)
@@ -309,7 +291,6 @@ class LinearDelta(Machine):
         return f"x {x}, y {y} mm ({what} {number})"
 
     def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
-        """The local shape of the bed."""
         yield self.local_shape(plan)
 
     def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
@@ -339,15 +320,12 @@ class LinearDelta(Machine):
             )
 
     def layouts(self) -> tuple[Layout, ...]:
-        """Ways to measure that are worth comparing."""
         return compared(self.bed_radius_mm, self.probe.noise_mm / self.probe.calliper_mm)
 
     def distinguishing_layouts(self) -> tuple[Layout, ...]:
-        """Touches that tell a frame out of square from a bent bed more or less, quickest first."""
         return telling(self.bed_radius_mm)
 
     def local_shape(self, plan: Plan) -> Influence:
-        """What neighbours share, and what nobody calls an error: the local shape of the bed."""
         assumed, size = self.probe.texture_mm is None, self.probe.texture_std_mm
         columns = size * ProbePlan.require(plan).texture
         return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True)

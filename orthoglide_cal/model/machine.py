@@ -12,12 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.instrument import Instrument
-from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.kinematics import Geometry, rail_position
 from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
 from orthoglide_cal.model.readings import AXES
@@ -27,6 +28,9 @@ from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
 
 # Nobody enters more [mm].
 LARGEST_OFFSET_MM = 1000.0
+# The home switch or index pulse of a carriage is set to within a few millimetres; an offset beyond
+# that is a wrong unit, label or machine file.
+HOMING_MM = 5.0
 
 Length = Annotated[Number, Field(ge=1.0, le=1e5)]
 Offset = Annotated[Number, Field(ge=-LARGEST_OFFSET_MM, le=LARGEST_OFFSET_MM)]
@@ -105,7 +109,7 @@ class Machine(Schema):
     Attributes:
         kind: what tells the classes apart in the file.
         name: for people.
-        homing_mm: how far a home switch can plausibly be off; None for what is usual of its kind.
+        homing_mm: how far a home switch can plausibly be off; None for what is usual.
         tolerances: cause id → plausible size (one standard deviation, contract's unit), 0 for a
             cause that is ruled out; `Cause.size` says what holds for the others.
         report: what its reports say of it besides the numbers.
@@ -119,7 +123,6 @@ class Machine(Schema):
         unobservable: ids of causes that no reading distinguishes from the parameters.
         fixed_parameters: ids of causes for which the controller's value is taken as it stands;
             the calibrated parameters make up for its error, and are as uncertain as it is.
-        usual_homing_mm: `homing_mm` where the file gives none.
         tolerance_scales: a tolerance is a standard deviation, yet some faults are several times
             as large: scale of the sizes of a fault → its share.
         caution: how many times more must speak for a fault than elsewhere before it is named.
@@ -145,7 +148,6 @@ class Machine(Schema):
     rivals: ClassVar[tuple[str, ...]] = ()
     unobservable: ClassVar[tuple[str, ...]] = ()
     fixed_parameters: ClassVar[tuple[str, ...]] = ()
-    usual_homing_mm: ClassVar[float]
     tolerance_scales: ClassVar[Mapping[float, float]]
     caution: ClassVar[float] = 1.0
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -204,8 +206,8 @@ class Machine(Schema):
 
     @property
     def homing_std_mm(self) -> float:
-        """`homing_mm`, or what is usual of its kind."""
-        return self.usual_homing_mm if self.homing_mm is None else self.homing_mm
+        """`homing_mm`, or what is usual."""
+        return HOMING_MM if self.homing_mm is None else self.homing_mm
 
     @property
     def instrument(self) -> Instrument:
@@ -253,12 +255,18 @@ class Machine(Schema):
         raise NotImplementedError
 
     def joints_for(self, tool: Floats) -> Floats:
-        """What the controller commands for tool positions (..., 3) → (..., 3) [mm].
+        """Inverse kinematics of the controller (eq. 3, errata): joints for tool positions.
+
+        Args:
+            tool: shape (..., 3) [mm].
+
+        Returns:
+            Shape (..., 3) [mm].
 
         Raises:
             UnreachableError: a point that a leg is too short for.
         """
-        raise NotImplementedError
+        return np.asarray(rail_position(self.nominal_rails, np.asarray(tool, dtype=np.float64)))
 
     def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages for each reading of a plan.

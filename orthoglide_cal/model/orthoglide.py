@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UnreachableError
 from orthoglide_cal.model.influence import Influence, Origin
@@ -25,7 +25,6 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
     column,
     components,
-    rail_position,
     tool_derivative_components,
 )
 from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named
@@ -40,37 +39,9 @@ OFFSET_MM = 0.5
 NO_OFFSETS = JointOffsets(0.0, 0.0, 0.0)
 
 
-class Moments(NamedTuple):
-    """Which of the machine's moments belong to n readings, as indices of shape (n,).
-
-    Attributes:
-        reading: when each was taken.
-        set_up: when its gauge was set up, at the isotropic posture.
-    """
-
-    reading: Ints
-    set_up: Ints
-
-
-class TouchedPoints(NamedTuple):
-    """What n gauges touch; readings first, then the batch.
-
-    Attributes:
-        heights: of the touched points, shape (n, ...) [mm].
-        fraction: where on the leg, from carriage joint (0) to tool (1), shape (n, ...).
-    """
-
-    heights: Numbers
-    fraction: Numbers
-
-
-def _ordered(limits: tuple[float, float]) -> tuple[float, float]:
-    if not limits[0] < 0.0 < limits[1]:
-        raise InputError(
-            "The limits must be ordered, with the isotropic posture (0) between them.",
-            "Give displacements from the isotropic posture, such as [-100, 60].",
-        )
-    return limits
+# Which of the machine's moments belong to n readings: when each was taken, and when its gauge was
+# set up, at the isotropic posture; indices, each of shape (n,).
+_Moments = tuple[Ints, Ints]
 
 
 class Orthoglide(Machine):
@@ -105,9 +76,6 @@ class Orthoglide(Machine):
     )
     # A longer leg looks like a smaller offset.
     unobservable = ("leg_length",)
-    # The home switch or index pulse of such a carriage is set to within a few millimetres; an
-    # offset beyond that is a wrong unit, label or machine file.
-    usual_homing_mm = 5.0
     # One fault in five is several times as large as its tolerance. Priced at the tolerance alone a
     # bar skewed by three of them would be taken for a smaller skew together with a second fault.
     tolerance_scales: ClassVar[Mapping[float, float]] = MappingProxyType({1.0: 0.8, 3.0: 0.2})
@@ -121,7 +89,6 @@ class Orthoglide(Machine):
     ]
     joint_limits_mm: Annotated[
         tuple[Number, Number],
-        AfterValidator(_ordered),
         told("Travel", "lowest and highest, from the isotropic posture"),
     ]
     workspace_mm: Annotated[Length, told("Workspace", "edge of the cube in which errors are shown")]
@@ -139,10 +106,12 @@ class Orthoglide(Machine):
 
     @field_validator("joint_limits_mm")
     @classmethod
-    def _within_legs(
-        cls, limits: tuple[float, float], given: ValidationInfo
-    ) -> tuple[float, float]:
-        """Where the legs' length is known, too."""
+    def _ordered(cls, limits: tuple[float, float], given: ValidationInfo) -> tuple[float, float]:
+        if not limits[0] < 0.0 < limits[1]:
+            raise InputError(
+                "The limits must be ordered, with the isotropic posture (0) between them.",
+                "Give displacements from the isotropic posture, such as [-100, 60].",
+            )
         length = given.data.get("leg_length_mm", math.inf)
         beyond = [k for k, limit in enumerate(limits) if abs(limit) >= length]
         if beyond:
@@ -155,17 +124,14 @@ class Orthoglide(Machine):
 
     @property
     def instrument(self) -> Gauge:
-        """Its gauge."""
         return self.gauge
 
     @property
     def active(self) -> tuple[float, ...]:
-        """The offsets [mm]."""
         return self.offsets_mm
 
     @property
     def plausible(self) -> tuple[float, ...]:
-        """As far as a home switch can be off [mm]."""
         return (self.homing_std_mm,) * len(AXES)
 
     @property
@@ -184,18 +150,15 @@ class Orthoglide(Machine):
 
     @property
     def travel_mm(self) -> float:
-        """Between the limits."""
         low, high = self.joint_limits_mm
         return high - low
 
     @property
     def expanding_mm(self) -> float:
-        """A leg."""
         return self.leg_length_mm
 
     @property
     def geometry_words(self) -> str:
-        """Legs and travel."""
         low, high = self.joint_limits_mm
         return f"leg {self.leg_length_mm:g} mm, travel {low:g} to {high:+g} mm"
 
@@ -208,19 +171,6 @@ class Orthoglide(Machine):
     def home_mm(self) -> float:
         """Joint value of the isotropic posture, from which displacements count [mm]."""
         return self.leg_length_mm
-
-    def joints_for(self, tool: Floats) -> Floats:
-        """Inverse kinematics of the controller: joints ρ for tool positions p (eq. 3, errata).
-
-            ρ_i = p_i + √(L² − p_j² − p_k²)
-
-        Args:
-            tool: p, shape (..., 3) [mm].
-
-        Raises:
-            UnreachableError: the point is farther than L from a rail.
-        """
-        return np.asarray(rail_position(self.nominal_rails, np.asarray(tool, dtype=np.float64)))
 
     def joints_at(self, leg: Ints | int, displacement: Floats | float) -> Floats:
         """Indicated joints with one leg displaced by d: ρ_i = L + d, ρ_j = √(L² − d²) (sec. 2.5).
@@ -270,11 +220,6 @@ class Orthoglide(Machine):
         return low + excess, high - excess
 
     def command(self, plan: Plan) -> Command:
-        """Where the controller sends the carriages for each reading of a plan.
-
-        Raises:
-            UnreachableError: a displacement is not shorter than the legs.
-        """
         plan = GaugePlan.require(plan)
         joints = self.joints_at(plan.leg, plan.displacement)
         return Command(read_only(joints), self.home_mm, plan.hours, plan.in_time, plan.entered)
@@ -282,7 +227,6 @@ class Orthoglide(Machine):
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
     ) -> GaugeResponse:
-        """What the gauges are pushed to; the derivative where the offsets alone move carriages."""
         plan = GaugePlan.require(plan)
         joints, moments = _joints(real, self.command(plan), plan, parameters)
         batch = batch_of(joints, real.geometry)
@@ -290,12 +234,12 @@ class Orthoglide(Machine):
             points = Points.of(real.geometry, joints, batch, strict)
         except PostureError as error:
             inside = Points.of(real.geometry, joints, batch, strict=False)
-            named = _which(inside, plan, moments.reading)
+            named = _which(inside, plan, moments[0])
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
-        heights, fraction = self.touched(points, plan, moments)
+        heights, fraction = _touched(points, plan, moments)
         jacobian = None
         if derivative and real.still:
-            jacobian = behind_batch(self.touched_derivative(points, plan, moments, fraction), 2)
+            jacobian = behind_batch(_touched_derivative(points, plan, moments, fraction), 2)
         return GaugeResponse(behind_batch(heights, 1), behind_batch(fraction, 1), jacobian)
 
     def reading_words(self, plan: Plan, index: int) -> str:
@@ -310,7 +254,6 @@ class Orthoglide(Machine):
         return f"{where}{part_words(plan, int(plan.part[index]))} (reading {number})"
 
     def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
-        """What nobody knows exactly of the gauges: their scale, and where they stand."""
         plan = GaugePlan.require(plan)
         gauge, predicted = self.gauge, predict(plan)
         scale = gauge.scale_std * predicted[:, None]
@@ -327,62 +270,10 @@ class Orthoglide(Machine):
                 shift[:, None] * plan.zeros,
             )
 
-    def touched(self, points: Points, plan: GaugePlan, moments: Moments) -> TouchedPoints:
-        """The points that the gauges touch (Table 2, eqs. 18–24, errata).
-
-        Args:
-            points: of the machine at all moments.
-            plan: n readings.
-            moments: of each reading.
-        """
-        moment, set_up = moments
-        leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
-        gauge_at = column(plan.gauge_at, batch)
-        carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
-        # The gauge's place along the leg's axis, and the point of the leg that it now touches.
-        place = (1.0 - gauge_at) * points.centres[leg, leg, set_up]
-        place = place + gauge_at * points.tool[leg, set_up]
-        span = points.tool[leg, moment] - carriage
-        across = points.tool[direction, moment] - side
-        fraction = (place - carriage) / span
-        if not plan.fixed:
-            fixed = column(plan.contact == Contact.FIXED, batch)
-            fraction = np.where(fixed, fraction, column(plan.contact == Contact.TOOL, batch))
-        return TouchedPoints(side + fraction * across, fraction)
-
-    def touched_derivative(
-        self, points: Points, plan: GaugePlan, moments: Moments, fraction: Numbers
-    ) -> Floats:
-        """∂heights/∂Δρ in closed form, shape (n, 3, ...).
-
-        d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction = (d place − d carriage −
-        fraction·d span)/span, zero where the gauge is not fixed. In place, because fresh memory
-        for such long arrays costs more than the arithmetic.
-        """
-        moment, set_up = moments
-        leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
-        gauge_at = column(plan.gauge_at, batch)
-        span = points.tool[leg, moment] - points.centres[leg, leg, moment]
-        across = points.tool[direction, moment] - points.centres[leg, direction, moment]
-        tool_by_joint = tool_derivative_components(points.centres, points.directions, points.tool)
-        turn = column(plan.contact == Contact.FIXED, batch) * across / span
-        jacobian = tool_by_joint[direction, :, moment]
-        jacobian *= fraction[:, None]
-        part = tool_by_joint[leg, :, moment]
-        part *= (turn * fraction)[:, None]
-        jacobian -= part
-        part[...] = tool_by_joint[leg, :, set_up]
-        part *= (turn * gauge_at)[:, None]
-        jacobian += part
-        own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
-        jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
-        jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
-        return jacobian
-
 
 def _joints(
     real: RealMachine, command: Command, plan: GaugePlan, offsets: Numbers
-) -> tuple[Numbers, Moments]:
+) -> tuple[Numbers, _Moments]:
     """Where the carriages stand at each moment and, last, where they did for each set-up.
 
     A cause of the motion may depend on time: then every reading is its own moment; otherwise
@@ -398,12 +289,12 @@ def _joints(
         first, moment = plan.moments
         both = np.concatenate((command.sent[first], set_up)).T
         joints = column(both, offsets.ndim - 1) + components(offsets, 1)[:, None]
-        return joints, Moments(moment, len(first) + which)
+        return joints, (moment, len(first) + which)
     joints = real.joints(command, offsets)
     shape = (*joints.shape[:-2], *set_up.shape)
     gauged = np.broadcast_to(set_up + offsets[..., None, :], shape)
     both = np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2)
-    return components(both, 2), Moments(np.arange(len(plan)), len(plan) + which)
+    return components(both, 2), (np.arange(len(plan)), len(plan) + which)
 
 
 def _which(points: Points, plan: GaugePlan, moment: Ints) -> str:
@@ -413,3 +304,56 @@ def _which(points: Points, plan: GaugePlan, moment: Ints) -> str:
     if not bad.size:
         return "Isotropic posture"
     return f"Leg {AXES[plan.leg[bad[0]]]} displaced by {plan.displacement[bad[0]]:g} mm"
+
+
+def _touched(points: Points, plan: GaugePlan, moments: _Moments) -> tuple[Numbers, Numbers]:
+    """The points that the gauges touch (Table 2, eqs. 18–24, errata).
+
+    Returns:
+        Their heights [mm], and where on the leg they are, from carriage joint (0) to tool (1);
+        readings first, then the batch.
+    """
+    moment, set_up = moments
+    leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
+    gauge_at = column(plan.gauge_at, batch)
+    carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
+    # The gauge's place along the leg's axis, and the point of the leg that it now touches.
+    place = (1.0 - gauge_at) * points.centres[leg, leg, set_up]
+    place = place + gauge_at * points.tool[leg, set_up]
+    span = points.tool[leg, moment] - carriage
+    across = points.tool[direction, moment] - side
+    fraction = (place - carriage) / span
+    if not plan.fixed:
+        fixed = column(plan.contact == Contact.FIXED, batch)
+        fraction = np.where(fixed, fraction, column(plan.contact == Contact.TOOL, batch))
+    return side + fraction * across, fraction
+
+
+def _touched_derivative(
+    points: Points, plan: GaugePlan, moments: _Moments, fraction: Numbers
+) -> Floats:
+    """∂heights/∂Δρ in closed form, shape (n, 3, ...).
+
+    d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction = (d place − d carriage −
+    fraction·d span)/span, zero where the gauge is not fixed. In place, because fresh memory
+    for such long arrays costs more than the arithmetic.
+    """
+    moment, set_up = moments
+    leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
+    gauge_at = column(plan.gauge_at, batch)
+    span = points.tool[leg, moment] - points.centres[leg, leg, moment]
+    across = points.tool[direction, moment] - points.centres[leg, direction, moment]
+    tool_by_joint = tool_derivative_components(points.centres, points.directions, points.tool)
+    turn = column(plan.contact == Contact.FIXED, batch) * across / span
+    jacobian = tool_by_joint[direction, :, moment]
+    jacobian *= fraction[:, None]
+    part = tool_by_joint[leg, :, moment]
+    part *= (turn * fraction)[:, None]
+    jacobian -= part
+    part[...] = tool_by_joint[leg, :, set_up]
+    part *= (turn * gauge_at)[:, None]
+    jacobian += part
+    own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
+    jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
+    jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
+    return jacobian

@@ -44,17 +44,14 @@ class ProbePlan(Plan):
 
     @property
     def zeros(self) -> Floats:
-        """No zero is unknown, shape (n, 0)."""
         return np.zeros((len(self), 0))
 
     @property
     def precision(self) -> Floats:
-        """As given, shape (n,)."""
         return self.weight
 
     @property
     def weighing(self) -> str:
-        """Distances are measured with a calliper."""
         return " (a distance counts by its precision)" if np.any(self.weight != 1.0) else ""
 
     @cached_property
@@ -98,7 +95,6 @@ class ProbePlan(Plan):
         return alike(*patch.T, own)[1]
 
     def entry(self, index: int) -> Mapping[str, object]:
-        """Where it was, on which surface, and whether it is a distance."""
         place = dict(zip(("x_mm", "y_mm", "z_mm"), self.place[index].tolist(), strict=True))
         surface, distance = float(self.surface[index]), bool(self.distance[index])
         return {**place, "surface_mm": surface, "distance": distance}

@@ -1,14 +1,21 @@
-"""Two measuring protocols of the Orthoglide: which readings are taken, in which order."""
+"""Two measuring protocols of the Orthoglide: which readings are taken, in which order.
+
+And what the paper makes of them: a difference is the mean of some readings minus the mean of
+others of the same gauge set-up, d = R·readings with a matrix R of shape (k, n); zeros vanish.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from orthoglide_cal.model.measured import DataKind, Difference
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, other_axes, places_of
+from orthoglide_cal.model.plan import Floats, Plan
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series, other_axes
 
 # Pace assumed where nobody measured the time: readings, and moves of the stand [min].
 MINUTES_PER_POSTURE = 0.4
@@ -32,27 +39,17 @@ class PlannedReading(NamedTuple):
 
 
 def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:
-    """The plan of readings in time order; one set-up for each of `places_of`."""
-    leg = np.array([r.leg for r in readings], dtype=np.intp)
-    direction = np.array([r.direction for r in readings], dtype=np.intp)
-    contact = np.array([r.contact for r in readings], dtype=np.intp)
-    part = np.array([r.part for r in readings], dtype=np.intp)
-    gauge_at = np.array([r.gauge_at for r in readings], dtype=np.float64)
-    turned = np.array([r.turned for r in readings], dtype=np.bool_)
-    places = places_of(leg, direction, contact, gauge_at, part, turned)
-    return GaugePlan(
-        leg=leg,
-        direction=direction,
-        displacement=np.array([r.displacement for r in readings]),
-        contact=contact,
-        gauge_at=np.where(contact == Contact.FIXED, gauge_at, contact == Contact.TOOL),
-        setup=np.unique(np.reshape(places, (-1, 5)), axis=0, return_inverse=True)[1].reshape(-1),
-        order=np.arange(len(readings)),
-        hours=np.array([r.minutes for r in readings]) / 60.0,
-        part=part,
-        turned=turned,
-        entered=np.reshape([r.entered for r in readings], (-1, 3)),
-    )
+    """The plan of readings in time order; one set-up for each of its `places`."""
+    given = {
+        name: np.array([getattr(reading, name) for reading in readings])
+        for name in PlannedReading._fields
+    }
+    hours, entered = given.pop("minutes") / 60.0, given.pop("entered").reshape(-1, 3)
+    order, at = np.arange(len(readings)), given["contact"] == Contact.TOOL
+    given["gauge_at"] = np.where(given["contact"] == Contact.FIXED, given["gauge_at"], at)
+    plan = GaugePlan(**given, order=order, hours=hours, entered=entered, setup=np.zeros_like(order))
+    setup = np.unique(np.reshape(plan.places, (-1, 5)), axis=0, return_inverse=True)[1]
+    return replace(plan, setup=setup.reshape(-1))
 
 
 def double_posture(
@@ -122,3 +119,65 @@ def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) 
                 minutes += MINUTES_PER_POSTURE
         minutes += MINUTES_PER_SETUP
     return plan_of(readings)
+
+
+class _Cell(NamedTuple):
+    """Readings of one leg, direction, displacement and contact, of the machine as it was found."""
+
+    series: Series
+    displacement: float
+    contact: Contact
+
+    def mask(self, plan: GaugePlan) -> np.ndarray:
+        """Which readings of the plan belong to the cell, shape (n,)."""
+        return np.asarray(
+            plan.of(self.series)
+            & (plan.contact == self.contact)
+            & (np.abs(plan.displacement - self.displacement) < 1e-9)
+            & plan.as_found
+        )
+
+
+def _cells(kind: DataKind, difference: Difference, machine: Orthoglide) -> tuple[_Cell, _Cell]:
+    """The two cells whose readings a difference subtracts: (minuend, subtrahend).
+
+    Max − min; that posture − iso (eq. 24); tool end − joint end at one posture (eq. 10).
+    """
+    series, posture = difference
+    if kind is DataKind.SINGLE:
+        moved = machine.displacement_mm(posture or Posture.ISO)
+        return _Cell(series, moved, Contact.TOOL), _Cell(series, moved, Contact.JOINT)
+    first, second = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
+    return (
+        _Cell(series, machine.displacement_mm(first), Contact.FIXED),
+        _Cell(series, machine.displacement_mm(second), Contact.FIXED),
+    )
+
+
+def reduction(
+    kind: DataKind, differences: Sequence[Difference], machine: Orthoglide, plan: Plan
+) -> Floats:
+    """R, shape (k, n), so that R·readings are these differences.
+
+    Repeats are averaged within a gauge set-up, then over the set-ups that hold both cells.
+    A row is all zero where the plan lacks one of the cells.
+    """
+    plan = GaugePlan.require(plan)
+    matrix = np.zeros((len(differences), len(plan)))
+    for row, difference in zip(matrix, differences, strict=True):
+        minuend, subtrahend = (cell.mask(plan) for cell in _cells(kind, difference, machine))
+        both = np.intersect1d(plan.setup[minuend], plan.setup[subtrahend])
+        for setup in both:
+            for mask, sign in ((minuend, 1.0), (subtrahend, -1.0)):
+                chosen = mask & (plan.setup == setup)
+                row[chosen] = sign / (chosen.sum() * both.size)
+    return matrix
+
+
+def ideal_plan(kind: DataKind, machine: Orthoglide) -> GaugePlan:
+    """One reading of each cell that the differences of this kind need."""
+    if kind is DataKind.SINGLE:
+        return single_posture(machine)
+    ends = (Posture.MAX, Posture.MIN)
+    postures = ends if kind is DataKind.SIX else (Posture.ISO, *ends)
+    return double_posture(machine, cycles=1, closing=False, postures=postures)

@@ -92,17 +92,14 @@ class GaugePlan(Plan):
 
     @property
     def setups(self) -> int:
-        """Number of gauge set-ups, each with its own unknown zero."""
         return int(self.setup.max()) + 1 if len(self) else 0
 
     @property
     def precision(self) -> Floats:
-        """All alike, shape (n,)."""
         return np.ones(len(self))
 
     @cached_property
     def same(self) -> np.ndarray:
-        """Whether two readings are of one set-up, shape (n, n)."""
         return np.asarray(self.setup[:, None] == self.setup)
 
     @cached_property
@@ -132,18 +129,26 @@ class GaugePlan(Plan):
         return read_only(stood)
 
     @cached_property
+    def places(self) -> list[tuple[float, ...]]:
+        """Where each gauge stood: (part, leg, direction, place along the leg, bar turned).
+
+        Both ends of a leg share a zero, so the end is no part of it. No plunger stays where it
+        was while its bar is turned.
+        """
+        at = np.where(self.contact == Contact.FIXED, self.gauge_at, -1.0)
+        columns = (self.part, self.leg, self.direction, at, self.turned)
+        return list(zip(*(values.tolist() for values in columns), strict=True))
+
+    @cached_property
     def zeros(self) -> Floats:
-        """Design matrix of the gauge zeros, shape (n, setups): 1 where a reading has that zero."""
         return read_only(self.setup[:, None] == np.arange(self.setups), np.float64)
 
     @cached_property
     def cells(self) -> Ints:
-        """Number of each reading's cell, shape (n,): leg, direction, posture, contact, state."""
         return alike(self.leg, self.direction, self.displacement, self.contact, *self.state)[1]
 
     @cached_property
     def distinct(self) -> tuple[Ints, Ints]:
-        """Readings equal but for set-up and time: one of each kind, (m,), each one's kind, (n,)."""
         if np.any(self.entered != self.stood):
             # Where something was entered within a set-up, what a gauge shows depends on when that
             # began: each reading is its own kind.
@@ -178,7 +183,6 @@ class GaugePlan(Plan):
 
     @cached_property
     def repeats(self) -> Ints:
-        """Number of the readings of the same cell and set-up, shape (n,)."""
         where = (self.setup, self.displacement, self.contact, self.gauge_at)
         return alike(*where, *self.state)[1]
 
@@ -191,7 +195,6 @@ class GaugePlan(Plan):
         return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
 
     def entry(self, index: int) -> Mapping[str, object]:
-        """Leg, direction, end, displacement, place of the gauge, and part from 1."""
         return {
             "leg": AXES[self.leg[index]],
             "direction": AXES[self.direction[index]],
@@ -232,12 +235,10 @@ class GaugePlan(Plan):
 
     @property
     def reductions(self) -> tuple[str, ...]:
-        """The differences of their protocol."""
         return ("six", "twelve") if self.fixed else ("single",)
 
     @cached_property
     def fixed(self) -> bool:
-        """True if all gauges stand on fixed stands, as in the double-posture protocol."""
         return bool(np.all(self.contact == Contact.FIXED))
 
 
@@ -256,7 +257,7 @@ def number_setups(
     where the file states the order in time.
 
     Args:
-        places: where each reading's gauge stood, as in `places_of`.
+        places: where each reading's gauge stood, as in `GaugePlan.places`.
         gauges: labels; "" where unknown.
         in_time: indices of the readings from first to last.
         ordered: the order in time is stated, not assumed from the order of the rows.
@@ -275,19 +276,6 @@ def number_setups(
         last[gauge] = place
         setup[index] = known[key]
     return setup
-
-
-def places_of(
-    leg: Ints, direction: Ints, contact: Ints, gauge_at: Floats, part: Ints, turned: Bools
-) -> list[tuple[float, ...]]:
-    """Where each gauge stood: (part, leg, direction, position along the leg, bar turned).
-
-    Both ends of a leg share a zero, so the end is no part of it. No plunger stays where it was
-    while its bar is turned.
-    """
-    at = np.where(contact == Contact.FIXED, gauge_at, -1.0)
-    columns = (part.tolist(), leg.tolist(), direction.tolist(), at.tolist(), turned.tolist())
-    return list(zip(*columns, strict=True))
 
 
 def _columns(state: Floats | Bools) -> tuple[Floats, ...]:

@@ -28,7 +28,6 @@ def written_down(
     plan: GaugePlan,
     gauge: Instrument,
     rng: np.random.Generator,
-    sessions: int | None = None,
 ) -> Floats:
     """Readings of gauges with arbitrary zeros, noise and a smallest step.
 
@@ -37,14 +36,13 @@ def written_down(
         plan: n readings; those of one set-up share a zero.
         gauge: its repeatability is the noise; a resolution of 0 means no rounding.
         rng: source of zeros and noise.
-        sessions: how many; None for one without an axis of its own.
 
     Returns:
-        Shape (sessions, ..., n), or (..., n) [mm].
+        Shape (..., n) [mm].
     """
-    shape = signal.shape if sessions is None else (sessions, *signal.shape)
-    zeros = rng.uniform(-ZERO_RANGE_MM, ZERO_RANGE_MM, (*shape[:-1], plan.setups))
-    values = signal + zeros[..., plan.setup] + gauge.repeatability_mm * rng.standard_normal(shape)
+    zeros = rng.uniform(-ZERO_RANGE_MM, ZERO_RANGE_MM, (*signal.shape[:-1], plan.setups))
+    noise = gauge.repeatability_mm * rng.standard_normal(signal.shape)
+    values = signal + zeros[..., plan.setup] + noise
     step = gauge.resolution_mm
     return np.asarray(np.rint(values / step) * step if step > 0.0 else values)
 

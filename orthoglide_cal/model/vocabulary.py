@@ -8,55 +8,30 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """Words of one kind of machine; every page takes them from here.
+    """Words of one kind of machine; every page takes them from here."""
 
-    Attributes:
-        one, many: what is calibrated: "offset", "offsets".
-        title: its full name, as a heading: "Joint offsets".
-        found: what was found of it, as a column's head: "Δρ".
-        relation: how the found value belongs to the real one.
-        enter: how the new values are entered; they follow, or the command that shows them.
-        restart: what makes the controller use them.
-        beyond: why a value is impossible; "{limit}" stands for the largest plausible ones.
-        recheck: what to look at where a value is impossible.
-        more: which readings would determine more.
-        fewest: which readings determine all of it; None where the missing ones can be named.
-        noise: whose noise the readings have: "gauge".
-        probing: how such a machine measures itself, and what to bring; empty where somebody reads
-            gauges.
-        also: what belongs to that noise, too.
-        repeats: what the scatter of repeated readings does not hold.
-        again: what to do where nothing explains the readings.
-        positions: at what readings are taken: "postures".
-        instruments: what reads, as a page names it: "gauges".
-        repeat: how to lessen noise.
-        finer: what shows smaller steps.
-        further: what besides the usual readings would distinguish causes.
-        axes: names of parameters of its rails → in words.
-    """
-
-    one: str
+    one: str  # what is calibrated: "offset"
     many: str
-    title: str
-    found: str
-    relation: str
-    enter: str
-    restart: str
-    beyond: str
-    recheck: str
-    more: str
-    fewest: str | None
-    noise: str
-    repeats: str
-    again: str
-    positions: str
-    instruments: str
-    repeat: str
-    finer: str
-    further: str
-    probing: str = ""
-    also: str = ""
-    axes: Mapping[str, str] = field(default_factory=dict)
+    title: str  # its full name, as a heading: "Joint offsets"
+    found: str  # what was found of it, as a column's head: "Δρ"
+    relation: str  # how the found value belongs to the real one
+    enter: str  # how the new values are entered; they follow, or the command that shows them
+    restart: str  # what makes the controller use them
+    beyond: str  # why a value is impossible; "{limit}" stands for the largest plausible ones
+    recheck: str  # what to look at where a value is impossible
+    more: str  # which readings would determine more
+    fewest: str | None  # which determine all of it; None where the missing ones can be named
+    noise: str  # whose noise the readings have: "gauge"
+    repeats: str  # what the scatter of repeated readings does not hold
+    again: str  # what to do where nothing explains the readings
+    positions: str  # at what readings are taken: "postures"
+    instruments: str  # what reads, as a page names it: "gauges"
+    repeat: str  # how to lessen noise
+    finer: str  # what shows smaller steps
+    further: str  # what besides the usual readings would distinguish causes
+    probing: str = ""  # how such a machine measures itself; empty where somebody reads gauges
+    also: str = ""  # what belongs to that noise, too
+    axes: Mapping[str, str] = field(default_factory=dict)  # parameters of its rails → in words
 
 
 # Joint offsets that somebody measures with gauges and types in.

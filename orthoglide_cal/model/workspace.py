@@ -170,10 +170,9 @@ def compensation(model: Model, points: int) -> Compensation:
         )
     known = Model(model.machine, chosen)
     _, grid = _grid(model, points)
-    ids = [effect.cause.id for effect in model.accepted]
     return Compensation(
         causes=tuple(effect.cause.id for effect in chosen),
-        left_out=tuple(id for id in ids if id not in [e.cause.id for e in chosen]),
+        left_out=tuple(e.cause.id for e in model.accepted if not e.cause.compensable),
         points_mm=grid,
         corrections_mm=_required_joints(known, grid) - model.machine.joints_for(grid),
     )

@@ -242,7 +242,8 @@ def test_95_percent_intervals_cover_95_percent(plan: GaugePlan, kind: DataKind) 
     """10,000 healthy sessions with noise and rounding; ±1 % is 4.6 standard errors of one joint:
     chance of a false failure below 1e-4 for each of the fifteen."""
     rng = np.random.default_rng(3)
-    values = written_down(simulate(NOMINAL, OFFSETS, plan), plan, PROTOTYPE.gauge, rng, 10_000)
+    signal = np.tile(simulate(NOMINAL, OFFSETS, plan), (10_000, 1))
+    values = written_down(signal, plan, PROTOTYPE.gauge, rng)
     many = solve_many(NOMINAL, plan, values, kind)
     share = (np.abs(many.fit.offsets_mm - OFFSETS) <= many.expanded_mm).mean(axis=0)
     assert share == pytest.approx(np.full(3, 0.95), abs=0.01)
@@ -257,7 +258,8 @@ def test_many_sessions_at_once_give_what_single_solves_give(kind: DataKind) -> N
     """So that what is counted above is what `solve` tells a user."""
     plan = double_posture(LARGE)
     rng = np.random.default_rng(6)
-    values = written_down(simulate(NOMINAL_LARGE, OFFSETS, plan), plan, LARGE.gauge, rng, 4)
+    signal = np.tile(simulate(NOMINAL_LARGE, OFFSETS, plan), (4, 1))
+    values = written_down(signal, plan, LARGE.gauge, rng)
     many = solve_many(NOMINAL_LARGE, plan, values, kind)
     session = readings(NOMINAL_LARGE, plan)
     for k in range(4):

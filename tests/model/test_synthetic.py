@@ -28,7 +28,7 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
     """Chance of failure about 1e-6 (five standard deviations of a variance)."""
     plan, rng = double_posture(PROTOTYPE), np.random.default_rng(3)
     signal = simulate(NOMINAL, OFFSETS, plan)
-    values = written_down(signal, plan, PROTOTYPE.gauge, rng, 4000)
+    values = written_down(np.tile(signal, (4000, 1)), plan, PROTOTYPE.gauge, rng)
     assert values.shape == (4000, len(plan))
     steps = values / PROTOTYPE.gauge.resolution_mm
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
