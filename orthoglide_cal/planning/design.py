@@ -8,7 +8,7 @@ of each gauge, the precision of the offsets is
 Searched are all whole numbers w_d up to a few readings per cycle, and the places of the gauges,
 for the smallest product of the largest variance and the number of readings: so many readings a
 wanted accuracy takes. Postures that displace other carriages, too, as far as the plunger follows
-(5 mm), would save 3 to 5 % more (computed in the tests): not worth a stand that has to be watched.
+(5 mm), would save 3 to 5 % more: not worth a stand that has to be watched.
 """
 
 from __future__ import annotations

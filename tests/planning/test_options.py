@@ -1,13 +1,12 @@
 """What can be done next: it can be done, and takes as long as its steps."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from orthoglide_cal.model import Contact, GaugePlan, double_posture, single_posture
+from orthoglide_cal.model import Contact, double_posture, single_posture
 from orthoglide_cal.model.protocols import MINUTES_PER_SETUP
-from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.options import WAIT_MIN, Option, joined, options
 from orthoglide_cal.planning.steps import Order, minutes_left, steps_of
@@ -22,29 +21,17 @@ GOING_ON = [option for option in ALL if option.continues]
 AFRESH = [option for option in ALL if not option.continues]
 
 
-def after(option: Option) -> slice:
-    return slice(len(FIRST), len(FIRST) + len(option.plan))
-
-
 @pytest.mark.parametrize("option", ALL, ids=lambda option: option.what)
 def test_it_can_be_done(option: Option) -> None:
-    """Within the limits, on the bar, after what was read, in one step after the other."""
+    """Within the limits, after what was read, and it takes as long as its steps."""
     plan = option.plan
     low, high = MACHINE.joint_limits_mm
     assert plan.displacement.min() >= low
     assert plan.displacement.max() <= high
-    # The leg moves under the gauge by the displacement of its carriage.
-    touched = plan.gauge_at + plan.displacement / MACHINE.leg_length_mm
-    assert touched.min() > MARGIN - 1e-9
-    assert touched.max() < 1.0 - MARGIN + 1e-9
     whole = joined(FIRST, plan)
     assert np.all(np.diff(whole.order) > 0)
     assert np.all(np.diff(whole.hours) >= 0.0)
     assert option.what.endswith(".")
-
-
-@pytest.mark.parametrize("option", ALL, ids=lambda option: option.what)
-def test_it_takes_as_long_as_its_steps(option: Option) -> None:
     minutes = minutes_left(steps_of(option.plan, MACHINE, Order.PAPER, stands=2))
     if not option.continues:
         minutes += MINUTES_PER_SETUP  # the first, which those of a session do not count
@@ -82,7 +69,7 @@ def test_each_teaches_something_else() -> None:
 
 
 def test_what_is_entered_for_a_step_stays_in_what_was_entered_before() -> None:
-    entered = GaugePlan(**{**vars_of(FIRST), "entered": np.tile((0.2, 0.0, -0.1), (len(FIRST), 1))})
+    entered = replace(FIRST, entered=np.tile((0.2, 0.0, -0.1), (len(FIRST), 1)))
     for option in options(entered, MACHINE):
         more = option.plan.entered - (0.2, 0.0, -0.1)
         stepped = "mm short" in option.what
@@ -122,18 +109,9 @@ def test_after_other_places_of_the_gauges_theirs_is_named() -> None:
             assert named == (first is not FIRST and not option.continues and half_way)
 
 
-def test_gauge_places_are_short_numbers() -> None:
-    for option in options(FIRST, PROTOTYPE):
-        assert all(len(f"{at!r}") <= 4 for at in option.plan.gauge_at.tolist())
-
-
 def test_without_stands_in_space_all_are_set_up() -> None:
     single = single_posture(MACHINE)
     assert not any(option.continues for option in options(single, MACHINE))
     unknown = options(None, MACHINE)
     assert all(set(option.plan.contact) == {Contact.FIXED} for option in unknown)
     assert not any(option.continues for option in unknown)
-
-
-def vars_of(plan: GaugePlan) -> dict[str, np.ndarray]:
-    return {name: getattr(plan, name) for name in (item.name for item in fields(GaugePlan))}

@@ -178,10 +178,6 @@ def test_files_that_cannot_be_written_are_said(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="exists and is not overwritten"):
         write_program(program, there)
     assert there.read_text(encoding="utf-8") == "mine"
-    with pytest.raises(InputError, match="cannot be written"):
-        write_program(program, tmp_path / "no folder" / "made.csv")
-    with pytest.raises(UsageError, match="cannot be told from its name"):
-        write_program(program, tmp_path / "made.txt")
     with pytest.raises(UsageError, match="--template is for G-code"):
         write_program(program, tmp_path / "made.csv", there)
     with pytest.raises(InputError, match="no such file"):

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from orthoglide_cal.model import Contact, Machine
@@ -64,14 +65,20 @@ def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
 def test_orders_hold_the_same_readings(
     protocol: MeasuringProtocol, order: Order, stands: int, cycles: int
 ) -> None:
-    paper = usual(protocol, cycles)
-    other = usual(protocol, cycles, order, stands)
-    assert Counter((*s.cell, s.cycle) for s in other) == Counter((*s.cell, s.cycle) for s in paper)
-    assert [s.number for s in other] == list(range(1, len(other) + 1))
-    for cell in {s.cell for s in other}:
-        assert [s.cycle for s in other if s.cell == cell] == sorted(
-            s.cycle for s in other if s.cell == cell
-        )
+    paper, steps = usual(protocol, cycles), usual(protocol, cycles, order, stands)
+    assert Counter((*s.cell, s.cycle) for s in steps) == Counter((*s.cell, s.cycle) for s in paper)
+    assert [s.number for s in steps] == list(range(1, len(steps) + 1))
+    for cell in {s.cell for s in steps}:
+        repeats = [s.cycle for s in steps if s.cell == cell]
+        assert repeats == sorted(repeats)
+    # What a journal holds of a plan gives the same steps again.
+    plan = plan_of([s.planned for s in steps])
+    assert plan.in_time.tolist() == list(range(len(steps)))
+    assert steps_of(plan, PROTOTYPE, order, stands) == steps
+    # Every drive has its block, in the order of the steps.
+    driven = [(s.setup, s.leg, s.posture, s.cycle) for s in steps]
+    changes = np.cumsum([0, *(one != other for one, other in pairwise(driven))])
+    assert [s.block for s in steps] == (10 * (changes + 1)).tolist()
 
 
 def test_fewest_moves_moves_the_gauge_less() -> None:
@@ -101,16 +108,6 @@ def test_where_to_drive_puts_the_tool_on_the_axis_of_the_leg() -> None:
             carriage = [0.0, 0.0, 0.0]
             carriage[axis] = joints[axis]
             assert math.dist(carriage, tool) == pytest.approx(200.0, abs=1e-9)
-
-
-def test_the_plan_of_steps_keeps_their_order() -> None:
-    steps = usual(DOUBLE, 1)
-    plan = plan_of([s.planned for s in steps])
-    assert plan.leg.tolist() == [s.leg for s in steps]
-    assert plan.direction.tolist() == [s.direction for s in steps]
-    assert plan.displacement.tolist() == [s.displacement_mm for s in steps]
-    assert plan.in_time.tolist() == list(range(len(steps)))
-    assert plan.setups == 6
 
 
 def test_time_left_counts_postures_and_moves_of_the_stand() -> None:
@@ -177,29 +174,3 @@ def test_one_gauge_takes_each_set_up_of_any_plan_alone() -> None:
     assert [s.setup for s in steps] == [1, 1, 2, 2, 3, 3, 4, 4]
     again = of_readings(*(s.planned for s in steps), stands=1)
     assert again == steps
-
-
-@both_protocols
-@pytest.mark.parametrize("order", list(Order))
-@pytest.mark.parametrize("stands", [1, 2])
-def test_steps_are_those_of_their_own_readings(
-    protocol: MeasuringProtocol, order: Order, stands: int
-) -> None:
-    """What a journal holds of a plan gives the same steps again."""
-    steps = usual(protocol, 2, order, stands)
-    assert steps_of(plan_of([s.planned for s in steps]), PROTOTYPE, order, stands) == steps
-
-
-@both_protocols
-@pytest.mark.parametrize("order", list(Order))
-@pytest.mark.parametrize("stands", [1, 2])
-def test_blocks_are_numbered_by_visits(
-    protocol: MeasuringProtocol, order: Order, stands: int
-) -> None:
-    """Every drive has its block, in the order of the steps."""
-    steps = usual(protocol, 2, order, stands)
-    driven = [(s.setup, s.leg, s.posture, s.cycle) for s in steps]
-    changes = sum(one != other for one, other in pairwise(driven))
-    assert sorted({s.block for s in steps}) == [10 * (k + 1) for k in range(changes + 1)]
-    assert [s.block for s in steps] == sorted(s.block for s in steps)
-    assert usual(DOUBLE, 3)[-1].block == 300
