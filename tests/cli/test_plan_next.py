@@ -147,14 +147,3 @@ def test_every_kind_of_data_has_a_next(path: str) -> None:
     if not any(each["separates"] for each in found):
         assert all(each["chance"] == 0.0 for each in found)
         assert min(found, key=lambda each: each["expanded_mm"]["x"])["expanded_mm"]["x"] > 0.0
-
-
-def test_without_a_file_nothing_is_next() -> None:
-    (plan,) = lines(run("plan", "--json"))
-    assert "next" not in plan
-
-
-def test_a_file_that_cannot_be_read_is_refused() -> None:
-    done = run("plan", "nowhere.csv")
-    assert done.exit_code == 3
-    assert "nowhere.csv" in done.output

@@ -62,6 +62,8 @@ def test_the_page_fits_a_terminal_and_names_what_shows_the_rest(
     monkeypatch.chdir(tmp_path)
     shutil.copy(CONFIG, "delta.yaml")
     shown = run("plan", "--machine", "delta.yaml").stdout
+    assert run("plan", *MACHINE, "--html", "plan.html").exit_code == 0
+    assert "A leg_length" in Path("plan.html").read_text(encoding="utf-8")
     assert max(map(len, shown.splitlines())) <= 80
     words = " ".join(shown.replace("│", " ").split())
     assert "No layout determines leg_length" in words
@@ -181,24 +183,3 @@ def test_what_a_printer_has_not_is_refused(
     assert shown.exit_code == 2
     assert said in shown.stderr
     assert not list(tmp_path.iterdir())
-
-
-def test_an_orthoglide_has_no_layouts() -> None:
-    shown = run("plan", "--layout", "bed-7")
-    assert shown.exit_code == 2
-    assert "--layout is for printers" in shown.stderr
-
-
-def test_places_are_not_written_over(tmp_path: Path) -> None:
-    path = tmp_path / "places.csv"
-    path.write_text("mine", encoding="utf-8")
-    assert run("plan", *MACHINE, "--program", str(path)).exit_code == 2
-    assert path.read_text(encoding="utf-8") == "mine"
-
-
-def test_the_page_is_one_file(tmp_path: Path) -> None:
-    page = tmp_path / "plan.html"
-    assert run("plan", *MACHINE, "--html", str(page)).exit_code == 0
-    text = page.read_text(encoding="utf-8")
-    assert "To distinguish tower_lean and bed_shape" in text
-    assert "A leg_length" in text

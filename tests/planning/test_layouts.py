@@ -8,6 +8,7 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.budget import influences
+from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.layouts import mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta
@@ -16,7 +17,6 @@ from orthoglide_cal.model.synthetic import bed_plan
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
-    MeasurementPlan,
     Wanted,
     measurement_plan,
 )
@@ -79,6 +79,14 @@ def drawn(machine: Delta, plan: ProbePlan, value: Floats, rng: np.random.Generat
     return np.asarray(value + bumps + sigma * rng.standard_normal(shape))
 
 
+def weighted(plan: ProbePlan, expected: Floats, value: Floats) -> Problem:
+    """What `solve` fits to such values (n,), with influences as at `expected` (6,)."""
+    problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
+    columns = np.hstack([each.columns for each in influences(V400_MODEL, expected, plan)])
+    ratio = problem.matrix @ columns / V400_MODEL.machine.probe.noise_mm
+    return Posed(problem, problem.matrix @ value, ()).weighted(ratio).problem
+
+
 @pytest.mark.parametrize(
     "name",
     [
@@ -91,10 +99,7 @@ def test_predicted_standard_deviations_are_what_monte_carlo_finds(name: str) -> 
     rng = np.random.default_rng(13)
     plan, value = true_readings(V400, TRUTH, laid.plan)
     expected = true_values(V400, TRUTH)
-    problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
-    columns = np.hstack([each.columns for each in influences(V400_MODEL, expected, plan)])
-    ratio = problem.matrix @ columns / V400_MODEL.machine.probe.noise_mm
-    problem = Posed(problem, problem.matrix @ value, ()).weighted(ratio).problem
+    problem = weighted(plan, expected, value)
     found = []
     for _ in range(DRAWS // CHUNK):
         fit = fit_offsets(problem, drawn(V400, plan, value, rng) @ problem.matrix.T)
@@ -112,10 +117,7 @@ def test_what_the_arms_add_is_what_wrong_arms_do(name: str) -> None:
     """Arms that the controller has wrongly by one tolerance each, alone and in turn."""
     laid = LAYOUTS[name]
     plan = laid.plan
-    problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
-    columns = np.hstack([each.columns for each in influences(V400_MODEL, np.zeros(6), plan)])
-    ratio = problem.matrix @ columns / V400_MODEL.machine.probe.noise_mm
-    problem = Posed(problem, np.zeros(len(plan)), ()).weighted(ratio).problem
+    problem = weighted(plan, np.zeros(6), np.zeros(len(plan)))
     size = TOLERANCES["leg_length"]
     shifted = []
     for arm in range(3):
@@ -228,26 +230,23 @@ def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
 def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
     gauge = V400_MODEL.machine.probe.changed(repeatability_mm=2.0)
     coarse = measurement_plan(Model(V400_MODEL.machine.changed(probe=gauge)), Wanted())
-
-    def undetermined(plan: MeasurementPlan) -> set[str]:
-        return {
+    of_coarse, of_usual = (
+        {
             each.name
             for each in plan.by_cycles
-            if not all(parameter.determined for parameter in each.parameters.values())
+            if not all(p.determined for p in each.parameters.values())
         }
-
-    assert "bed-7" in undetermined(coarse)
-    assert "blocks-121" not in undetermined(coarse)
-    assert not undetermined(PLAN)
+        for plan in (coarse, PLAN)
+    )
+    assert "bed-7" in of_coarse
+    assert "blocks-121" not in of_coarse
+    assert not of_usual
 
 
 def test_minutes_are_those_of_touches_blocks_and_the_print() -> None:
-    def minutes(name: str) -> float:
-        return LAYOUTS[name].minutes
-
-    assert minutes("bed-25") == pytest.approx(25 * 5 / 60)
-    assert minutes("blocks-25") == pytest.approx(75 * 5 / 60 + 50 * 0.5)
-    assert minutes("print-25") == pytest.approx(25 * 5 / 60 + 60 + 12 * 0.5)
+    assert LAYOUTS["bed-25"].minutes == pytest.approx(25 * 5 / 60)
+    assert LAYOUTS["blocks-25"].minutes == pytest.approx(75 * 5 / 60 + 50 * 0.5)
+    assert LAYOUTS["print-25"].minutes == pytest.approx(25 * 5 / 60 + 60 + 12 * 0.5)
     for layout in LAYOUTS.values():
         assert np.all(np.diff(layout.plan.hours) > 0.0)
         assert layout.plan.hours.max() * 60.0 < layout.minutes
