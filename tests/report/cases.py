@@ -1,7 +1,5 @@
 """Documents of every kind, made from the answers of the tests of results; shared by tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -10,7 +8,7 @@ from pathlib import Path
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import Check, CheckedFile, Fault
-from orthoglide_cal.model import Gauge, Model
+from orthoglide_cal.model import Model
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.paper.tables import table_5
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
@@ -30,15 +28,8 @@ from tests.results.cases import CASES, GAP, HOSTILE, ISSUED, case_of, identity_o
 from tests.results.sessions import FINE, TRUE, given, session
 
 
-def changed(
-    model: Model,
-    name: str | None = None,
-    gauge: Gauge | None = None,
-    offsets_mm: JointOffsets | None = None,
-) -> Model:
+def changed(model: Model, **new: object) -> Model:
     """The model of a machine with another name, gauge or active offsets."""
-    new = {"name": name, "gauge": gauge, "offsets_mm": offsets_mm}
-    new = {key: value for key, value in new.items() if value is not None}
     return replace(model, machine=model.machine.changed(**new))
 
 
@@ -117,9 +108,6 @@ def documents() -> dict[str, Callable[[], Document]]:
     made: dict[str, Callable[[], Document]] = {
         name: (lambda make=make: report_of(make())) for name, make in CASES.items()
     }
-    for make in (
-        *(as_left, verified, solved, suspicious),
-        *(diagnosed, undecided, faulty, planned, reproduced),
-    ):
-        made[make.__name__] = make
+    own = as_left, verified, solved, suspicious, diagnosed, undecided, faulty, planned, reproduced
+    made |= {make.__name__: make for make in own}
     return {name: cache(make) for name, make in made.items()}

@@ -4,8 +4,6 @@ Messages are JSON, ended by a NUL byte; commands go to the browser's file descri
 and events come from 4 (the DevTools protocol).
 """
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import json
@@ -23,21 +21,11 @@ from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--disable-dev-shm-usage",
-    "--no-first-run",
-    "--no-default-browser-check",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-default-apps",
-    "--disable-extensions",
-    "--disable-sync",
-    "--hide-scrollbars",
-    "--remote-debugging-pipe",
-)
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-dev-shm-usage",
+    "--no-first-run", "--no-default-browser-check", "--disable-background-networking",
+    "--disable-component-update", "--disable-default-apps", "--disable-extensions",
+    "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe",
+)  # fmt: skip
 PATIENCE = 60.0  # seconds for one answer
 # Puts two inherited descriptors where the browser expects them, and becomes the browser.
 _LAUNCH = """
@@ -65,9 +53,7 @@ class Browser:
         self._process = subprocess.Popen(
             [sys.executable, "-c", _LAUNCH, *ends, program, *FLAGS, f"--user-data-dir={folder}"],
             pass_fds=(to_read, to_write),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
             start_new_session=True,
         )
         os.close(to_read)
@@ -85,7 +71,7 @@ class Browser:
         """Open a page and listen to it; returns its session."""
         target = self._call("Target.createTarget", {"url": "about:blank"}, None)["targetId"]
         attach = {"targetId": target, "flatten": True}
-        session: str = self._call("Target.attachToTarget", attach, None)["sessionId"]
+        session = self._call("Target.attachToTarget", attach, None)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self._call(f"{domain}.enable", {}, session)
         return session
@@ -108,9 +94,8 @@ class Browser:
 
     def _call(self, method: str, params: dict[str, Any], session: str | None) -> dict[str, Any]:
         self._number += 1
-        message: dict[str, Any] = {"id": self._number, "method": method, "params": params}
-        if session is not None:
-            message["sessionId"] = session
+        message = {"id": self._number, "method": method, "params": params}
+        message |= {"sessionId": session} if session else {}
         data = json.dumps(message).encode() + b"\0"
         while data:
             data = data[os.write(self._write, data) :]
@@ -119,8 +104,7 @@ class Browser:
             if answer.get("id") == self._number:
                 if "error" in answer:
                     raise RuntimeError(f"{method}: {answer['error']}")
-                result: dict[str, Any] = answer["result"]
-                return result
+                return answer["result"]
             self.events.append(answer)
 
     def _message(self, patience: float) -> dict[str, Any]:
@@ -134,16 +118,13 @@ class Browser:
                 raise RuntimeError("the browser has ended")
             self._buffer += part
         line, _, self._buffer = self._buffer.partition(b"\0")
-        message: dict[str, Any] = json.loads(line)
-        return message
+        return json.loads(line)
 
     def open(self, path: Path, *, width: int = 800, dark: bool = False, media: str = "") -> None:
         """Load a page from a file at a width [px] and wait until it is complete."""
         self.events.clear()
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width, height=900, deviceScaleFactor=1, mobile=False,
-        )  # fmt: skip
+        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
         self.call("Page.navigate", url=path.resolve().as_uri())

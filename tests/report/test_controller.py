@@ -1,7 +1,5 @@
 """`export`: every format, marked where it was forced; nothing in a name becomes a command."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re
@@ -11,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.model import Model
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
@@ -34,9 +31,8 @@ def export(case: Case) -> Export:
 def released() -> Export:
     """The healthy session on a machine with offsets already active."""
     healthy = cases.healthy().given
-    return export(
-        case_of(replace(healthy, model=changed(NOMINAL, offsets_mm=JointOffsets(0.1, -0.2, 0.3))))
-    )
+    model = changed(NOMINAL, offsets_mm=JointOffsets(0.1, -0.2, 0.3))
+    return export(case_of(replace(healthy, model=model)))
 
 
 def changes(found: Export) -> list[float]:
@@ -118,6 +114,6 @@ def test_the_command_to_verify_keeps_the_machine_file(released: Export, name: st
 
 
 def test_previous_offsets_keep_their_digits() -> None:
-    model: Model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, 0.0, 0.0))
+    model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, 0.0, 0.0))
     text = controller.as_linuxcnc(export(case_of(given(session(TRUE, 3), model))))
     assert "previous +0.12345" in text

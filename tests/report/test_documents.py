@@ -1,7 +1,5 @@
 """What the documents hold: decisions, numbers, commands, and the same as values for programs."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re
@@ -49,8 +47,6 @@ def offsets(document: doc.Document, new: str) -> list[tuple[str, str, str]]:
     grid = next(grid for grid in grids(document) if new in grid.head)
 
     def text(cell: doc.Blank) -> str:
-        assert cell is not None
-        assert not isinstance(cell, tuple)
         return cell if isinstance(cell, str) else cell.text
 
     change = next(k for k, title in enumerate(grid.head) if "Δρ" in title)
@@ -62,14 +58,9 @@ def offsets(document: doc.Document, new: str) -> list[tuple[str, str, str]]:
 
 
 def commands(document: doc.Document) -> list[str]:
-    items = (
-        item
-        for section in document.page().sheet
-        for block in section.blocks
-        if isinstance(block, doc.Instructions)
-        for item in block.items
-    )
-    return [item.command for item in items if item.command]
+    blocks = (block for section in document.page().sheet for block in section.blocks)
+    lists = (block.items for block in blocks if isinstance(block, doc.Instructions))
+    return [item.command for items in lists for item in items if item.command]
 
 
 @pytest.mark.parametrize("renderer", ["terminal", "html", "markdown"])
@@ -87,11 +78,9 @@ def test_the_green_tick_is_for_what_the_offsets_put_right() -> None:
     """Offsets do not remove an accepted gap: said on every page, with the table that does."""
     gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
     found = case_of(given(session(TRUE, 11, gaped), gaped))
-    assert found.answer.expected is not None
     left = f"Offsets do not remove axis_gap: {two_figures(found.answer.expected.rms_mm)} mm r.m.s."
     for document in (solution_document(found), report_of(found)):
         page = document.page()
-        assert page.notice is not None
         assert page.notice.tone is doc.Tone.WARN
         assert left in str(page.notice.lines)
         assert any(command.endswith("--format table") for command in commands(document))
@@ -127,7 +116,6 @@ def test_what_was_applied_is_shown_to_its_last_digit() -> None:
     before, after = given(session(TRUE, 14)), given(session(np.zeros(3), 15))
     found = verify(before, after, (-0.5304, 0.59, -1.76))
     facts = verification_document(found, identify([], issued=cases.ISSUED)).page().facts
-    assert facts is not None
     assert "-0.5304 +0.5900 -1.7600" in str(dict(facts.rows)["Applied"])
 
 
@@ -138,26 +126,19 @@ def test_differences_have_the_gauges_digits() -> None:
     assert difference_decimals(averaged=False, resolution_mm=0.1) == 2
 
 
+TONES = {
+    doc.Tone.GOOD: ("healthy", "as_left"),
+    doc.Tone.WARN: ("few", "diagnosed", "undecided"),
+    doc.Tone.BAD: ("named_in_machine", "named_in_measurement", "ambiguous", "unexplained",
+                   "failed", "verified"),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("kind", "tone"),
-    [
-        ("healthy", doc.Tone.GOOD),
-        ("few", doc.Tone.WARN),
-        ("named_in_machine", doc.Tone.BAD),
-        ("named_in_measurement", doc.Tone.BAD),
-        ("ambiguous", doc.Tone.BAD),
-        ("unexplained", doc.Tone.BAD),
-        ("failed", doc.Tone.BAD),
-        ("as_left", doc.Tone.GOOD),
-        ("verified", doc.Tone.BAD),
-        ("diagnosed", doc.Tone.WARN),
-        ("undecided", doc.Tone.WARN),
-    ],
+    ("kind", "tone"), [(kind, tone) for tone, kinds in TONES.items() for kind in kinds]
 )
 def test_the_first_box_has_the_tone_of_the_decision(kind: str, tone: doc.Tone) -> None:
-    notice = documents()[kind]().page().notice
-    assert notice is not None
-    assert notice.tone is tone
+    assert documents()[kind]().page().notice.tone is tone
 
 
 def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> None:
@@ -183,7 +164,6 @@ def test_the_page_expects_what_the_answer_does() -> None:
     case = case_of(read_input(str(SAMPLES / "session.yaml")))
     assert case.answer.named == ("axis_gap",)
     document, check = report_of(case), case.answer.check
-    assert check is not None
     table = next(grid for grid in grids(document) if grid.head[-1:] == ("r.m.s.",))
     expected = next(row for row in table.rows if row[0] == "would be left")
     assert expected[table.head.index(check.what)] == signed(check.expected_mm, 3)
@@ -206,7 +186,6 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]
     made = make()
     if isinstance(made, Case):
         made = report_of(replace(made, machine_file=Path("mine.yaml")))
-    assert isinstance(made, doc.Document)
     page = made.page()
     typed = re.findall(r"'(orthocal [a-z][^']*)'", repr((page.sheet, page.sections)))
     assert typed
@@ -235,7 +214,6 @@ def test_each_fault_is_named_with_its_place_and_remedy(sound: bool) -> None:
     document = checked if sound else documents()["faulty"]()
     (section,) = document.page().sections
     (listing,) = section.blocks
-    assert isinstance(listing, doc.Listing)
     assert document.data()["valid"] is sound
     if sound:
         assert len(listing.lines) == 1

@@ -1,7 +1,5 @@
 """Figures: what they draw is what they were given, and their words say it."""
 
-from __future__ import annotations
-
 import doctest
 import re
 from types import SimpleNamespace

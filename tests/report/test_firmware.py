@@ -1,7 +1,5 @@
 """Exported lines, read as each firmware documents them: the tool goes where it really is."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -42,10 +40,8 @@ def klipper(text: str) -> tuple[np.ndarray, ...]:
             key, value = line.split(" = ")
             section[key] = float(value)
     towers = [found[f"stepper_{tower}"] for tower in "abc"]
-    arms, angles, ends = (
-        np.array([tower[key] for tower in towers])
-        for key in ("arm_length", "angle", "position_endstop")
-    )
+    keys = "arm_length", "angle", "position_endstop"
+    arms, angles, ends = (np.array([tower[key] for tower in towers]) for key in keys)
     return arms, np.array(found["printer"]["delta_radius"]), angles, ends
 
 
@@ -93,8 +89,7 @@ def exported(tmp_path: Path, truth: Truth, format: str, *known: Effect) -> str:
 
 @pytest.mark.parametrize("format", FIRMWARES)
 def test_the_tool_is_where_the_firmware_will_believe_it(tmp_path, format):
-    home = np.array(V400.endstops) + np.sqrt(np.array(V400.arms) ** 2 - V400.radius**2)
-    really = tool(V400, OFF, home - BELOW)
+    really = tool(V400, OFF, V400.home - BELOW)
     found = reached(*READ[format](exported(tmp_path, OFF, format)))
     assert found == pytest.approx(really, abs=2e-3)
     before = reached(np.array(V400.arms), V400.radius, USUAL, np.array(V400.endstops))
@@ -105,9 +100,10 @@ def test_the_tool_is_where_the_firmware_will_believe_it(tmp_path, format):
 def test_arms_that_were_accepted_as_longer_are_entered(tmp_path, format):
     longer = np.array([0.21, -0.13, 0.34])
     truth = replace(OFF, arms=longer)
-    home = np.array(V400.endstops) + np.sqrt(np.array(V400.arms) ** 2 - V400.radius**2)
     text = exported(tmp_path, truth, format, CAUSES["leg_length"].at(longer))
-    assert reached(*READ[format](text)) == pytest.approx(tool(V400, truth, home - BELOW), abs=2e-3)
+    assert reached(*READ[format](text)) == pytest.approx(
+        tool(V400, truth, V400.home - BELOW), abs=2e-3
+    )
     assert "leg_length" not in text
 
 

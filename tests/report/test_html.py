@@ -1,7 +1,5 @@
 """The page without a browser: well-formed, self-contained, complete."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re
@@ -19,7 +17,7 @@ from orthoglide_cal.report.escape import Html, in_html, tag
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
 from tests.machines import ROOT
-from tests.report.cases import documents, report_of
+from tests.report.cases import changed, documents, report_of
 from tests.results import cases
 from tests.results.cases import identity_of
 
@@ -50,13 +48,17 @@ class Outline(HTMLParser):
             self.words.append(data)
 
 
+def outlined(page: str) -> Outline:
+    outline = Outline()
+    outline.feed(page)
+    assert outline.open == []
+    return outline
+
+
 @pytest.fixture(scope="module", params=tuple(documents()))
 def made(request: pytest.FixtureRequest) -> tuple[str, str, Outline]:
     whole = html(documents()[request.param]().page())
-    outline = Outline()
-    outline.feed(whole)
-    assert outline.open == []
-    return request.param, whole, outline
+    return request.param, whole, outlined(whole)
 
 
 def test_nothing_runs_and_nothing_is_fetched(made):
@@ -83,8 +85,7 @@ def test_every_picture_says_what_one_sees(made):
 
 
 def test_hostile_texts_are_shown_as_texts():
-    outline = Outline()
-    outline.feed(html(documents()["hostile"]().page()))
+    outline = outlined(html(documents()["hostile"]().page()))
     text = "".join(outline.words)
     assert text.count("<script>alert('x')</script>") >= 3
     assert "<img src=x onerror=alert(1)>&amp;" in text
@@ -131,52 +132,33 @@ def test_a_report_is_no_certificate(made):
 
 def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
     page, answer = report_of(cases.healthy()).page(), cases.healthy().answer
-    outline = Outline()
-    outline.feed(html(page))
+    outline = outlined(html(page))
     words = " ".join(" ".join(outline.words).split())
     assert 51 < answer.dof < 500
+    titles = (section.title or "" for section in (*page.sheet, *page.sections))
     for wanted in (
-        *(section.title or "" for section in page.sheet),
-        *(section.title or "" for section in page.sections),
-        f"k = {answer.k:.2f}",
-        f"{answer.dof} effective degrees of freedom",
-        "95 %",
-        "A. Martin",
-        "2026-03-03 09:31:00 +01:00",
-        "20.9 to 21.6 °C",
-        "hall 3",
-        "no. 41",
-        "2026-0117",
-        "touched the stand",
-        identity_of(cases.healthy()).number,
-        "0" * 64,
-        "orthocal 0.",
-        "Measured by, date",
-    ):
+        *titles, f"k = {answer.k:.2f}", f"{answer.dof} effective degrees of freedom", "95 %",
+        "A. Martin", "2026-03-03 09:31:00 +01:00", "20.9 to 21.6 °C", "hall 3", "no. 41",
+        "2026-0117", "touched the stand", identity_of(cases.healthy()).number, "0" * 64,
+        "orthocal 0.", "Measured by, date",
+    ):  # fmt: skip
         assert wanted in words, wanted
 
 
 @pytest.mark.parametrize("make", [cases.healthy, cases.failed])
 def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
     written = {
-        "organisation": "Milling & Sons",
-        "place": "Nantes",
-        "serial_number": "OG-17",
-        "customer": "A <b>",
-        "method": "instruction 12",
-        "traceability": "PTB",
-        "authorised_by": "B. Petit",
-        "gauge_due": "2027-01-31",
-    }
-    bare = report_of(make()).page()
-    names = ("Organisation", "Place", "Serial number", "Customer", "Method", "Traceability",
-             "Authorised by", "Gauge due")  # fmt: skip
-    assert not [name for name in names if f"<dt>{name}</dt>" in html(bare)]
+        "Organisation": "Milling & Sons", "Place": "Nantes", "Serial number": "OG-17",
+        "Customer": "A <b>", "Method": "instruction 12", "Traceability": "PTB",
+        "Authorised by": "B. Petit", "Gauge due": "2027-01-31",
+    }  # fmt: skip
+    bare = html(report_of(make()).page())
+    assert not [name for name in written if f"<dt>{name}</dt>" in bare]
     given = make().given
-    machine = given.model.machine.changed(report=Details(**written))
-    model = replace(given.model, machine=machine)
+    details = {name.lower().replace(" ", "_"): text for name, text in written.items()}
+    model = changed(given.model, report=Details(**details))
     whole = html(report_of(replace(make(), given=replace(given, model=model))).page())
-    for name, text in zip(names, written.values(), strict=True):
+    for name, text in written.items():
         assert f"<dt>{name}</dt><dd><bdi>{escape(text)}</bdi></dd>" in whole
     # Who and which stands at its head, how among the conditions.
     head, _, _ = whole.partition("<main>")
@@ -217,8 +199,7 @@ def test_a_gauge_that_was_due_before_the_measurement_is_marked(
 @pytest.mark.parametrize("name", ["healthy", "failed", "verified"])
 def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
     page = documents()[name]().page()
-    outline = Outline()
-    outline.feed(html(page))
+    outline = outlined(html(page))
     said = " ".join(outline.words)
     assert "This report holds for the machine" in said
     assert said.endswith(f"End of report {page.number}.")
@@ -226,8 +207,7 @@ def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
 
 
 def test_what_was_not_given_is_a_blank_line():
-    outline = Outline()
-    outline.feed(html(report_of(cases.ambiguous()).page()))
+    outline = outlined(html(report_of(cases.ambiguous()).page()))
     blanks = [value for _, name, value in outline.attributes if value == "not given"]
     # Measured; protocol, operator, started, finished, temperature; gauge, certificate, due,
     # resolution; as left three times.

@@ -1,7 +1,5 @@
 """Every number of a page has a path in the JSON; it is only rounded."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Iterator

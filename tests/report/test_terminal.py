@@ -1,7 +1,5 @@
 """The documents on a terminal of 80 columns, and as Markdown."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator
@@ -107,10 +105,11 @@ def test_a_command_of_any_length_stays_on_its_line(block):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_format_says_the_same(kind):
-    """Each section's title, each table cell and each sketch's finding is in all of them."""
+    """Each section's title, each table cell and each sketch's finding; and nothing steers them."""
     page = documents()[kind]().page()
-    terminal = "".join(shown(page, width=5000).split())
-    text = "".join(markdown(page).split())
+    on_screen, in_file = shown(page, width=5000), markdown(page)
+    assert not set(on_screen + in_file) & HARMFUL
+    terminal, text = ("".join(each.split()) for each in (on_screen, in_file))
     wanted = [section.title or "" for section in page.in_characters]
     for block in blocks_of(page):
         match block:
@@ -132,13 +131,6 @@ def test_colour_is_never_the_only_sign():
     assert "✘ Do not enter these offsets" in plain
     assert "\x1b" not in plain
     assert "\x1b[" in shown(documents()["ambiguous"]().page(), colour=True)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_text_from_outside_steers_the_terminal_or_a_page(kind):
-    page = documents()[kind]().page()
-    assert not set(shown(page)) & HARMFUL
-    assert not set(markdown(page)) & HARMFUL
 
 
 def test_hostile_texts_are_shown():
@@ -234,17 +226,11 @@ def test_visible_keeps_words_and_shows_controls():
 @pytest.mark.parametrize(
     ("given", "written"),
     [
-        ("=1+1", "'=1+1"),
-        ("+49 30", "'+49 30"),
-        ("-cmd|' /C calc'!A0", "'-cmd|' /C calc'!A0"),
-        ("@SUM(A1)", "'@SUM(A1)"),
-        ("\t=1", "' =1"),
-        ("\r=1", "' =1"),
-        ("  =1", "'  =1"),
-        ("hall 3 = warm", "hall 3 = warm"),
-        ("", ""),
+        ("=1+1", "'=1+1"), ("+49 30", "'+49 30"), ("-cmd|' /C calc'!A0", "'-cmd|' /C calc'!A0"),
+        ("@SUM(A1)", "'@SUM(A1)"), ("\t=1", "' =1"), ("\r=1", "' =1"), ("  =1", "'  =1"),
+        ("hall 3 = warm", "hall 3 = warm"), ("", ""),
     ],
-)
+)  # fmt: skip
 def test_formulas_are_defused(given, written):
     assert in_csv(given) == written
 
