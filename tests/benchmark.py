@@ -1,8 +1,7 @@
 """`python -m tests.benchmark`: how fast, as ratios of processor times measured in the same run.
 
-The unit is what an interpreter takes to import numpy, scipy.linalg, typer, rich, yaml and pydantic,
-and nothing else. Both sides are run in turn, on one thread, and the least of several is taken:
-other work on the machine can only add to a processor time.
+Both sides are run in turn, on one thread, and the least of several is taken: other work on the
+machine can only add to a processor time.
 """
 
 import os
@@ -16,7 +15,8 @@ from pathlib import Path
 
 from tests.machines import ROOT
 
-IMPORTS = "import numpy, scipy.linalg, typer, rich, yaml, pydantic"
+IMPORTS = "import numpy, scipy.linalg, scipy.special, scipy.optimize, typer, rich, yaml, pydantic"
+"""What the dependencies cost that the program uses, and scipy.optimize as it was measured with."""
 SESSION = "sample_data/double_posture_session.csv"
 COMMANDS = (
     ("--help",),
@@ -148,6 +148,7 @@ def row(what: str, ours: float, unit: float) -> None:
 def main() -> None:
     """Measure and print."""
     os.environ.update(ONE_CORE)  # before numpy is imported
+    print(f"The unit of commands and files: {IMPORTS}")
     print(f"{'processor time':52}{'ours, ms':>12}{'unit, ms':>12}{'ratio':>12}")
     with tempfile.TemporaryDirectory() as folder:
         commands(Path(folder))

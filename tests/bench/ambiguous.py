@@ -6,7 +6,8 @@ written to one file, read and diagnosed as any other.
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
+from itertools import product
 
 import numpy as np
 
@@ -15,8 +16,6 @@ from orthoglide_cal.model import GaugePlan
 from orthoglide_cal.planning import Option, RankedMeasurement, ranked
 from tests.diagnosis.sessions import known
 from tests.truth import (
-    GAUGES,
-    MACHINES,
     Gauge,
     Machine,
     Session,
@@ -27,8 +26,7 @@ from tests.truth import (
 from tests.truth.separation import STANDS_OUT
 
 from .cases import SLOW, SLOW_PACE
-
-NOT_OF_A_READING = ("contact", "setup")
+from .scoring import showing
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +52,8 @@ class Ambiguous:
 
 def continued(session: Session, option: Option, seed: int, rest_min: float = 0.0) -> Session:
     """The session with an option measured by the truth, some minutes later than planned."""
-    arrays = {
-        item.name: getattr(option.plan, item.name)
-        for item in fields(GaugePlan)
-        if item.name not in NOT_OF_A_READING
-    }
+    names = {item.name for item in fields(GaugePlan)} - {"contact", "setup"}
+    arrays = {name: getattr(option.plan, name) for name in names}
     arrays["hours"] = arrays["hours"] + rest_min / 60.0
     return continue_session(session, seed, **arrays)
 
@@ -71,7 +66,9 @@ def joined_diagnosis(session: Session, option: Option, seed: int) -> Diagnosis:
 def is_named(session: Session, found: Diagnosis) -> bool:
     """Whether causes are named, all of them real, and none is left out that shows."""
     named = {cause.id for cause in found.causes}
-    return found.verdict is Verdict.NAMED and showing(session) <= named <= set(session.causes)
+    return found.verdict is Verdict.NAMED and hidden_and_showing(session) <= named <= set(
+        session.causes
+    )
 
 
 def is_answered(session: Session, found: Diagnosis) -> bool:
@@ -85,17 +82,16 @@ def is_answered(session: Session, found: Diagnosis) -> bool:
     said = [{cause.id, *cause.aliases} for cause in found.causes]
     hidden = set(session.causes)
     real = all(names & hidden for names in said)
-    return found.verdict is Verdict.NAMED and real and showing(session) <= set().union(*said)
+    return (
+        found.verdict is Verdict.NAMED
+        and real
+        and hidden_and_showing(session) <= set().union(*said)
+    )
 
 
-def showing(session: Session) -> set[str]:
-    """The hidden causes without which the other alone would be far from the record."""
-    if len(session.causes) == 1:
-        return set(session.causes)
-    distances = separation(session).distances
-    first, second = session.causes
-    others = ((first, second), (second, first))
-    return {cause for cause, other in others if distances[other] >= STANDS_OUT}
+def hidden_and_showing(session: Session) -> set[str]:
+    """The hidden causes without which the others would be far from the record."""
+    return showing(session.causes, separation(session).distances, STANDS_OUT)
 
 
 def draw(
@@ -103,30 +99,26 @@ def draw(
     gauges: Sequence[Gauge],
 ) -> Iterator[Ambiguous]:  # fmt: skip
     """Those of `count` sessions per set of hidden causes, machine and gauge that are ambiguous."""
-    sets = tuple(hidden)
-    for machine in machines:
-        for gauge in gauges:
-            for causes in sets:
-                for n in range(count):
-                    slow = len(causes) == 1 and causes[0] in SLOW and n % 2
-                    pace = SLOW_PACE if slow else 0.4
-                    session = make_session(100_000 * seed + n, machine, gauge, causes, pace=pace)
-                    found = diagnose(*known(session))
-                    if found.verdict is Verdict.AMBIGUOUS:
-                        yield Ambiguous(session, found, ranked(found))
+    for machine, gauge, causes, n in product(machines, gauges, hidden, range(count)):
+        slow = len(causes) == 1 and causes[0] in SLOW and n % 2
+        pace = SLOW_PACE if slow else 0.4
+        session = make_session(100_000 * seed + n, machine, gauge, causes, pace=pace)
+        found = diagnose(*known(session))
+        if found.verdict is Verdict.AMBIGUOUS:
+            yield Ambiguous(session, found, ranked(found))
 
 
 @dataclass
 class Tally:
     """How often the recommendation decides, and one from the bottom half of the ranking."""
 
-    asked: Counter[tuple[str, str]]
-    named: Counter[tuple[str, str]]
+    asked: Counter[tuple[str, str]] = field(default_factory=Counter)
+    named: Counter[tuple[str, str]] = field(default_factory=Counter)
     """The right name, and nothing open."""
-    answered: Counter[tuple[str, str]]
+    answered: Counter[tuple[str, str]] = field(default_factory=Counter)
     """The right answer, whichever of its names is given; see `is_answered`."""
-    bottom: Counter[tuple[str, str]]
-    silent: Counter[tuple[str, str]]
+    bottom: Counter[tuple[str, str]] = field(default_factory=Counter)
+    silent: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Nothing is recommended, because nothing would tell."""
     chance: float = 0.0
     """Sum of what the program foretells."""
@@ -170,7 +162,7 @@ class Tally:
 
 def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = print) -> Tally:
     """Let the truth measure what is recommended, and an option drawn from the bottom half."""
-    found = Tally(Counter(), Counter(), Counter(), Counter(), Counter())
+    found = Tally()
     rng = np.random.default_rng([seed, 6])
     for n, case in enumerate(cases):
         best, ranking = case.recommended, case.following
@@ -187,12 +179,6 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
         found.bottom[case.pair] += is_named(case.session, bottom)
         if not named:
             said = [(each.id, *each.aliases) for each in after.causes], after.ambiguous_with
-            tell(
-                f"{case.session.label} {case.pair}: {best.option.what} ({best.chance:.2f});"
-                f" then {said}"
-            )
+            what = f"{best.option.what} ({best.chance:.2f})"
+            tell(f"{case.session.label} {case.pair}: {what}; then {said}")
     return found
-
-
-EVERYWHERE = (tuple(MACHINES.values()), tuple(GAUGES.values()))
-"""Both machines, both gauges."""

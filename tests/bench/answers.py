@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 
 VERDICTS = ("consistent", "named", "ambiguous", "unexplained")
+HELD_OUT = ("heldout_before_mm", "heldout_after_mm", "heldout_ratio")
 
 
 class ContractError(ValueError):
@@ -74,14 +75,8 @@ def parse_answer(line: str) -> Answer:
         return Answer(
             verdict=entry["verdict"],
             causes=tuple(
-                NamedCause(
-                    cause["id"],
-                    tuple(cause["aliases"]),
-                    cause["heldout_before_mm"],
-                    cause["heldout_after_mm"],
-                    cause["heldout_ratio"],
-                )
-                for cause in entry["causes"]
+                NamedCause(each["id"], tuple(each["aliases"]), *(each[key] for key in HELD_OUT))
+                for each in entry["causes"]
             ),
             ambiguous_with=tuple(entry["ambiguous_with"]),
             found=tuple(each["found"] for each in entry["parameters"]),

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, product
 
 from tests.truth import (
     CAUSES,
@@ -27,15 +28,9 @@ below the gauge's noise, and a bench of nothing but invisible effects would prov
 THREE = (0.0, 25.0, 50.0)
 """Heights of the blocks under the probe of a printer."""
 LAYOUTS = (
-    Layout(41),
-    Layout(121),
-    Layout(25, THREE),
-    Layout(7),
-    Layout(13, THREE),
-    Layout(41, THREE),
-    Layout(25, cycles=3),
-    Layout(400),
-)
+    Layout(41), Layout(121), Layout(25, THREE), Layout(7), Layout(13, THREE), Layout(41, THREE),
+    Layout(25, cycles=3), Layout(400),
+)  # fmt: skip
 MANY = 25
 """Places from which an effect outside the list can be told from two causes."""
 NOISES = (0.005, 0.013, 0.030)
@@ -102,19 +97,14 @@ def draw_gauges(
         end = f"-{machine.name}-{gauge.name}"
         for n in range(counts.healthy):
             yield Case(f"healthy-{n:03d}{end}", make_session(base + n, machine, gauge), None)
-        for cause in CAUSES:
-            for n in range(counts.single):
-                pace = SLOW_PACE if cause in SLOW and n % 2 else 0.4
-                session = make_session(base + n, machine, gauge, (cause,), pace=pace)
-                yield Case(f"{cause}-{n:03d}{end}", session, separation(session))
-        for outside in OUTSIDE:
-            for n in range(counts.outside):
-                session = clear_outside(base + n, machine, gauge, outside)
-                yield Case(f"outside-{outside}-{n:03d}{end}", session, None)
-        for pair in all_pairs():
-            for n in range(counts.pair):
-                session = make_session(base + n, machine, gauge, pair)
-                yield Case(f"{'-'.join(pair)}-{n:03d}{end}", session, separation(session))
+        for outside, n in product(OUTSIDE, range(counts.outside)):
+            session = clear_outside(base + n, machine, gauge, outside)
+            yield Case(f"outside-{outside}-{n:03d}{end}", session, None)
+        singles = product([(cause,) for cause in CAUSES], range(counts.single))
+        for hidden, n in chain(singles, product(all_pairs(), range(counts.pair))):
+            pace = SLOW_PACE if hidden[0] in SLOW and len(hidden) == 1 and n % 2 else 0.4
+            session = make_session(base + n, machine, gauge, hidden, pace=pace)
+            yield Case(f"{'-'.join(hidden)}-{n:03d}{end}", session, separation(session))
 
 
 def draw_printers(counts: Counts, seed: int) -> Iterator[Case]:
@@ -134,24 +124,19 @@ def draw_printers(counts: Counts, seed: int) -> Iterator[Case]:
     def drawn(number: int, n: int, hidden: tuple[str, ...]) -> DeltaSession:
         # Every cause meets other settings first.
         machine, layout = settings[(7 * number + n) % len(settings)]
-        return make_delta_session(
-            base + n, machine, hidden, layout, (machine.texture, GRAIN), grain
-        )
+        bumps = machine.texture, GRAIN
+        return make_delta_session(base + n, machine, hidden, layout, bumps, grain)
 
     for n in range(counts.healthy):
         yield Case(f"healthy-{n:03d}", drawn(0, n, ()), None)
-    for number, cause in enumerate(DELTA_CAUSES):
-        for n in range(counts.single):
-            session = drawn(number, n, (cause,))
-            yield Case(f"{cause}-{n:03d}", session, delta_separation(session))
     for outside, (_, heights) in DELTA_OUTSIDE.items():
-        able = [
-            each for each in settings if each[1].places >= MANY and len(each[1].heights) >= heights
-        ]
+        able = [(printer, layout) for printer, layout in settings
+                if layout.places >= MANY and len(layout.heights) >= heights]  # fmt: skip
         for n in range(counts.outside):
             session = clear_delta_outside(base + n, *able[n % len(able)], outside)
             yield Case(f"outside-{outside}-{n:03d}", session, None)
-    for number, pair in enumerate(DELTA_PAIRS):
-        for n in range(counts.pair):
-            session = drawn(number, n, pair)
-            yield Case(f"{'-'.join(pair)}-{n:03d}", session, delta_separation(session))
+    singles = product(enumerate((cause,) for cause in DELTA_CAUSES), range(counts.single))
+    pairs = product(enumerate(DELTA_PAIRS), range(counts.pair))
+    for (number, hidden), n in chain(singles, pairs):
+        session = drawn(number, n, hidden)
+        yield Case(f"{'-'.join(hidden)}-{n:03d}", session, delta_separation(session))

@@ -55,19 +55,13 @@ def full_report(bench: Bench) -> str:
         ("First cause named, or the verdict", _confusion_table(judged)),
     ]
     if not _of_printers(bench):
+        inside = _coverage_table(coverage(judged))
+        expected = _heldout_table(heldout(judged), *HELDOUT_RATIO)
+        later = _heldout_table(bench.later, *LATER_RATIO)
         parts += [
-            (
-                "Coverage of the offsets' 95 % intervals, rightly named",
-                _coverage_table(coverage(judged)),
-            ),
-            (
-                "Held-out errors over what the true model expects (0.8 to 1.25 after)",
-                _heldout_table(heldout(judged), *HELDOUT_RATIO),
-            ),
-            (
-                "Second session, r.m.s. over one reading's sigma (1.3 at most after)",
-                _heldout_table(bench.later, *LATER_RATIO),
-            ),
+            ("Coverage of the offsets' 95 % intervals, rightly named", inside),
+            ("Held-out errors over what the true model expects (0.8 to 1.25 after)", expected),
+            ("Second session, r.m.s. over one reading's sigma (1.3 at most after)", later),
         ]
     wrong = [_miss(item) for item in judged if not item.right]
     more = [f"… and {len(wrong) - MISSES} more"] if len(wrong) > MISSES else []
@@ -151,15 +145,10 @@ def _miss(item: Judged) -> str:
         )
     else:
         place = " ".join(effect.where for effect in session.effects)
-    stands = (
-        f" {far.distance:.1f} from {far.nearest}, {far.visible:.1f} from healthy, own {far.own:.1f}"
-        if far
-        else ""
-    )
+    stands = ""
+    if far:
+        stands = f" {far.distance:.1f} from {far.nearest}, {far.visible:.1f} from healthy"
+        stands += f", own {far.own:.1f}"
     also = ",".join(sorted(item.answer.mentioned - set(item.answer.ids)))
-    return (
-        f"{item.case.name} [{item.kind}] {place}{stands}: {item.answer.verdict}"
-        f" {','.join(item.answer.ids)}"
-        + (f" (or {also})" if also else "")
-        + (f" {item.answer.error}" if item.answer.error else "")
-    )
+    said = f"{item.answer.verdict} {','.join(item.answer.ids)}" + (f" (or {also})" if also else "")
+    return f"{item.case.name} [{item.kind}] {place}{stands}: {said} {item.answer.error or ''}"

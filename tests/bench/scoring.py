@@ -4,8 +4,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tests.truth import HEALTHY
-
 from .answers import Answer
 from .cases import KINDS, Case
 from .chance import chance_at_most, chance_below
@@ -67,14 +65,13 @@ REQUIRED: dict[str, tuple[float | None, float]] = {
 }
 
 
-def needed_members(case: Case) -> tuple[str, ...]:
-    """The causes of a pair that show: without them the other alone would be far away."""
-    if case.separation is None:
-        return ()
-    first, second = case.session.causes
-    alone = case.separation.distances
-    others = {first: second, second: first}
-    return tuple(cause for cause, other in others.items() if alone[other] >= case.separation.bound)
+def showing(causes: Sequence[str], alone: dict[str, float], bound: float) -> set[str]:
+    """The hidden causes without which the other alone would be far from the record."""
+    if len(causes) < 2:
+        return set(causes)
+    return {
+        cause for cause, other in zip(causes, causes[::-1], strict=True) if alone[other] >= bound
+    }
 
 
 def is_right(case: Case, answer: Answer, kind: str) -> bool:
@@ -86,7 +83,8 @@ def is_right(case: Case, answer: Answer, kind: str) -> bool:
     if kind == "pair":
         return set(case.session.causes) <= answer.mentioned
     if kind == "half pair":
-        return set(needed_members(case)) <= answer.mentioned
+        far = case.separation
+        return showing(case.session.causes, far.distances, far.bound) <= answer.mentioned
     truth = case.session.causes[0]
     if kind == "distinct":
         return answer.first == truth
@@ -97,11 +95,9 @@ def is_right(case: Case, answer: Answer, kind: str) -> bool:
 
 def judge(cases: Sequence[Case], answers: Sequence[Answer]) -> list[Judged]:
     """Judge each answer against its case."""
-    out = []
-    for case, answer in zip(cases, answers, strict=True):
-        kind = case.kind()
-        out.append(Judged(case, answer, kind, is_right(case, answer, kind)))
-    return out
+    pairs = zip(cases, answers, strict=True)
+    return [Judged(case, answer, case.kind(), is_right(case, answer, case.kind()))
+            for case, answer in pairs]  # fmt: skip
 
 
 def rates(judged: Sequence[Judged]) -> list[Rate]:
@@ -129,8 +125,7 @@ def confusion(judged: Sequence[Judged]) -> dict[str, Counter[str]]:
     out: dict[str, Counter[str]] = {}
     for item in judged:
         if len(item.case.session.causes) < 2:
-            label = item.case.session.label if item.case.session.label else HEALTHY
-            out.setdefault(label, Counter())[item.answer.first] += 1
+            out.setdefault(item.case.session.label, Counter())[item.answer.first] += 1
     return out
 
 

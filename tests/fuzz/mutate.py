@@ -36,14 +36,10 @@ def _cut(text: str, rng: Rng) -> str:
     return text[: int(rng.integers(0, len(text) + 1))]
 
 
-def _delete(text: str, rng: Rng) -> str:
+def _piece(text: str, rng: Rng) -> str:
+    """A piece is lost, or stands twice."""
     start, end = _slice(text, rng)
-    return text[:start] + text[end:]
-
-
-def _repeat(text: str, rng: Rng) -> str:
-    start, end = _slice(text, rng)
-    return text[:end] + text[start:end] + text[end:]
+    return text[:start] + text[start:end] * int(rng.choice((0, 2))) + text[end:]
 
 
 def _insert(text: str, rng: Rng) -> str:
@@ -51,26 +47,18 @@ def _insert(text: str, rng: Rng) -> str:
     return text[:start] + str(rng.choice(HOSTILE)) + text[start:]
 
 
-def _lines(change: Callable[[list[str], int, int], None]) -> Callable[[str, Rng], str]:
-    def changed(text: str, rng: Rng) -> str:
-        lines = text.split("\n")
-        one, other = (int(k) for k in rng.integers(0, len(lines), 2))
-        change(lines, one, other)
-        return "\n".join(lines)
-
-    return changed
-
-
-def _drop_line(lines: list[str], one: int, other: int) -> None:
-    del lines[one]
-
-
-def _double_line(lines: list[str], one: int, other: int) -> None:
-    lines.insert(other, lines[one])
-
-
-def _swap_lines(lines: list[str], one: int, other: int) -> None:
-    lines[one], lines[other] = lines[other], lines[one]
+def _line(text: str, rng: Rng) -> str:
+    """A line is lost, stands twice, or two change places."""
+    lines = text.split("\n")
+    one, other = (int(k) for k in rng.integers(0, len(lines), 2))
+    match int(rng.integers(3)):
+        case 0:
+            del lines[one]
+        case 1:
+            lines.insert(other, lines[one])
+        case _:
+            lines[one], lines[other] = lines[other], lines[one]
+    return "\n".join(lines)
 
 
 def _word(text: str, rng: Rng) -> str:
@@ -83,8 +71,7 @@ def _word(text: str, rng: Rng) -> str:
 
 
 MUTATIONS: Sequence[Callable[[str, Rng], str]] = (
-    _number, _number, _number, _cut, _delete, _repeat, _insert, _word, _word,
-    _lines(_drop_line), _lines(_double_line), _lines(_swap_lines),
+    *(_number,) * 3, _cut, *(_piece,) * 2, _insert, *(_word,) * 2, *(_line,) * 3,
 )  # fmt: skip
 
 

@@ -40,24 +40,16 @@ DIFFERENCES = (
     "difference,value_mm\ndx_y,-0.43\ndx_z,-0.37\ndy_x,0.42\ndy_z,-0.18\ndz_x,-1.14\ndz_y,-0.7\n"
 )
 OPTIONS = (
-    ("simulate", "--seed", "1", "--cycles", "{}"),
-    ("simulate", "--seed", "{}"),
-    ("simulate", "--seed", "1", "--cycles", "1", "--offsets", "{}", "{}", "{}"),
-    ("simulate", "--seed", "1", "--cycles", "1", "--noise", "{}", "--resolution", "{}"),
-    ("simulate", "--seed", "1", "--cycles", "1", "--gauge-at", "{}"),
-    ("simulate", "--seed", "1", "--cycles", "1", "--cause", "{}"),
-    ("simulate", "--seed", "1", "--cycles", "1", "--cause", "axis_gap={},{},{}"),
-    ("simulate", "--seed", "1", "--cycles", "1", "--cause", "misread@{}={}"),
-    ("verify", "six.csv", "six.csv", "--applied", "{}", "{}", "{}", "--json"),
-    ("verify", "six.csv", "six.csv", "--applied", "1", "0", "0", "--limit", "{}", "--json"),
-    ("solve", "six.csv", "--method", "{}"),
-    ("solve", "{}"),
-    ("validate", "{}"),
-    ("machine", "new", "--yes", "-o", "no/m.yaml", "--leg-length", "{}", "--range", "{}"),
-    ("machine", "new", "--yes", "-o", "no/m.yaml", "--limits", "{}", "{}", "--name", "{}"),
-    ("machine", "show", "{}"),
-    ("apply", "six.csv", "--yes", "--machine", "{}"),
-    ("{}",),
+    "simulate --seed 1 --cycles {}", "simulate --seed {}", "solve {}", "validate {}", "{}",
+    "solve six.csv --method {}", "machine show {}", "apply six.csv --yes --machine {}",
+    *(f"simulate --seed 1 --cycles 1 {words}" for words in (
+        "--offsets {} {} {}", "--noise {} --resolution {}", "--gauge-at {}", "--cause {}",
+        "--cause axis_gap={},{},{}", "--cause misread@{}={}",
+    )),
+    "verify six.csv six.csv --applied {} {} {} --json",
+    "verify six.csv six.csv --applied 1 0 0 --limit {} --json",
+    "machine new --yes -o no/m.yaml --leg-length {} --range {}",
+    "machine new --yes -o no/m.yaml --limits {} {} --name {}",
 )  # fmt: skip
 
 
@@ -198,9 +190,8 @@ def signed(bodies: str) -> str:
 
 def _options(rng: Rng) -> str:
     """A command with hostile values, as JSON."""
-    chosen = OPTIONS[int(rng.integers(len(OPTIONS)))]
-    filled = [part.replace("{}", str(rng.choice(HOSTILE))) for part in chosen]
-    return json.dumps(filled)
+    chosen = OPTIONS[int(rng.integers(len(OPTIONS)))].split()
+    return json.dumps([part.replace("{}", str(rng.choice(HOSTILE))) for part in chosen])
 
 
 @contextlib.contextmanager
