@@ -12,7 +12,6 @@ from tests.truth.delta import (
     Layout,
     Truth,
     delta_csv,
-    delta_yaml,
     distances,
     indicated,
     probe_bed,
@@ -54,11 +53,10 @@ def printer_cfg(
     the height `surface` [mm].
     """
     rng = np.random.default_rng(seed)
-    home = np.array(machine.endstops) + np.sqrt(np.array(machine.arms) ** 2 - machine.radius**2)
 
     def steps(places: Floats) -> list[str]:
         joints = indicated(machine, places)
-        counts = ((home - joints) / STEP).round(0 if noise else 3)
+        counts = ((machine.home - joints) / STEP).round(0 if noise else 3)
         return [",".join(f"{v:.3f}" for v in row) for row in counts]
 
     turn = np.radians(30.0 + 60.0 * np.arange(6))
@@ -89,8 +87,8 @@ def printer_cfg(
     calibration, lines = lines, ["", "[bed_mesh default]", "version = 1", "points ="]
     lines += ["\t  " + ", ".join(f"{v:.6f}" for v in row) for row in rows]
     low, side = f"{-machine.bed + 10.0:.2f}", f"{machine.bed - 10.0:.2f}"
-    lines += [f"x_count = {GRID}", f"y_count = {GRID}", f"min_x = {low}", f"max_x = {side}"]
-    lines += [f"min_y = {low}", f"max_y = {side}"]
+    for axis in "xy":
+        lines += [f"{axis}_count = {GRID}", f"min_{axis} = {low}", f"max_{axis} = {side}"]
     saved = [f"[printer]\ndelta_radius = {machine.radius}"]
     for k, tower in enumerate("abc"):
         saved.append(
@@ -107,8 +105,3 @@ def printer_cfg(
     mark = "#*# <---------------------- SAVE_CONFIG ---------------------->"
     note = "#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated."
     return "\n".join((*head, mark, note, *(f"#*# {line}" for line in block))) + "\n"
-
-
-def machine_yaml(machine: Delta) -> str:
-    """Its machine file, with what this kind of machine can have."""
-    return delta_yaml(machine)

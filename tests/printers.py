@@ -44,32 +44,24 @@ def touched(place: Floats, surface: Floats | float = 0.0, hours: Floats | float 
     """Touches of surfaces at places (n, 3) [mm], one after the other."""
     n = len(place)
     return ProbePlan(
-        order=np.arange(n),
-        hours=np.broadcast_to(hours, n),
-        place=place,
-        other=place,
-        surface=np.broadcast_to(surface, n),
-        distance=np.zeros(n, dtype=bool),
-        weight=np.ones(n),
-    )
+        order=np.arange(n), hours=np.broadcast_to(hours, n), place=place, other=place,
+        surface=np.broadcast_to(surface, n), distance=np.zeros(n, dtype=bool), weight=np.ones(n),
+    )  # fmt: skip
 
 
 def printed(first: Floats, second: Floats, weight: float = 1.0) -> ProbePlan:
     """Distances between places (n, 3) of a printed object [mm]."""
-    return replace(
-        touched(first),
-        other=second,
-        distance=np.ones(len(first), dtype=bool),
-        weight=np.full(len(first), weight),
-    )
+    every = np.ones(len(first))
+    return replace(touched(first), other=second, distance=every > 0, weight=weight * every)
 
 
 def both(touches: ProbePlan, distances: ProbePlan) -> ProbePlan:
     """Touches, and distances behind them."""
-    names = ("hours", "place", "other", "surface", "distance", "weight")
-    joined = {
-        name: np.concatenate((getattr(touches, name), getattr(distances, name))) for name in names
-    }
+    parts, names = (
+        (touches, distances),
+        ("hours", "place", "other", "surface", "distance", "weight"),
+    )
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return ProbePlan(order=np.arange(len(touches) + len(distances)), **joined)
 
 
@@ -151,8 +143,6 @@ def truth_with(
     return Truth(
         endstops=frozen(endstops + 1e-3 * scales * travel),
         angles=frozen(np.degrees((angles - angle + np.pi) % (2.0 * np.pi) - np.pi)),
-        radii=frozen(away - machine.radius),
-        leans=frozen(1e3 * around),
-        arms=frozen(arms),
+        radii=frozen(away - machine.radius), leans=frozen(1e3 * around), arms=frozen(arms),
         scales=frozen(scales),
-    )
+    )  # fmt: skip

@@ -4,7 +4,7 @@ Each test reads every file and names all places that break its rule.
 """
 
 import ast
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -54,9 +54,16 @@ def imported(name: str) -> Iterator[tuple[str, str]]:
         yield from ((place, module) for module in modules if module.split(".")[0] == PACKAGE)
 
 
-def listed(faults: Sequence[str]) -> str:
-    """For the message of a failed test."""
-    return f"{len(faults)} places:\n" + "\n".join(faults)
+def nodes(*kinds: type[ast.AST]) -> Iterator[tuple[str, ast.AST]]:
+    """(dotted name of its file, node) of every such node of the package."""
+    for name, tree in TREES.items():
+        yield from ((name, node) for node in ast.walk(tree) if isinstance(node, kinds))
+
+
+def none(faults: Iterable[str]) -> None:
+    """Fails with all places, if there are any."""
+    places = list(faults)
+    assert not places, f"{len(places)} places:\n" + "\n".join(places)
 
 
 def test_every_room_has_its_place_in_the_order() -> None:
@@ -75,7 +82,7 @@ def test_imports_run_downwards() -> None:
             upwards = room == "" or rank[other] < rank[room]
             if upwards or room not in ONLY_FOR.get(other, {room}):
                 faults.append(f"{place}: {room or PACKAGE} must not know {module}")
-    assert not faults, listed(faults)
+    none(faults)
 
 
 def test_no_imports_run_in_a_circle() -> None:
@@ -84,33 +91,23 @@ def test_no_imports_run_in_a_circle() -> None:
     # What knows nobody, or is known by nobody, is in none.
     while free := {n for n in knows if not knows[n] or n not in set().union(*knows.values())}:
         knows = {name: others - free for name, others in knows.items() if name not in free}
-    faults = [f"{name} knows {', '.join(sorted(others))}" for name, others in knows.items()]
-    assert not faults, listed(faults)
+    none(f"{name} knows {', '.join(sorted(others))}" for name, others in knows.items())
 
 
 def test_no_class_name_stands_twice() -> None:
     defined: dict[str, list[str]] = {}
-    for name, tree in TREES.items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ClassDef):
-                defined.setdefault(node.name, []).append(f"{name}:{node.lineno}: {node.name}")
-    faults = [place for places in defined.values() if len(places) > 1 for place in places]
-    assert not faults, listed(faults)
+    for name, node in nodes(ast.ClassDef):
+        defined.setdefault(node.name, []).append(f"{name}:{node.lineno}: {node.name}")
+    none(place for places in defined.values() if len(places) > 1 for place in places)
 
 
 def test_hardly_anything_is_of_any_type() -> None:
-    found = [
-        f"{name}:{node.lineno}"
-        for name, tree in TREES.items()
-        for node in ast.walk(tree)
-        if getattr(node, "id", None) == "Any"
-    ]
-    assert len(found) <= MOST_ANY, listed(found)
+    found = [f"{name}:{node.lineno}" for name, node in nodes(ast.Name) if node.id == "Any"]
+    none(found if len(found) > MOST_ANY else ())
 
 
 def test_imports_are_absolute() -> None:
-    faults = [place for name in FILES for place, m in imported(name) if m.endswith("(relative)")]
-    assert not faults, listed(faults)
+    none(place for name in FILES for place, m in imported(name) if m.endswith("(relative)"))
 
 
 def test_every_file_is_reached_from_the_program() -> None:
@@ -129,7 +126,7 @@ def test_every_file_is_reached_from_the_program() -> None:
         if "pkgutil" in words:
             folder = FILES[name].parent
             waiting += [inner for inner, path in FILES.items() if path.is_relative_to(folder)]
-    assert not set(FILES) - reached, listed(sorted(set(FILES) - reached))
+    none(sorted(set(FILES) - reached))
 
 
 def test_nothing_is_shipped_that_only_tests_use() -> None:
@@ -152,8 +149,7 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
                 read.add(inner.id)
             elif isinstance(inner, ast.Attribute):
                 read.add(inner.attr)
-    faults = [place for word, place in defined.items() if word not in read]
-    assert not faults, listed(faults)
+    none(place for word, place in defined.items() if word not in read)
 
 
 def test_public_things_say_what_they_are() -> None:
@@ -166,7 +162,7 @@ def test_public_things_say_what_they_are() -> None:
         and not ast.get_docstring(node)
     ]
     faults += [name for name, tree in TREES.items() if not ast.get_docstring(tree)]
-    assert not faults, listed(faults)
+    none(faults)
 
 
 def test_init_files_only_re_export() -> None:
@@ -178,29 +174,24 @@ def test_init_files_only_re_export() -> None:
             stated = names in (["__all__"], ["__version__"])
             if not (text or stated or isinstance(node, ast.Import | ast.ImportFrom)):
                 faults.append(f"{name}:{node.lineno}")
-    assert not faults, listed(faults)
+    none(faults)
 
 
 def test_only_the_command_line_prints_asks_or_exits() -> None:
-    faults = []
-    for name, tree in TREES.items():
-        if room_of(name) in PRINTING:
-            continue
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call):
-                called = ast.unparse(node.func)
-                if called in ("print", "input", "exit", "quit", "sys.exit", "os._exit"):
-                    faults.append(f"{name}:{node.lineno}: {called}")
-    assert not faults, listed(faults)
+    none(
+        f"{name}:{node.lineno}: {ast.unparse(node.func)}"
+        for name, node in nodes(ast.Call)
+        if ast.unparse(node.func) in ("print", "input", "exit", "quit", "sys.exit", "os._exit")
+        and room_of(name) not in PRINTING
+    )
 
 
 def test_randomness_comes_through_a_generator() -> None:
     """Only a command, or the simulated gauge of a session, makes one from its seed."""
-    faults = []
-    for name, tree in TREES.items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Attribute) and ast.unparse(node.value).endswith("np.random"):
-                allowed = {"Generator"} | ({"default_rng"} if room_of(name) in SEEDING else set())
-                if node.attr not in allowed:
-                    faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
-    assert not faults, listed(faults)
+    none(
+        f"{name}:{node.lineno}: {ast.unparse(node)}"
+        for name, node in nodes(ast.Attribute)
+        if ast.unparse(node.value).endswith("np.random")
+        and node.attr != "Generator"
+        and (node.attr != "default_rng" or room_of(name) not in SEEDING)
+    )

@@ -24,8 +24,8 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import read_input, read_machine
 from tests.cli.program import SIX, answer, done, parameters, refused, run, words
 from tests.machines import ROOT
-from tests.printer_files import OFF, exact, machine_yaml, printer_cfg
-from tests.truth.delta import KOSSEL, V400, Layout, Truth, delta_csv, probe_bed
+from tests.printer_files import OFF, exact, printer_cfg
+from tests.truth.delta import KOSSEL, V400, Layout, Truth, delta_csv, delta_yaml, probe_bed
 
 MACHINE = ("--machine", "v400.yaml")
 PROTOTYPE = f"{ROOT}/configs/orthoglide_prototype.yaml"
@@ -99,8 +99,8 @@ def table(rows: list[tuple[float, ...]]) -> str:
 
 
 FILES: dict[str, Callable[[], str]] = {
-    "v400.yaml": lambda: machine_yaml(V400),
-    "smooth.yaml": lambda: re.sub(r"texture_mm: [\d.]+", "texture_mm: 0.0", machine_yaml(V400)),
+    "v400.yaml": lambda: delta_yaml(V400),
+    "smooth.yaml": lambda: re.sub(r"texture_mm: [\d.]+", "texture_mm: 0.0", delta_yaml(V400)),
     "printer.cfg": lambda: printer_cfg(V400, OFF),
     "after.cfg": lambda: printer_cfg(CALIBRATED, Truth(), seed=2),
     "kossel.cfg": lambda: printer_cfg(KOSSEL, Truth()),
@@ -200,7 +200,7 @@ def test_arms_are_taken_as_given_and_make_the_endstops_unsure(own: Path, files: 
 def known(longer: float) -> tuple[str, str]:
     """A machine file by which the arms were measured to 0.02 mm, longer than the firmware's."""
     arms = [arm + longer for arm in V400.arms]
-    text = re.sub(r"arm_length_mm: .*", f"arm_length_mm: {arms}", machine_yaml(V400))
+    text = re.sub(r"arm_length_mm: .*", f"arm_length_mm: {arms}", delta_yaml(V400))
     Path(f"{longer}.yaml").write_text(re.sub(r"leg_length: [\d.]+", "leg_length: 0.02", text))
     return "--machine", f"{longer}.yaml"
 
@@ -258,7 +258,7 @@ def test_distances_scatter_as_a_calliper_does_and_not_as_a_probe(own: Path) -> N
     Four degrees of freedom each: the mean variance has a relative spread of √(2/120) = 0.13, so
     that 1.65 is missed with a chance below one in ten thousand.
     """
-    text = machine_yaml(V400).replace("calliper_mm: 0.03", "calliper_mm: 0.05")
+    text = delta_yaml(V400).replace("calliper_mm: 0.03", "calliper_mm: 0.05")
     Path("v400.yaml").write_text(re.sub(r"texture_mm: [\d.]+", "texture_mm: 0.0", text))
     model, variances = read_machine("v400.yaml"), []
     for seed in range(30):

@@ -55,28 +55,18 @@ OPTIONS = (
 
 @dataclass(frozen=True)
 class Failure:
-    """A mutant on which the program failed.
-
-    Attributes:
-        kind: what was damaged.
-        number: of the mutant; with the seed of the run it is the same again.
-        what: went wrong.
-        text: the mutant.
-    """
+    """A mutant on which the program failed."""
 
     kind: str
+    """What was damaged."""
     number: int
+    """Of the mutant; with the seed of the run it is the same again."""
     what: str
     text: str
 
 
 class Fuzz:
-    """Mutants of one of each kind of file, in a folder that is made for them.
-
-    Args:
-        folder: empty.
-        seed: of the run.
-    """
+    """Mutants of one of each kind of file, in an empty folder."""
 
     def __init__(self, folder: Path, seed: int) -> None:
         self.folder, self.seed = folder, seed
@@ -88,17 +78,17 @@ class Fuzz:
             answered(Path("good.journal"), ["-0.64", "0.41", "u", "0.42", "n a note", "s hidden"])
         texts = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
         machine = text_with(*map(accepted, VALUES)).replace("\nhistory: []", HISTORY.rstrip())
+        table, session, journal = (texts[f"good.{end}"] for end in ("csv", "yaml", "journal"))
         self._kinds: tuple[tuple[str, Callable[[str], str | None], str], ...] = (
-            ("table", lambda text: self._file("m.csv", text, "solve"), texts["good.csv"]),
-            ("table", lambda text: self._file("m.csv", text, "validate"), texts["good.csv"]),
-            ("differences", lambda text: self._file("m.csv", text, "solve"), DIFFERENCES),
-            ("session", lambda text: self._file("m.yaml", text, "solve"), texts["good.yaml"]),
-            ("session", lambda text: self._file("m.yaml", text, "validate"), texts["good.yaml"]),
-            ("machine", self._machine, machine),
-            ("machine", self._machine, machine),
-            ("journal", self._journal, texts["good.journal"]),
+            ("table", self._file("solve", "m.csv"), table),
+            ("table", self._file("validate", "m.csv"), table),
+            ("differences", self._file("solve", "m.csv"), DIFFERENCES),
+            ("session", self._file("solve", "m.yaml"), session),
+            ("session", self._file("validate", "m.yaml"), session),
+            *(("machine", self._file("solve", "six.csv", "--machine", "m.yaml"), machine),) * 2,
+            ("journal", self._journal, journal),
             # Damage that the checksums hide, as of a journal that another version wrote.
-            ("records", lambda text: self._journal(signed(text)), records(texts["good.journal"])),
+            ("records", lambda text: self._journal(signed(text)), records(journal)),
         )
 
     def run(self, count: int) -> Iterator[Failure]:
@@ -117,13 +107,14 @@ class Fuzz:
                 if wrong:
                     yield Failure(kind, number, wrong, text)
 
-    def _file(self, name: str, text: str, verb: str) -> str | None:
-        Path(name).write_bytes(text.encode("utf-8", "surrogatepass"))
-        return self._judge([verb, name, "--json"])
+    def _file(self, *words: str) -> Callable[[str], str | None]:
+        """Judge of texts of the file that a command names last."""
 
-    def _machine(self, text: str) -> str | None:
-        Path("m.yaml").write_bytes(text.encode("utf-8", "surrogatepass"))
-        return self._judge(["solve", "six.csv", "--machine", "m.yaml", "--json"])
+        def judge(text: str) -> str | None:
+            Path(words[-1]).write_bytes(text.encode("utf-8", "surrogatepass"))
+            return self._judge([*words, "--json"])
+
+        return judge
 
     def _journal(self, text: str) -> str | None:
         """An unfinished session that is gone on with; it asks until nobody answers any more."""
@@ -133,9 +124,8 @@ class Fuzz:
         request, screen = Request(Path("m.yaml"), resume=True), Screen()
         signal.alarm(PATIENCE_S)
         try:
-            with contextlib.closing(
-                open_session(request, Path(), Script(["0.1", "k", "q"]), screen)
-            ) as dialogue:
+            session = open_session(request, Path(), Script(["0.1", "k", "q"]), screen)
+            with contextlib.closing(session) as dialogue:
                 dialogue.greet()
                 dialogue.run()
                 dialogue.publish()
