@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import File, Text, argument, flag, option
 from orthoglide_cal.cli.export import released
 from orthoglide_cal.errors import UsageError, command
 
@@ -20,23 +21,20 @@ if TYPE_CHECKING:
 
 def apply(
     session: Annotated[
-        str | None,
-        common.argument(
+        Text,
+        argument(
             "SESSION", "The session, or table, whose offsets were entered; --undo needs none."
         ),
     ] = None,
     machine: Annotated[
-        Path | None,
-        common.option(
-            "FILE",
-            "Machine file to record it in; without it the one in this folder.",
-            "--machine",
+        File,
+        option(
+            "FILE", "Machine file to record it in; without it the one in this folder.", "--machine"
         ),
     ] = None,
-    yes: Annotated[bool, common.flag("--yes", "Do not ask.")] = False,
+    yes: Annotated[bool, flag("--yes", "Do not ask.")] = False,
     undo: Annotated[
-        bool,
-        common.flag("--undo", "Take the last entry back: offsets and history as before it."),
+        bool, flag("--undo", "Take the last entry back: offsets and history as before it.")
     ] = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,

@@ -90,10 +90,16 @@ def argument(metavar: str, help: str) -> object:
 
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a delta's printer.cfg"
+# What may be left out.
+Text = str | None
+Texts = list[str] | None
+Count = int | None
+Number = float | None
+File = Path | None
 Offsets = tuple[float, float, float]
 Files = Annotated[list[str], argument("FILE", f"{MEASURED}; - is standard input.")]
 MachineFile = Annotated[
-    Path | None,
+    File,
     option(
         "FILE",
         "Machine file; without it the session's own machine, or the one file of a machine in this"
@@ -102,7 +108,7 @@ MachineFile = Annotated[
     ),
 ]
 MethodName = Annotated[
-    str | None,
+    Text,
     option(
         "NAME",
         "single, single-sequential, six-linear, twelve-linear, six, twelve or readings; without it"
@@ -114,10 +120,8 @@ Data = Annotated[
     Stored | None,
     option(None, "What of a printer.cfg is meant; without it the calibration if it stores one."),
 ]
-Cycles = Annotated[int | None, option("N", "Repeats of the postures (3).", min=1, max=50)]
-Gauges = Annotated[
-    int | None, option("N", "Gauges read side by side (2; single: 1).", min=1, max=2)
-]
+Cycles = Annotated[Count, option("N", "Repeats of the postures (3).", min=1, max=50)]
+Gauges = Annotated[Count, option("N", "Gauges read side by side (2; single: 1).", min=1, max=2)]
 Protocol = Annotated[
     Literal["double", "single"] | None, option(None, "Double-posture (the default) or single.")
 ]
@@ -137,18 +141,15 @@ Applied = Annotated[
     ),
 ]
 Limit = Annotated[
-    float | None,
-    option("MM", "Largest deviation allowed in any difference: pass, fail or undecided."),
+    Number, option("MM", "Largest deviation allowed in any difference: pass, fail or undecided.")
 ]
 Target = Annotated[
-    Path | None,
-    option("FILE", "Write there; an existing file is not touched.", "--output", "-o"),
+    File, option("FILE", "Write there; an existing file is not touched.", "--output", "-o")
 ]
 HtmlFile = Annotated[
-    Path | None,
-    option("FILE", "Write one HTML page that needs nothing else; - is standard output."),
+    File, option("FILE", "Write one HTML page that needs nothing else; - is standard output.")
 ]
-MarkdownFile = Annotated[Path | None, option("FILE", "Write Markdown; - is standard output.")]
+MarkdownFile = Annotated[File, option("FILE", "Write Markdown; - is standard output.")]
 Overwrite = Annotated[bool, flag("--overwrite", "Replace a file that this command wrote before.")]
 WithDetails = Annotated[bool, flag("--details", "Everything; without it one screen.")]
 AsJson = Annotated[bool, flag("--json", "JSON: one object for each file, one per line.")]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import File, Offsets, Text, option
 from orthoglide_cal.errors import OrthocalError, UsageError
 
 
@@ -14,22 +15,16 @@ def diagnose(
     files: common.Files,
     machine: common.MachineFile = None,
     data: common.Data = None,
-    holdout: Annotated[
-        str | None, common.option("FILE", "Later readings that no fit may see.")
-    ] = None,
+    holdout: Annotated[Text, option("FILE", "Later readings that no fit may see.")] = None,
     applied: Annotated[
-        common.Offsets | None,
-        common.option(
-            "DX DY DZ", "Offsets entered in the controller before the held-out readings [mm]."
-        ),
+        Offsets | None,
+        option("DX DY DZ", "Offsets entered in the controller before the held-out readings [mm]."),
     ] = None,
     accept: Annotated[
-        str | None,
-        common.option("CAUSE", "Make this cause part of the machine, in a new machine file."),
+        Text, option("CAUSE", "Make this cause part of the machine, in a new machine file.")
     ] = None,
     to: Annotated[
-        Path | None,
-        common.option("FILE", "The new machine file of --accept; never overwritten.", "--output"),
+        File, option("FILE", "The new machine file of --accept; never overwritten.", "--output")
     ] = None,
     details: common.WithDetails = False,
     json: common.AsJson = False,

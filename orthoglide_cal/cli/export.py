@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import MEASURED, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
@@ -16,10 +17,10 @@ Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marl
 
 
 def export(
-    file: Annotated[str, common.argument("FILE", f"{common.MEASURED}; - is standard input.")],
+    file: Annotated[str, argument("FILE", f"{MEASURED}; - is standard input.")],
     format: Annotated[
         Format,
-        common.option(
+        option(
             None,
             "table: joint corrections over the workspace, for causes that were accepted; klipper,"
             " reprapfirmware, marlin: the lines of a printer's firmware; without it text.",
@@ -30,11 +31,9 @@ def export(
     data: common.Data = None,
     method: common.MethodName = None,
     force: Annotated[
-        bool, common.flag("--force", "Export what must not be used; it is marked as forced.")
+        bool, flag("--force", "Export what must not be used; it is marked as forced.")
     ] = False,
-    points: Annotated[
-        int, common.option("N", "Points of the table along each edge of the cube (7).")
-    ] = 7,
+    points: Annotated[int, option("N", "Points of the table along each edge of the cube (7).")] = 7,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import Texts, argument
 from orthoglide_cal.errors import UsageError
 
 # Longer lines are hard to read.
@@ -14,8 +15,7 @@ _WIDEST = 100
 
 def guide(
     topic: Annotated[
-        list[str] | None,
-        common.argument("TOPIC", "A topic, or a cause by its id; without it the list of them."),
+        Texts, argument("TOPIC", "A topic, or a cause by its id; without it the list of them.")
     ] = None,
     no_colour: common.NoColour = False,
 ) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import File, Number, Text, Texts, argument, flag, option
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 
 if TYPE_CHECKING:
@@ -25,51 +26,37 @@ machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=
 @machine.command(cls=common.PlainCommand)
 def new(
     target: Annotated[
-        Path,
-        common.option("FILE", "File to write (machine.yaml); never overwritten.", "--output", "-o"),
+        Path, option("FILE", "File to write (machine.yaml); never overwritten.", "--output", "-o")
     ] = Path("machine.yaml"),
     kind: Annotated[
-        str, common.option("KIND", "Kind of machine: orthoglide (the default) or linear_delta.")
+        str, option("KIND", "Kind of machine: orthoglide (the default) or linear_delta.")
     ] = "orthoglide",
-    name: Annotated[str | None, common.option("NAME", "For people.")] = None,
-    leg_length: Annotated[float | None, common.option("MM", "L.")] = None,
-    width: Annotated[float | None, common.option("MM", "d of a leg.")] = None,
-    tool_offset: Annotated[
-        float | None, common.option("MM", "r, from the legs' ends to the tool.")
-    ] = None,
+    name: Annotated[Text, option("NAME", "For people.")] = None,
+    leg_length: Annotated[Number, option("MM", "L.")] = None,
+    width: Annotated[Number, option("MM", "d of a leg.")] = None,
+    tool_offset: Annotated[Number, option("MM", "r, from the legs' ends to the tool.")] = None,
     limits: Annotated[
-        tuple[float, float] | None,
-        common.option("LOW HIGH", "Travel from the isotropic posture, mm."),
+        tuple[float, float] | None, option("LOW HIGH", "Travel from the isotropic posture, mm.")
     ] = None,
-    workspace: Annotated[float | None, common.option("MM", "Edge of the workspace.")] = None,
-    resolution: Annotated[float | None, common.option("MM", "One division of the gauge.")] = None,
-    range_: Annotated[
-        float | None, common.option("MM", "Travel of its plunger.", "--range")
-    ] = None,
+    workspace: Annotated[Number, option("MM", "Edge of the workspace.")] = None,
+    resolution: Annotated[Number, option("MM", "One division of the gauge.")] = None,
+    range_: Annotated[Number, option("MM", "Travel of its plunger.", "--range")] = None,
     revolution: Annotated[
-        float | None, common.option("MM", "One turn of its dial; 0 for a gauge without one.")
+        Number, option("MM", "One turn of its dial; 0 for a gauge without one.")
     ] = None,
-    repeatability: Annotated[
-        float | None, common.option("MM", "Standard deviation of one reading.")
-    ] = None,
-    radius: Annotated[
-        float | None, common.option("MM", "Of a linear delta: its delta radius.")
-    ] = None,
-    bed_radius: Annotated[
-        float | None, common.option("MM", "Of a linear delta: of its bed.")
-    ] = None,
-    endstop: Annotated[
-        float | None, common.option("MM", "Of a linear delta: height of all three.")
-    ] = None,
+    repeatability: Annotated[Number, option("MM", "Standard deviation of one reading.")] = None,
+    radius: Annotated[Number, option("MM", "Of a linear delta: its delta radius.")] = None,
+    bed_radius: Annotated[Number, option("MM", "Of a linear delta: of its bed.")] = None,
+    endstop: Annotated[Number, option("MM", "Of a linear delta: height of all three.")] = None,
     tolerance: Annotated[
-        list[str] | None,
-        common.option(
+        Texts,
+        option(
             "CAUSE=SIZE",
             "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out; again for others.",
         ),
     ] = None,
     yes: Annotated[
-        bool, common.flag("--yes", "Ask nothing: the prototype's values for all others.")
+        bool, flag("--yes", "Ask nothing: the prototype's values for all others.")
     ] = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
@@ -96,11 +83,11 @@ def new(
     }
     answers: Answers = {"kind": kind}
     asked = dict(_questions(MACHINES.get(kind, MACHINES["orthoglide"])))
-    for option, (value, *keys) in given.items():
+    for typed, (value, *keys) in given.items():
         own = [key for key in keys if key in asked]
         if value is not None and not own:
             raise UsageError(
-                f"{option} is not for a machine of kind {kind}.",
+                f"{typed} is not for a machine of kind {kind}.",
                 "Leave it out; --help lists what there is.",
             )
         answers |= {} if value is None else {own[0]: value}
@@ -128,9 +115,7 @@ def new(
 
 @machine.command(cls=common.PlainCommand)
 def show(
-    file: Annotated[
-        Path | None, common.argument("FILE", "Without it the machine file in this folder.")
-    ] = None,
+    file: Annotated[File, argument("FILE", "Without it the machine file in this folder.")] = None,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:

@@ -14,6 +14,17 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import (
+    Count,
+    File,
+    Number,
+    Offsets,
+    Text,
+    Texts,
+    argument,
+    flag,
+    option,
+)
 from orthoglide_cal.errors import UnusableResultError, UsageError, command, visible_lines
 from orthoglide_cal.words import Unit
 
@@ -27,68 +38,56 @@ INTERRUPTED = 130
 
 def measure(
     session: Annotated[
-        Path | None,
-        common.argument(
-            "SESSION.yaml",
-            "Session file to write; without it session.yaml, or the next free name.",
+        File,
+        argument(
+            "SESSION.yaml", "Session file to write; without it session.yaml, or the next free name."
         ),
     ] = None,
     resume: Annotated[
-        bool, common.flag("--resume", "Go on with an unfinished session at its next reading.")
+        bool, flag("--resume", "Go on with an unfinished session at its next reading.")
     ] = False,
     protocol: common.Protocol = None,
     design: common.Design = None,
     then: Annotated[
-        str | None,
-        common.option(
+        Text,
+        option(
             "FILE",
             "Continue these readings: measure what is recommended next (orthocal plan FILE), and"
             " write a session that holds both.",
         ),
     ] = None,
-    choice: Annotated[
-        int | None, common.option("N", "With --then: which recommendation (1).", min=1)
-    ] = None,
+    choice: Annotated[Count, option("N", "With --then: which recommendation (1).", min=1)] = None,
     cycles: common.Cycles = None,
     order: common.Order = None,
     gauges: common.Gauges = None,
     gauge: Annotated[
-        list[str] | None,
-        common.option(
+        Texts,
+        option(
             "SOURCE",
             "typed (also keyboard-wedge gauges), simulated, or FORMAT:PORT[@BAUD][#CHANNELS], e.g."
             " sylvac:/dev/ttyUSB0; twice for two ports. Formats: cdi, mahr, mitutoyo, mux, plain,"
             " sylvac, uwave.",
         ),
     ] = None,
-    unit: Annotated[Unit, common.option(None, "Of readings without one (mm).")] = Unit.MM,
+    unit: Annotated[Unit, option(None, "Of readings without one (mm).")] = Unit.MM,
     until: Annotated[
-        float | None,
-        common.option("MM", "End as soon as every offset is known within this (95 %)."),
+        Number, option("MM", "End as soon as every offset is known within this (95 %).")
     ] = None,
-    seed: Annotated[
-        int | None, common.option("N", "Of the simulated gauge's hidden machine.", min=0)
-    ] = None,
-    operator: Annotated[str | None, common.option("NAME", "Yours.")] = None,
-    temperature: Annotated[float | None, common.option("C", "Of the room.")] = None,
-    gauge_id: Annotated[
-        list[str] | None, common.option("ID", "Of the gauge; again for the second.")
-    ] = None,
-    certificate: Annotated[
-        list[str] | None, common.option("NO", "Of its calibration; again for the second.")
-    ] = None,
+    seed: Annotated[Count, option("N", "Of the simulated gauge's hidden machine.", min=0)] = None,
+    operator: Annotated[Text, option("NAME", "Yours.")] = None,
+    temperature: Annotated[Number, option("C", "Of the room.")] = None,
+    gauge_id: Annotated[Texts, option("ID", "Of the gauge; again for the second.")] = None,
+    certificate: Annotated[Texts, option("NO", "Of its calibration; again for the second.")] = None,
     machine: common.MachineFile = None,
     offsets_active: Annotated[
-        common.Offsets | None,
-        common.option(
+        Offsets | None,
+        option(
             "DX DY DZ",
             "Joint offsets that the controller holds now, mm (else those of the machine file,"
             " which you are asked about).",
         ),
     ] = None,
-    yes: Annotated[
-        bool, common.flag("--yes", "Yes to what is asked before the first reading.")
-    ] = False,
+    yes: Annotated[bool, flag("--yes", "Yes to what is asked before the first reading.")] = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:

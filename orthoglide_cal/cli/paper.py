@@ -9,6 +9,7 @@ from typing import Annotated, Literal, get_args
 import typer
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import option
 from orthoglide_cal.errors import UnusableResultError
 
 TableName = Literal["1", "3", "4", "5", "accuracy"]
@@ -16,9 +17,9 @@ TableName = Literal["1", "3", "4", "5", "accuracy"]
 
 def paper(
     table: Annotated[
-        TableName | None, common.option(None, "Only this one; without it all of them.")
+        TableName | None, option(None, "Only this one; without it all of them.")
     ] = None,
-    seed: Annotated[int, common.option("N", "Of the noise of Table 3 (1).", min=0)] = 1,
+    seed: Annotated[int, option("N", "Of the noise of Table 3 (1).", min=0)] = 1,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import MEASURED, File, Number, Text, argument, option
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
@@ -15,42 +16,34 @@ if TYPE_CHECKING:
 
 def plan(
     file: Annotated[
-        str | None,
-        common.argument(
-            "FILE", f"{common.MEASURED}: what to measure next beside it is ranked, too."
-        ),
+        Text, argument("FILE", f"{MEASURED}: what to measure next beside it is ranked, too.")
     ] = None,
     protocol: common.Protocol = None,
     design: common.Design = None,
     gauges: common.Gauges = None,
     cycles: common.Cycles = None,
     layout: Annotated[
-        str | None,
-        common.option("NAME", "Layout to measure on a printer, as plan lists them."),
+        Text, option("NAME", "Layout to measure on a printer, as plan lists them.")
     ] = None,
     target: Annotated[
-        float | None,
-        common.option("MM", "How sure each offset is to be (95 %): as many cycles as that takes."),
+        Number, option("MM", "How sure each offset is to be (95 %): as many cycles as that takes.")
     ] = None,
     program: Annotated[
-        Path | None,
-        common.option(
-            "FILE",
-            "Write the postures as a table (.csv) or as G-code (.nc) instead; - shows them.",
+        File,
+        option(
+            "FILE", "Write the postures as a table (.csv) or as G-code (.nc) instead; - shows them."
         ),
     ] = None,
     template: Annotated[
-        Path | None,
-        common.option("FILE", "Template of the G-code; orthocal template gcode prints one."),
+        File, option("FILE", "Template of the G-code; orthocal template gcode prints one.")
     ] = None,
     order: common.Order = None,
     approach: Annotated[
-        float | None,
-        common.option("MM", "Way over which the program's carriages arrive slowly (1)."),
+        Number, option("MM", "Way over which the program's carriages arrive slowly (1).")
     ] = None,
     travel: Annotated[
         tuple[float, float] | None,
-        common.option(
+        option(
             "LOW HIGH",
             "How far the program may drive carriages from the isotropic posture, mm; without it to"
             " the joint limits of the machine file.",

@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Annotated
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import MEASURED, Text, argument, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 def report(
     file: Annotated[
-        str | None,
-        common.argument(
+        Text,
+        argument(
             "FILE",
-            f"{common.MEASURED}; without it the latest session in this folder; - is standard"
-            " input.",
+            f"{MEASURED}; without it the latest session in this folder; - is standard input.",
         ),
     ] = None,
     machine: common.MachineFile = None,
@@ -26,10 +26,8 @@ def report(
     json: common.AsJson = False,
     overwrite: common.Overwrite = False,
     after: Annotated[
-        str | None,
-        common.option(
-            "FILE", "Measured after the adjustment: shown as left, compared with the promise."
-        ),
+        Text,
+        option("FILE", "Measured after the adjustment: shown as left, compared with the promise."),
     ] = None,
     applied: common.Applied = None,
     limit: common.Limit = None,

@@ -6,6 +6,7 @@ import secrets
 from typing import TYPE_CHECKING, Annotated
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import Count, Number, Offsets, Texts, option
 from orthoglide_cal.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -17,24 +18,23 @@ if TYPE_CHECKING:
 
 def simulate(
     protocol: common.Protocol = None,
-    offsets: Annotated[
-        common.Offsets, common.option("DX DY DZ", "True joint offsets, mm (all 0).")
-    ] = (0.0, 0.0, 0.0),
+    offsets: Annotated[Offsets, option("DX DY DZ", "True joint offsets, mm (all 0).")] = (
+        0.0,
+        0.0,
+        0.0,
+    ),
     noise: Annotated[
-        float | None,
-        common.option("MM", "Standard deviation of a reading; the gauge's own if not given."),
+        Number, option("MM", "Standard deviation of a reading; the gauge's own if not given.")
     ] = None,
     resolution: Annotated[
-        float | None,
-        common.option("MM", "Smallest step of the gauge; 0: none; the gauge's own if not given."),
+        Number, option("MM", "Smallest step of the gauge; 0: none; the gauge's own if not given.")
     ] = None,
     cycles: Annotated[
-        int | None,
-        common.option("N", "Repeats of the postures (3), or touches (1).", min=1, max=1000),
+        Count, option("N", "Repeats of the postures (3), or touches (1).", min=1, max=1000)
     ] = None,
     gauge_at: Annotated[
-        float | None,
-        common.option(
+        Number,
+        option(
             "SHARE",
             "Place of the gauges along the leg: 0 carriage joint, 1 tool (0.5; double only).",
             min=0.0,
@@ -42,16 +42,14 @@ def simulate(
         ),
     ] = None,
     places: Annotated[
-        int | None,
-        common.option("N", "Of a linear delta: places on its bed (41).", min=1, max=2000),
+        Count, option("N", "Of a linear delta: places on its bed (41).", min=1, max=2000)
     ] = None,
     height: Annotated[
-        list[float] | None,
-        common.option("MM", "Of what lies under the probe; again for more heights."),
+        list[float] | None, option("MM", "Of what lies under the probe; again for more heights.")
     ] = None,
     more: Annotated[
-        common.Offsets | None,
-        common.option(
+        Offsets | None,
+        option(
             "DR DA DB",
             "Of a linear delta: excess of its radius, mm, and of towers a and b, deg; --offsets"
             " are those of its endstops.",
@@ -59,16 +57,14 @@ def simulate(
         ),
     ] = None,
     cause: Annotated[
-        list[str] | None,
-        common.option(
+        Texts,
+        option(
             "ID[@PLACE]=VALUES",
             "Something wrong, e.g. axis_gap=0.1,0.2,-0.1 or gauge_drift@x,y=0.05 (leg, direction)"
             " or misread@12=0.1 (twelfth reading); may be repeated.",
         ),
     ] = None,
-    seed: Annotated[
-        int | None, common.option("N", "The same seed gives the same session.", min=0)
-    ] = None,
+    seed: Annotated[Count, option("N", "The same seed gives the same session.", min=0)] = None,
     target: common.Target = None,
     machine: common.MachineFile = None,
     json: common.AsJson = False,

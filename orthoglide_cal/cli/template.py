@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import argument
 
 
 def template(
     kind: Annotated[
         Literal["readings", "differences", "machine", "touches", "gcode"],
-        common.argument("KIND", "readings, differences, machine, touches or gcode."),
+        argument("KIND", "readings, differences, machine, touches or gcode."),
     ],
 ) -> None:
     """Write a filled-in example of a file to standard output."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Annotated
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import MEASURED, argument
 
 
 def verify(
-    before: Annotated[
-        str, common.argument("BEFORE", f"Measured before the correction. {common.MEASURED}.")
-    ],
-    after: Annotated[str, common.argument("AFTER", "Measured after it, with the same protocol.")],
+    before: Annotated[str, argument("BEFORE", f"Measured before the correction. {MEASURED}.")],
+    after: Annotated[str, argument("AFTER", "Measured after it, with the same protocol.")],
     applied: common.Applied = None,
     limit: common.Limit = None,
     machine: common.MachineFile = None,

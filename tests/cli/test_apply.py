@@ -1,6 +1,5 @@
 """`orthocal apply`: the machine file learns what was entered, and the later commands agree."""
 
-import json
 import re
 from dataclasses import replace
 from hashlib import sha256
@@ -52,13 +51,15 @@ def measured_again(name: str = "after.csv") -> None:
 def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
     before = Path("machine.yaml").read_text(encoding="utf-8")
     exported = answer("export", "before.csv")
-    applied()
+    said = answer("apply", "before.csv", "--yes")
     after = Path("machine.yaml").read_text(encoding="utf-8")
     changed = [line for line in before.splitlines() if line not in after.splitlines()]
     assert changed == ["offsets_mm: {x: 0.0, y: 0.0, z: 0.0}"]
     np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
     (entry,) = machine_file()["history"]  # type: ignore[misc]
     assert list(entry) == ["date", "before", "after", "data_sha256"]
+    assert {key: said[key] for key in entry} == entry
+    assert said["machine_file"] == "machine.yaml"
     assert entry["before"] == {"x": 0.0, "y": 0.0, "z": 0.0}
     assert entry["after"] == machine_file()["offsets_mm"]
     assert entry["after"] == {each["name"]: each["enter"] for each in exported["parameters"]}
@@ -170,11 +171,13 @@ def test_a_session_of_another_machine_is_refused() -> None:
     assert Path("machine.yaml").read_text(encoding="utf-8") == changed != text
 
 
-def test_the_shipped_machine_is_never_written() -> None:
+def test_only_a_machine_file_of_ones_own_is_written() -> None:
     path = shipped_folder() / "orthoglide_large.yaml"
     before = path.read_bytes()
     refused(2, "apply", "before.csv", "--yes", "--machine", str(path))
     assert path.read_bytes() == before
+    Path("machine.yaml").unlink()
+    assert "orthocal machine new" in refused(2, "apply", "before.csv", "--yes")
 
 
 def test_offsets_changed_by_hand_are_not_taken_back() -> None:
@@ -183,18 +186,6 @@ def test_offsets_changed_by_hand_are_not_taken_back() -> None:
     changed = re.sub("^offsets_mm: .*", "offsets_mm: {x: 1, y: 0, z: 0}", text, flags=re.MULTILINE)
     Path("machine.yaml").write_text(changed, encoding="utf-8")
     assert "by hand" in refused(2, "apply", "--undo")
-
-
-def test_without_a_machine_file_it_says_how_to_make_one() -> None:
-    Path("machine.yaml").unlink()
-    assert "orthocal machine new" in refused(2, "apply", "before.csv", "--yes")
-
-
-def test_json_says_what_changed() -> None:
-    said = answer("apply", "before.csv", "--yes")
-    (entry,) = machine_file()["history"]  # type: ignore[misc]
-    assert {key: said[key] for key in entry} == json.loads(json.dumps(entry))
-    assert said["machine_file"] == "machine.yaml"
 
 
 def test_sessions_say_themselves_what_was_active() -> None:

@@ -1,27 +1,6 @@
 """`orthocal export`: one format at a time, refusals with their exit code."""
 
-import shlex
-from pathlib import Path
-
-import pytest
-
-from orthoglide_cal.files import machine_text
-from tests.cli.program import DOUBLE, SESSION, SIX, UNDETERMINED, lines, refused, run
-from tests.machines import NOMINAL
-
-
-@pytest.mark.parametrize("form", [(), ("--json",)])
-def test_a_refusal_tells_the_command_with_the_files_given(
-    form: tuple[str, ...], tmp_path: Path
-) -> None:
-    machine = tmp_path / "mine.yaml"
-    machine.write_text(machine_text(NOMINAL), encoding="utf-8")
-    shown = run("export", SESSION, "--machine", str(machine), *form)
-    assert shown.exit_code == 4
-    typed = shlex.join(
-        ("orthocal", "diagnose", SESSION, "--machine", str(machine), "--accept", "axis_gap")
-    )
-    assert typed in (lines(shown)[0]["error"] if form else shown.stderr)
+from tests.cli.program import DOUBLE, SIX, UNDETERMINED, refused, run
 
 
 def test_json_beside_another_format_is_refused() -> None:
