@@ -14,9 +14,8 @@ from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import Excerpt, Floats, Ints, Machine, Readings
 from orthoglide_cal.model.kinematics import trilaterate
-from orthoglide_cal.model.layouts import MINUTES_PER_TOUCH
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.probe_plan import MINUTES_PER_TOUCH, ProbePlan
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = tuple(ProbeRow.model_fields)

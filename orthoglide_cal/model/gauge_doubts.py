@@ -52,18 +52,6 @@ class GaugeDoubt(NamedTuple):
         return f"{self.what} {self.remedy}"
 
 
-class Steady(NamedTuple):
-    """Readings whose repeats differ less than the gauge does.
-
-    Attributes:
-        setup: the gauge set-up; None for all of them together.
-        scatter_mm: standard deviation of the repeats; exactly 0 if they never differ.
-    """
-
-    setup: int | None
-    scatter_mm: float
-
-
 class MistakenUnit(NamedTuple):
     """A unit that may have been taken for millimetres.
 
@@ -110,24 +98,21 @@ def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
     plan, value, step = GaugePlan.require(readings.plan), readings.value, gauge.resolution_mm
     found = too_steady(value, plan.setup, plan.cells, gauge)
     if found is not None:
-        where = plan.series[int(np.argmax(plan.setup == found.setup))].words
-        repeats = (
-            "Repeated readings"
-            if found.setup is None
-            else f"{where}: repeated readings".capitalize()
-        )
+        setup, scatter = found
+        repeats = "Repeated readings"
+        if setup is not None:
+            where = plan.series[int(np.argmax(plan.setup == setup))].words
+            repeats = f"{where}: repeated readings".capitalize()
         stated = f"though the gauge repeats within {gauge.repeatability_mm:g} mm."
         often = (
             "If the gauge repeats better than stated, correct repeatability_mm in the machine file."
         )
-        if found.scatter_mm == 0.0:
+        if scatter == 0.0:
             remedy = f"Is the gauge stuck or its display held? Measure again. {often}"
             yield GaugeDoubt(f"{repeats} never differ, {stated}", remedy)
         else:
             remedy = f"Check the unit, and whether the gauge moves freely. {often}"
-            yield GaugeDoubt(
-                f"{repeats} differ by {found.scatter_mm:.1g} mm only, {stated}", remedy
-            )
+            yield GaugeDoubt(f"{repeats} differ by {scatter:.1g} mm only, {stated}", remedy)
     between = np.flatnonzero(off_scale(value, step))
     # An inch gauge's divisions need not be those of the machine file.
     inches = value[between] / _INCH_STEP
@@ -156,14 +141,20 @@ def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
 # --- repeats ----------------------------------------------------------------------------------
 
 
-def too_steady(value: Floats, setup: Ints, cell: Ints, gauge: Instrument) -> Steady | None:
-    """Readings whose repeats differ less than this gauge does, if there are any.
+def too_steady(
+    value: Floats, setup: Ints, cell: Ints, gauge: Instrument
+) -> tuple[int | None, float] | None:
+    """Readings whose repeats differ less than this gauge does.
 
     Args:
         value: shape (n,) [mm].
         setup: of each reading; each gauge set-up is looked at alone, and all together.
         cell: of each reading: those of one set-up and cell repeat each other.
         gauge: with its stated repeatability and resolution.
+
+    Returns:
+        Their set-up, None for all together, and the standard deviation of the repeats [mm], exactly
+        0 if they never differ; None if there are none.
     """
     left, repeat = _about_means(value, setup, cell)
     setups = np.unique(setup)
@@ -174,7 +165,7 @@ def too_steady(value: Floats, setup: Ints, cell: Ints, gauge: Instrument) -> Ste
         if (1 + setups.size) * chance_of_less_scatter(squares, sizes, gauge) < CHANCE:
             dof = sum((size - 1) * number for size, number in sizes.items())
             scatter = math.sqrt(squares / dof)
-            return Steady(chosen, scatter if scatter > _EQUAL_MM else 0.0)
+            return chosen, scatter if scatter > _EQUAL_MM else 0.0
     return None
 
 

@@ -39,17 +39,17 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
     components,
 )
-from orthoglide_cal.model.layouts import (
+from orthoglide_cal.model.machine import Length, Machine, Named
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
+from orthoglide_cal.model.probe_plan import (
     BLOCKS_MM,
     MINUTES_PER_BLOCK,
     MINUTES_PER_TOUCH,
     Layout,
+    ProbePlan,
     compared,
     telling,
 )
-from orthoglide_cal.model.machine import Length, Machine, Named
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
-from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import FIRMWARE
 from orthoglide_cal.schema import Number, told
@@ -251,8 +251,7 @@ class LinearDelta(Machine):
         third = 0.0 * parameters[..., :1]
         turned = np.concatenate((parameters[..., 4:], third), axis=-1)
         angles = np.radians(self.tower_angles_deg) + np.radians(1.0) * turned
-        nominal = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
-        moved = _on_circle(radius, angles) - nominal
+        moved = _on_circle(radius, angles) - self.nominal_rails.points[:, :2]
         shift = np.concatenate((moved, 0.0 * moved[..., :1]), axis=-1)
         # The carriage stands where the endstop says for a tool in the middle.
         raised = self._above(radius) - self._above(self.delta_radius_mm)

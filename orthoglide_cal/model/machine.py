@@ -19,8 +19,8 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.kinematics import Geometry, rail_position
-from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
+from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import Vocabulary

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import product
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -43,24 +44,16 @@ class Difference(NamedTuple):
         return "d" + self.series.name + (_SIGNS[self.posture] if self.posture else "")
 
 
+_ENDS = (Posture.MAX, Posture.MIN)
 # The order of Table 4: direction first, leg second.
 _SIX = tuple(Series(leg, k) for k in range(3) for leg in range(3) if leg != k)
 DIFFERENCES: Mapping[DataKind, tuple[Difference, ...]] = MappingProxyType(
     {
         DataKind.SIX: tuple(Difference(series) for series in _SIX),
-        DataKind.TWELVE: tuple(
-            Difference(series, posture) for series in _SIX for posture in (Posture.MAX, Posture.MIN)
-        ),
+        DataKind.TWELVE: tuple(Difference(series, posture) for series in _SIX for posture in _ENDS),
         DataKind.SINGLE: tuple(
             Difference(Series(leg, 2), posture)
-            for leg, posture in (
-                (0, Posture.ISO),
-                (1, Posture.ISO),
-                (0, Posture.MAX),
-                (0, Posture.MIN),
-                (1, Posture.MAX),
-                (1, Posture.MIN),
-            )
+            for leg, posture in (*product((0, 1), (Posture.ISO,)), *product((0, 1), _ENDS))
         ),
     }
 )

@@ -1,16 +1,36 @@
-"""Touches of a bed, and distances on printed objects, as readings of a plan."""
+"""Touches of a bed and distances on printed objects, as readings of a plan; ways to take them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, alike, read_only
 
+# Pace assumed where nobody measured the time: a touch, and putting a block under the probe [min].
+MINUTES_PER_TOUCH = 5.0 / 60.0
+MINUTES_PER_BLOCK = 0.5
+# Heights of blocks that lie about in a workshop, or are printed [mm].
+BLOCKS_MM = (25.0, 50.0)
+# The higher, the less a bed imitates a frame that is out of square.
+HIGH_MM = max(BLOCKS_MM)
+# Numbers of places, within this share of the bed's radius.
+PLACES = (7, 13, 25, 49, 121)
+REACH = 0.95
+# A printed object to be measured: six pillars around one, at this share of the bed's radius.
+PILLARS = 0.5
+MINUTES_PER_PRINT, MINUTES_PER_DISTANCE = 60.0, 0.5
+# To tell what a bed alone does not: so many places of the bed, so many of them on blocks, too.
+SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31, 37, 49)
+# Places are sent to a printer with this many decimals [mm].
+DECIMALS = 1
+# Multiples of it, less their whole parts, are spread most evenly.
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
 # Side of the patches that are left out together, in radii of the bed.
 PATCH = 1.0 / 3.0
 # Over this distance the local shape of a bed is forgotten: glue, magnets, dirt.
@@ -132,3 +152,130 @@ def texture(place: Floats) -> Floats:
     apart = np.linalg.norm(place[:, None] - place, axis=-1)
     size2, vectors = np.linalg.eigh(np.exp(-apart / GRAIN_MM))
     return np.asarray(vectors * np.sqrt(np.maximum(size2, 0.0)))
+
+
+class Layout(NamedTuple):
+    """A way to measure: which readings, in which order.
+
+    Attributes:
+        name: one word, for tables and commands.
+        what: in words.
+        plan: its readings.
+        minutes: that it takes.
+        cycles: repeats of its postures.
+        gauge_moves: how often a stand is put to another place.
+    """
+
+    name: str
+    what: str
+    plan: Plan
+    minutes: float
+    cycles: int = 1
+    gauge_moves: int = 0
+
+
+def rings(count: int, radius: float) -> Floats:
+    """The middle, and places on rings around it, evenly, shape (count, 2) [mm].
+
+    Args:
+        count: of places, at least 1.
+        radius: of the outermost ring [mm].
+    """
+    # Ring k of n has a share of places that grows with k: as many as stand equally close.
+    n = max(round((np.sqrt(1.0 + 4.0 * (count - 1) / 3.0) - 1.0) / 2.0), 1)
+    shares = np.cumsum(np.arange(1, n + 1)) / (n * (n + 1) / 2.0)
+    ends = np.round((count - 1) * shares).astype(int)
+    found = [np.zeros((1, 2))]
+    for k, (begin, end) in enumerate(zip([0, *ends[:-1]], ends, strict=True), start=1):
+        turn = np.radians(30.0) + 2.0 * np.pi * (np.arange(end - begin) + k / 2.0) / (end - begin)
+        away = radius * k / n
+        found.append(away * np.stack((np.cos(turn), np.sin(turn)), axis=1))
+    return np.asarray(np.round(np.vstack(found), DECIMALS) + 0.0, dtype=np.float64)
+
+
+def mixed(places: Floats) -> Floats:
+    """The same places, each once, in an order that has little to do with where they are, (m, 2).
+
+    So what drifts with time is taken neither for a tilt nor for a shape, and every place is
+    approached from another side. Row by row, time is the way across the bed.
+    """
+    at = np.unique(places, axis=0)
+    return np.asarray(at[np.argsort(np.arange(len(at)) * GOLDEN % 1.0, kind="stable")])
+
+
+def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
+    """Ways to measure that are worth comparing: few places or many, blocks, a printed object.
+
+    Args:
+        radius: of the bed [mm].
+        calliper: how precise a distance is compared to a touch: ratio of the standard deviations.
+    """
+    reach = REACH * radius
+    places = {count: mixed(rings(count, reach)) for count in PLACES}
+    heights = ", ".join(f"{height:g}" for height in BLOCKS_MM)
+    turn = np.radians(30.0 + 60.0 * np.arange(6))
+    ring = PILLARS * radius * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+    first = np.vstack((np.zeros((6, 2)), ring))
+    printed = first, np.vstack((ring, np.roll(ring, -1, axis=0)))
+    flat, raised, measured = [], [], []
+    for count, at in places.items():
+        bed, up = [(at, 0.0)], [(at, height) for height in BLOCKS_MM]
+        flat.append(layout_of(f"bed-{count}", f"{count} places of the bed", bed))
+        what = f"{count} places of the bed, and again on blocks of {heights} mm"
+        raised.append(layout_of(f"blocks-{count}", what, bed + up))
+        what = f"{count} places of the bed, and {len(first)} distances on a printed object"
+        measured.append(layout_of(f"print-{count}", what, bed, printed, calliper))
+    return (*flat, *raised, *measured)
+
+
+def telling(radius: float) -> tuple[Layout, ...]:
+    """Touches that tell a frame out of square from a bent bed more or less, quickest first.
+
+    Args:
+        radius: of the bed [mm].
+    """
+    reach = REACH * radius
+    found = []
+    for some in RAISED:
+        upper = rings(some, reach)
+        for count in SPREAD:
+            # A place that is touched on both heights has one local shape.
+            bed = mixed(np.vstack((rings(count, reach), upper)))
+            what = (
+                f"{len(bed)} places of the bed, and {some} of them again on a block of"
+                f" {HIGH_MM:g} mm"
+            )
+            parts = [(bed, 0.0), (mixed(upper), HIGH_MM)]
+            found.append(layout_of("telling", what, parts))
+    return tuple(sorted(found, key=lambda each: each.minutes))
+
+
+def layout_of(
+    name: str,
+    what: str,
+    parts: Sequence[tuple[Floats, float]],
+    printed: tuple[Floats, Floats] | None = None,
+    calliper: float = 1.0,
+) -> Layout:
+    """Touches of places (m, 2), height by height, then distances between places (d, 2) [mm]."""
+    first = np.vstack([np.column_stack((at, np.full(len(at), high))) for at, high in parts])
+    other, touches = first, len(first)
+    pace = np.where(first[:, 2] > 0.0, MINUTES_PER_TOUCH + MINUTES_PER_BLOCK, MINUTES_PER_TOUCH)
+    if printed is not None:
+        first, other = (
+            np.vstack((first, np.column_stack((at, np.zeros(len(at)))))) for at in printed
+        )
+        other[:touches] = first[:touches]
+        pace = np.append(pace, np.full(len(first) - touches, MINUTES_PER_DISTANCE))
+        pace[touches] += MINUTES_PER_PRINT
+    distance = np.arange(len(first)) >= touches
+    plan = ProbePlan(
+        order=np.arange(len(first)),
+        hours=(np.cumsum(pace) - pace[0]) / 60.0,
+        place=first,
+        other=other,
+        surface=np.where(distance, 0.0, first[:, 2]),
+        distance=distance,
+        weight=np.where(distance, calliper, 1.0),
+    )
+    return Layout(name, what, plan, float(pace.sum()))

@@ -14,8 +14,8 @@ import numpy as np
 
 from orthoglide_cal.model.measured import DataKind, Difference
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Floats, Plan
-from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series, other_axes
+from orthoglide_cal.model.plan import Bools, Floats, Plan
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, other_axes
 
 # Pace assumed where nobody measured the time: readings, and moves of the stand [min].
 MINUTES_PER_POSTURE = 0.4
@@ -121,37 +121,27 @@ def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) 
     return plan_of(readings)
 
 
-class _Cell(NamedTuple):
-    """Readings of one leg, direction, displacement and contact, of the machine as it was found."""
-
-    series: Series
-    displacement: float
-    contact: Contact
-
-    def mask(self, plan: GaugePlan) -> np.ndarray:
-        """Which readings of the plan belong to the cell, shape (n,)."""
-        return np.asarray(
-            plan.of(self.series)
-            & (plan.contact == self.contact)
-            & (np.abs(plan.displacement - self.displacement) < 1e-9)
-            & plan.as_found
-        )
-
-
-def _cells(kind: DataKind, difference: Difference, machine: Orthoglide) -> tuple[_Cell, _Cell]:
-    """The two cells whose readings a difference subtracts: (minuend, subtrahend).
+def _subtracted(
+    kind: DataKind, difference: Difference, machine: Orthoglide, plan: GaugePlan
+) -> list[Bools]:
+    """Which readings a difference takes and which it subtracts, of the machine as it was found.
 
     Max − min; that posture − iso (eq. 24); tool end − joint end at one posture (eq. 10).
     """
     series, posture = difference
     if kind is DataKind.SINGLE:
-        moved = machine.displacement_mm(posture or Posture.ISO)
-        return _Cell(series, moved, Contact.TOOL), _Cell(series, moved, Contact.JOINT)
-    first, second = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
-    return (
-        _Cell(series, machine.displacement_mm(first), Contact.FIXED),
-        _Cell(series, machine.displacement_mm(second), Contact.FIXED),
-    )
+        at = posture or Posture.ISO
+        both = (at, Contact.TOOL), (at, Contact.JOINT)
+    else:
+        ends = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
+        both = (ends[0], Contact.FIXED), (ends[1], Contact.FIXED)
+    return [
+        plan.of(series)
+        & plan.as_found
+        & (plan.contact == contact)
+        & (np.abs(plan.displacement - machine.displacement_mm(at)) < 1e-9)
+        for at, contact in both
+    ]
 
 
 def reduction(
@@ -165,7 +155,7 @@ def reduction(
     plan = GaugePlan.require(plan)
     matrix = np.zeros((len(differences), len(plan)))
     for row, difference in zip(matrix, differences, strict=True):
-        minuend, subtrahend = (cell.mask(plan) for cell in _cells(kind, difference, machine))
+        minuend, subtrahend = _subtracted(kind, difference, machine, plan)
         both = np.intersect1d(plan.setup[minuend], plan.setup[subtrahend])
         for setup in both:
             for mask, sign in ((minuend, 1.0), (subtrahend, -1.0)):

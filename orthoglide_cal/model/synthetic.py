@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from orthoglide_cal.model.instrument import Instrument
-from orthoglide_cal.model.layouts import REACH, layout_of, mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.probe_plan import REACH, ProbePlan, layout_of, mixed, rings
 from orthoglide_cal.model.readings import GaugePlan
 
 # The gap between a nozzle and the bed closes by all but some per cent in each step.

@@ -23,9 +23,8 @@ from orthoglide_cal.estimation.budget import Budget, fixed_influences, influence
 from orthoglide_cal.estimation.solution import budget_of_readings
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.layouts import Layout
 from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.probe_plan import Layout, ProbePlan
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import separations
 from orthoglide_cal.planning.steps import (

@@ -19,8 +19,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Model
-from orthoglide_cal.model.layouts import Layout
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.probe_plan import Layout, ProbePlan
 from orthoglide_cal.planning.bar import BarWarning, bar_warning
 from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import (

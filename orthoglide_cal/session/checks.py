@@ -161,11 +161,12 @@ def check_repeats(coming: NextReading, value: float) -> Question | None:
         return None
     repeats = in_unit(gauge.repeatability_mm, coming.unit, ".3g")
     stated = f"though the gauge repeats within {repeats}"
-    if found.scatter_mm == 0.0:
+    _, scatter = found
+    if scatter == 0.0:
         text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
         return Question(Doubt.DEAD, text)
-    scatter = in_unit(found.scatter_mm, coming.unit, ".1g")
-    text = f"repeated readings differ by {scatter} only, {stated}: is the unit {coming.unit}?"
+    differ = in_unit(scatter, coming.unit, ".1g")
+    text = f"repeated readings differ by {differ} only, {stated}: is the unit {coming.unit}?"
     return Question(Doubt.SCATTER, text)
 
 

@@ -10,9 +10,8 @@ from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, sol
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model import Floats, Model
-from orthoglide_cal.model.layouts import mixed, rings
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.probe_plan import ProbePlan, mixed, rings
 from orthoglide_cal.model.synthetic import bed_plan
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
