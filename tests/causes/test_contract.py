@@ -38,21 +38,11 @@ CONTRACT = {
 alone = pytest.mark.parametrize("cause", CAUSES.values(), ids=list(CAUSES))
 
 
-def test_ids_are_those_of_the_contract() -> None:
-    assert set(CAUSES) == set(CONTRACT)
-
-
 @every_subject
 def test_a_machine_file_that_ships_sizes_what_its_kind_can_have(subject: Subject) -> None:
     own = {id for id, cause in CAUSES.items() if type(subject.machine) in cause.sizes}
     assert set(subject.machine.tolerances) == own
     assert own < set(CAUSES)
-
-
-def test_every_cause_belongs_to_a_kind() -> None:
-    for cause in CAUSES.values():
-        assert cause.sizes
-        assert {kind.__name__ for kind in cause.sizes} <= set(SUBJECTS)
 
 
 @every_cause
@@ -67,7 +57,10 @@ def test_it_does_not_happen_on_other_kinds(cause: Cause, subject: Subject) -> No
 
 @alone
 def test_each_is_what_the_contract_says(cause: Cause) -> None:
+    assert set(CAUSES) == set(CONTRACT)
     stage, unit, parameters = CONTRACT[cause.id]
+    assert cause.sizes
+    assert {kind.__name__ for kind in cause.sizes} <= set(SUBJECTS)
     assert (cause.stage, cause.unit, len(cause.names)) == (stage, unit, parameters)
     assert cause.unknowns == parameters + (3 if cause.id == "backlash" else 0)
     assert CAUSES[cause.id] is cause
@@ -112,17 +105,13 @@ def test_each_tells_a_technician_what_it_is_and_what_to_do(cause: Cause) -> None
 
 @every_cause
 def test_each_takes_its_size_from_the_tolerances(cause: Cause, subject: Subject) -> None:
+    """And its default is what the file that ships states."""
+    kind, stated = type(subject.machine), subject.machine.tolerances[cause.id]
     stds = cause.prior_std(subject.machine)
     assert stds.shape == (cause.unknowns,)
-    expected = subject.machine.tolerances[cause.id] * cause.scale
-    assert stds[: len(cause.names)] == pytest.approx(expected)
+    assert stds[: len(cause.names)] == pytest.approx(stated * cause.scale)
     assert cause.scale == {"mrad": 1e-3, "1e-3": 1e-3}.get(cause.unit, 1.0)
-
-
-@every_cause
-def test_its_default_is_what_the_file_that_ships_states(cause: Cause, subject: Subject) -> None:
-    kind = type(subject.machine)
-    assert cause.sizes[kind] == subject.machine.tolerances[cause.id]
+    assert cause.sizes[kind] == stated
     file = (ROOT / "configs" / subject.file).read_text(encoding="utf-8")
     unit = f"{cause.unit}; " if cause.unit else ""
     # What happens on several kinds has its reason there in the words of that machine.

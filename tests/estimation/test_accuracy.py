@@ -128,19 +128,16 @@ def test_sigma_from_repeats_is_the_pooled_scatter() -> None:
     assert solve(session, NOMINAL).sigma_repeats_mm == pytest.approx(found.sigma_mm, rel=1e-12)
 
 
-def test_joint_end_and_tool_end_do_not_repeat_each_other() -> None:
-    plan = single_posture(PROTOTYPE, 2)
-    found = scatter_of_repeats(plan, 5.0 * plan.contact + 0.3 * plan.setup)
+def test_what_does_not_repeat_has_no_sigma_of_repeats() -> None:
+    """Joint end and tool end do not repeat each other, nor does a single cycle itself."""
+    ends = single_posture(PROTOTYPE, 2)
+    found = scatter_of_repeats(ends, 5.0 * ends.contact + 0.3 * ends.setup)
     assert found is not None
-    assert found.sigma_mm == pytest.approx(0.0, abs=1e-12)
-    assert found.dof == 12
-
-
-def test_without_repeats_there_is_no_sigma_of_repeats() -> None:
+    assert (found.sigma_mm, found.dof) == (pytest.approx(0.0, abs=1e-12), 12)
     plan = double_posture(PROTOTYPE, cycles=1, closing=False)
     assert scatter_of_repeats(plan, np.zeros(len(plan))) is None
-    assert solve(readings(NOMINAL, plan), NOMINAL).sigma_repeats_mm is None
-    assert solve(differences(SIX, NOMINAL), NOMINAL).sigma_repeats_mm is None
+    for data in (readings(NOMINAL, plan), differences(SIX, NOMINAL)):
+        assert solve(data, NOMINAL).sigma_repeats_mm is None
 
 
 @pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import Method, pose, pose_differences, solve
-from orthoglide_cal.model import DIFFERENCES, DataKind, Model, double_posture
+from orthoglide_cal.model import DIFFERENCES, DataKind, Model
 from tests.estimation.sessions import (
     BENT,
     NAMED,
@@ -17,9 +17,8 @@ from tests.estimation.sessions import (
     differences,
     only,
     problem_of,
-    readings,
 )
-from tests.machines import NOMINAL, PROTOTYPE, both_models, extended
+from tests.machines import NOMINAL, both_models, extended
 
 
 @both_models
@@ -88,17 +87,3 @@ def test_rms_are_of_the_differences_that_the_method_uses(method: str) -> None:
     left = posed.data - posed.problem.predict(solution.offsets_mm)
     assert solution.rms_before_mm == pytest.approx(np.sqrt(np.mean(posed.data**2)), rel=1e-12)
     assert solution.rms_after_mm == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
-
-
-def test_differences_of_readings_are_means_of_repeats() -> None:
-    session = readings(NOMINAL, double_posture(PROTOTYPE))
-    plan = session.plan
-    low, high = PROTOTYPE.joint_limits_mm
-    posed = pose_differences(session, NOMINAL, SIX)
-    assert posed.which == DIFFERENCES[SIX]
-    for (series, _), value in zip(posed.which, posed.data, strict=True):
-        ends = [
-            session.value[plan.of(series) & (plan.displacement == moved)].mean()
-            for moved in (high, low)
-        ]
-        assert value == pytest.approx(ends[0] - ends[1], abs=1e-12)

@@ -121,11 +121,8 @@ def test_sizes_that_nobody_stated_are_marked() -> None:
     none = by_source(sure(MODEL))
     assert all(np.abs(each.columns).max() < 1e-9 for each in none.values())
     assert "leg_length" not in none
-
-
-def test_a_gauge_at_the_ends_of_a_leg_needs_no_place_along_it() -> None:
-    plan = single_posture(PROTOTYPE)
-    sources = [each.source for each in influences(NOMINAL, OFFSETS, plan)]
+    # A gauge at the ends of a leg needs no place along it.
+    sources = [each.source for each in influences(NOMINAL, OFFSETS, single_posture(PROTOTYPE))]
     assert sources == [Origin.GAUGE_SCALE, "leg_length"]
 
 

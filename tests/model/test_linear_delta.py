@@ -36,7 +36,6 @@ from tests.truth.delta import (
     indicated,
     places_of,
     probe_bed,
-    tool,
     touches,
 )
 from tests.truth.plan import frozen
@@ -105,17 +104,6 @@ def test_direct_kinematics_undo_the_inverse_ones(machine: Delta) -> None:
     sensed = model.machine.sensed(model.real, NONE, plan, True, False)
     assert sensed.where == pytest.approx(plan.place, abs=NANOMETRE)
     assert simulate(model, NONE, plan) == pytest.approx(plan.surface * 0.0, abs=NANOMETRE)
-
-
-@every_machine
-def test_direct_kinematics_of_a_machine_that_is_wrong(machine: Delta) -> None:
-    model = Model(printer(machine), (of_leans(LEANS), CAUSES["leg_length"].at(ARMS)))
-    truth = truth_with(machine, VALUES, leans=LEANS, arms=ARMS)
-    plan = trigger_plan(machine, Truth())
-    found = model.machine.sensed(model.real, VALUES, plan, True, False).where
-    expected = tool(machine, truth, indicated(machine, np.array(plan.place)))
-    assert found == pytest.approx(expected, abs=NANOMETRE)
-    assert np.abs(found - plan.place).max() > 0.5
 
 
 def test_a_place_beyond_the_arms_is_refused() -> None:

@@ -9,32 +9,22 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import SingularError, UnreachableError
 from orthoglide_cal.model import (
-    DIFFERENCES,
-    Cause,
     Contact,
-    DataKind,
     Effect,
     Floats,
     GaugePlan,
     Machine,
     Model,
-    Numbers,
     Place,
     Posture,
-    Stage,
-    carried_uncertainty,
     differentiate,
     double_posture,
-    ideal_plan,
-    reduction,
     simulate,
     simulate_with_jacobian,
     single_posture,
 )
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import STEP
-from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.model.real import Command
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_machines
 from tests.model import table2
 from tests.model.geometries import bent_rails, mixed_plan, on_rails
@@ -76,33 +66,6 @@ def test_readings_on_bent_rails_wherever_the_gauges_touch(machine: Machine) -> N
     assert {np.sum(plan.contact == contact) > 4 for contact in Contact} == {True}
 
 
-@both_machines
-def test_twelve_deviations_of_table_2(machine: Machine) -> None:
-    """δy_x⁺ = μ p_y − p_y⁰/2 and so on (eq. 24)."""
-    plan, wanted = ideal_plan(DataKind.TWELVE, machine), DIFFERENCES[DataKind.TWELVE]
-    readings = simulate(Model(machine), OFFSETS, plan)
-    modelled = reduction(DataKind.TWELVE, wanted, machine, plan) @ readings
-    for ((leg, direction), posture), value in zip(wanted, modelled, strict=True):
-        assert posture in (Posture.MAX, Posture.MIN)
-        moved, still = (
-            table2.gauge_reading(machine, OFFSETS, leg, direction, displacement)
-            for displacement in (machine.displacement_mm(posture), 0.0)
-        )
-        assert value == pytest.approx(moved - still, abs=1e-10)
-
-
-@both_machines
-def test_single_posture_differences_are_the_height_of_the_tool(machine: Machine) -> None:
-    """Tool end minus joint end along z is p_z, because the rails x and y lie at z = 0."""
-    plan, wanted = single_posture(machine), DIFFERENCES[DataKind.SINGLE]
-    readings = simulate(Model(machine), OFFSETS, plan)
-    modelled = reduction(DataKind.SINGLE, wanted, machine, plan) @ readings
-    for (series, posture), value in zip(wanted, modelled, strict=True):
-        moved = table2.joints(machine, series.leg, machine.displacement_mm(posture))
-        height = table2.tool(machine.leg_length_mm, moved + OFFSETS)[2]
-        assert value == pytest.approx(height, abs=1e-10)
-
-
 # --- derivatives by the offsets ---------------------------------------------------------------
 
 
@@ -133,43 +96,6 @@ def test_the_closed_form_of_the_jacobian(
     # What bends the rails is in it: readings change by more per millimetre than is resolved here.
     nominal = simulate_with_jacobian(Model(machine), OFFSETS, plan)[1]
     assert (np.abs(slope - nominal).max() > 1e-4) == (made is not Model)
-
-
-class Moving(Cause):
-    """Scales the joints, lets them creep, and shifts a gauge by where it touches the leg."""
-
-    id, title, lasting = "moving", "everything moves", True
-
-    def __init__(self, stage: Stage) -> None:
-        self.stage = stage
-
-    def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
-        """q → 1.002 q + t."""
-        return joints * 1.002 + command.hours[:, None] if self.stage is Stage.MOTION else joints
-
-    def contact(
-        self, heights: Numbers, effect: Effect, fraction: Numbers, plan: Plan, machine: Machine
-    ) -> Numbers:
-        """A bar bent to a parabola."""
-        return heights + 0.5 * fraction**2 if self.stage is Stage.CONTACT else heights
-
-    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
-        """A gauge that shows 3 % too much."""
-        return readings * 1.03 if self.stage is Stage.RECORD else readings
-
-
-@both_machines
-@pytest.mark.parametrize("stage", [Stage.MOTION, Stage.CONTACT, Stage.RECORD])
-def test_jacobian_with_causes_of_every_stage(machine: Machine, stage: Stage) -> None:
-    """A cause that is not of the geometry leaves no closed form; each acts in the derivative."""
-    rails, plan = bent_rails(machine), mixed_plan(machine)
-    plain = on_rails(machine, rails)
-    model = plain.extended([Moving(stage).at(np.zeros(0))])
-    assert not model.real.still
-    readings, slope = simulate_with_jacobian(model, OFFSETS, plan)
-    assert np.array_equal(readings, simulate(model, OFFSETS, plan))
-    assert np.abs(slope - difference_jacobian(model, OFFSETS, plan)).max() < 1e-8
-    assert np.abs(slope - simulate_with_jacobian(plain, OFFSETS, plan)[1]).max() > 1e-5
 
 
 # --- derivatives by the parameters of causes --------------------------------------------------
@@ -207,25 +133,6 @@ def test_derivatives_by_offsets_and_causes_against_finite_differences() -> None:
         difference = (at(point + move) - at(point - move)) / (2.0 * step)
         assert np.abs(difference).max() > 1e-2
         assert slope[:, k] == pytest.approx(difference, abs=2e-8 * np.abs(difference).max() + 1e-9)
-
-
-def test_what_the_uncertainty_of_accepted_causes_adds_to_readings() -> None:
-    """To first order J C Jᵀ, with correlated parameters; a cause known exactly adds nothing."""
-    gap, lean = CAUSES["axis_gap"], CAUSES["axis_squareness"]
-    some, other = np.random.default_rng(5).normal(0.0, 1.0, (2, 3, 3))
-    sizes = 1e-3 * some @ some.T, 1e-9 * other @ other.T
-    accepted = (
-        Effect(gap, np.array([0.3, -0.2, 0.25]), covariance=sizes[0]),
-        CAUSES["leg_length"].at(np.array([0.05, -0.03, 0.11])),
-        Effect(lean, np.array([1e-3, -2e-3, 5e-4]), covariance=sizes[1]),
-    )
-    model, plan = NOMINAL.extended(accepted), mixed_plan(PROTOTYPE)
-    carried = np.hstack(carried_uncertainty(model, OFFSETS, plan))
-    assert carried.shape == (len(plan), 6)
-    slope = differentiate(NOMINAL, OFFSETS, plan, accepted)[1]
-    expected = slope[:, 3:6] @ sizes[0] @ slope[:, 3:6].T + slope[:, 9:] @ sizes[1] @ slope[:, 9:].T
-    assert carried @ carried.T == pytest.approx(expected, abs=2e-3 * expected.max())
-    assert carried_uncertainty(NOMINAL, OFFSETS, plan) == ()
 
 
 # --- batches, and postures that cannot be taken -----------------------------------------------
@@ -278,12 +185,3 @@ def test_postures_without_a_tool_position_are_named() -> None:
     short = replace(nominal, lengths=np.full(3, 250.0))
     with pytest.raises(UnreachableError, match="Isotropic posture: The legs do not reach"):
         simulate(on_rails(PROTOTYPE, short), OFFSETS, low)
-
-
-def test_a_displacement_as_long_as_the_leg_names_leg_and_size() -> None:
-    plan = GaugePlan(
-        leg=[1], direction=[2], displacement=[-311.0], contact=[Contact.FIXED], gauge_at=[0.5],
-        setup=[0], order=[0], hours=[0.0],
-    )  # fmt: skip
-    with pytest.raises(UnreachableError, match="Leg y cannot be displaced by -311 mm"):
-        simulate(NOMINAL, OFFSETS, plan)
