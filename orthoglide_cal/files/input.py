@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path, PurePath
@@ -216,17 +216,12 @@ def sessions_in(folder: Path) -> list[FoundSession]:
     """
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
-    candidates = (*folder.glob("*.yaml"), *folder.glob("*.yml"))
-    found = (_look(path) for path in candidates if path.is_file())
+    found = (_dated(path, keys) for path, keys in _files_in(folder).items())
     return sorted(session for session in found if session is not None)
 
 
 def latest_session(folder: Path) -> Path:
-    """The session that was finished last.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The session that was finished last. Raises InputError if there is none."""
     found = sessions_in(folder)
     if not found:
         raise InputError(
@@ -239,15 +234,9 @@ def latest_session(folder: Path) -> Path:
 
 def printers_in(folder: Path) -> list[Path]:
     """The files of a folder that describe a linear delta as Klipper reads them, latest last."""
-    found = (path for path in folder.glob("*.cfg") if path.is_file() and _is_delta(path))
+    candidates = (path for path in folder.glob("*.cfg") if path.is_file())
+    found = (path for path in candidates if _DELTA.search(_text_of(path)))
     return sorted(found, key=lambda path: (path.stat().st_mtime, path))
-
-
-def _is_delta(path: Path) -> bool:
-    try:
-        return _DELTA.search(read_document(str(path)).text) is not None
-    except InputError:
-        return False
 
 
 def machine_in_folder(folder: Path) -> Path | None:
@@ -256,10 +245,9 @@ def machine_in_folder(folder: Path) -> Path | None:
     Raises:
         UsageError: it holds several.
     """
-    candidates = sorted((*folder.glob("*.yaml"), *folder.glob("*.yml")))
-    keys = {path: _keys(path).keys() for path in candidates if path.is_file()}
     own = {"kind", "leg_length_mm"}
-    found = [path for path, has in keys.items() if own & has and "readings" not in has]
+    files = _files_in(folder).items()
+    found = [path for path, keys in files if own & keys.keys() and "readings" not in keys]
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
         raise UsageError(
@@ -267,6 +255,32 @@ def machine_in_folder(folder: Path) -> Path | None:
             "Say which one it is: --machine FILE",
         )
     return found[0] if found else None
+
+
+def _text_of(path: Path) -> str:
+    """Empty if it cannot be read, or is larger than any session."""
+    try:
+        return read_document(str(path), YAML_LIMIT).text
+    except InputError:
+        return ""
+
+
+def _files_in(folder: Path) -> dict[Path, dict[str, str]]:
+    """The YAML files of a folder: keys at the beginning of a line, and what stands behind them."""
+    files = sorted(path for end in ("yaml", "yml") for path in folder.glob(f"*.{end}"))
+    return {path: dict(reversed(_KEY.findall(_text_of(path)))) for path in files if path.is_file()}
+
+
+def _dated(path: Path, keys: Mapping[str, str]) -> FoundSession | None:
+    if not {"machine", "readings"} <= keys.keys():
+        return None
+    for key in ("finished", "started"):
+        try:
+            written = keys.get(key, "").strip().strip("'\"")
+            return FoundSession(datetime.fromisoformat(written).timestamp(), path, True)
+        except ValueError:
+            continue
+    return FoundSession(path.stat().st_mtime, path, False)
 
 
 def _is_yaml(document: FileText) -> bool:
@@ -332,25 +346,3 @@ def _printer(document: FileText, model: Model | None, stored: str | None = None)
     readings = replace(read, remarks=(*remarks, *read.remarks))
     judge = replace(known, machine=machine)
     return Input(readings, judge, conditions_in(readings), is_session=False)
-
-
-def _keys(path: Path) -> dict[str, str]:
-    """Keys at the beginning of a line and what stands behind them; none of an unreadable file."""
-    try:
-        text = read_document(str(path), YAML_LIMIT).text
-    except InputError:
-        return {}
-    return dict(reversed(_KEY.findall(text)))
-
-
-def _look(path: Path) -> FoundSession | None:
-    keys = _keys(path)
-    if not {"machine", "readings"} <= keys.keys():
-        return None
-    for key in ("finished", "started"):
-        try:
-            written = keys.get(key, "").strip().strip("'\"")
-            return FoundSession(datetime.fromisoformat(written).timestamp(), path, True)
-        except ValueError:
-            continue
-    return FoundSession(path.stat().st_mtime, path, False)

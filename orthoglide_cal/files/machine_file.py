@@ -381,7 +381,15 @@ def machine_values(model: Model) -> dict[str, Any]:
             {
                 "cause": effect.cause.id,
                 "where": "",
-                "parameters": {name: _plain(each) for name, each in model.called(effect).items()},
+                # Twelve digits: a file read and written again says the same in its units.
+                "parameters": {
+                    name: {
+                        "value": float(f"{each.value:.12g}"),
+                        "std": float(f"{each.std:.12g}"),
+                        "unit": each.unit,
+                    }
+                    for name, each in model.called(effect).items()
+                },
                 "date": effect.date,
                 "data_sha256": effect.data_sha256,
                 "correlation": effect.correlation.round(6).tolist(),
@@ -391,7 +399,7 @@ def machine_values(model: Model) -> dict[str, Any]:
     }
 
 
-def _stated(schema: Schema) -> dict[str, Any]:
+def _stated(schema: Schema) -> dict[str, object]:
     """Plain values of a schema, its own keys first, without what is None.
 
     That a gauge has no revolution is a statement, too.
@@ -403,12 +411,6 @@ def _stated(schema: Schema) -> dict[str, Any]:
         if value is not None or key == "revolution_mm":
             values[key] = value
     return values
-
-
-def _plain(estimate: Estimate) -> dict[str, Any]:
-    """Values to twelve digits, so that a file read and written again says the same in its units."""
-    value, std = (float(f"{size:.12g}") for size in (estimate.value, estimate.std))
-    return {"value": value, "std": std, "unit": estimate.unit}
 
 
 def differing(one: Model, other: Model) -> list[str]:
@@ -444,7 +446,7 @@ def with_history(file: StoredMachine, offsets_mm: tuple[float, ...], *history: E
     return text if same else machine_text(model)
 
 
-def new_machine(values: Mapping[str, Any], path: str) -> str:
+def new_machine(values: Mapping[str, object], path: str) -> str:
     """The text of a machine file with these values; the others are the shipped one's of its kind.
 
     Args:

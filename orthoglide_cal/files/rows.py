@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Generic, TypeVar
+from typing import Annotated, ClassVar, Generic, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -212,7 +212,7 @@ class Row(Schema):
     inches: ClassVar[str] = ""
     empty: ClassVar[Mapping[str, str]] = {}
 
-    def cells(self) -> dict[str, Any]:
+    def cells(self) -> dict[str, object]:
         """Column → what a file holds, in the order of files; blank ones are left out."""
         return {key: value for key, value in self.model_dump().items() if value not in (None, "")}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BeforeValidator, ConfigDict, InstanceOf, PlainSerializer, ValidationError
 
@@ -107,7 +107,7 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
     return readings, judge, found.changed(**given)
 
 
-def session_json(session: Session) -> dict[str, Any]:
+def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
     rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
     content = session.model_dump(by_alias=True, exclude=set(_ROWS))
