@@ -426,10 +426,17 @@ def probe_bed(
 
 def delta_csv(session: DeltaSession) -> str:
     """The record as a file of the contract; z_mm is the height of what lies under the probe."""
+    columns = (
+        session.cycle,
+        session.minutes,
+        session.x,
+        session.y,
+        session.block,
+        session.readings,
+    )
     rows = [
-        f"{n + 1},{session.cycle[n]},{session.minutes[n]:.2f},{session.x[n]:.2f},"
-        f"{session.y[n]:.2f},{session.block[n]:g},{session.readings[n]:.6f}"
-        for n in range(len(session.x))
+        f"{n},{cycle},{minutes:.2f},{x:.2f},{y:.2f},{block:g},{reading:.6f}"
+        for n, (cycle, minutes, x, y, block, reading) in enumerate(zip(*columns, strict=True), 1)
     ]
     return "\n".join(("seq,cycle,minutes,x_mm,y_mm,z_mm,reading_mm", *rows)) + "\n"
 

@@ -101,8 +101,9 @@ class _Rivals:
 
     def distance(self, *causes: str) -> float:
         """Root of the least cost of a fit by some causes together [sigma]."""
-        empty = np.zeros((len(self.residual), 0))
-        own = np.hstack([empty, *(self.own[cause] for cause in causes if cause != "misread")])
+        own = np.hstack(
+            [self.wrong[:, :0], *(self.own[cause] for cause in causes if cause != "misread")]
+        )
         inner = np.eye(own.shape[1]) + own.T @ own
         left = self.residual - own @ np.linalg.solve(inner, own.T @ self.residual)
         cost = float(left @ self.residual)

@@ -13,13 +13,8 @@ from .machines import TOLERANCES, Gauge
 from .plan import AXIS_NAMES, SETUPS, Floats, Plan
 
 MEASUREMENT_CAUSES = (
-    "gauge_drift",
-    "stand_shift",
-    "gauge_slip",
-    "misread",
-    "sign_flip",
-    "swapped_gauges",
-)
+    "gauge_drift", "stand_shift", "gauge_slip", "misread", "sign_flip", "swapped_gauges"
+)  # fmt: skip
 CAUSES = (*MACHINE_CAUSES, *MEASUREMENT_CAUSES)
 
 
@@ -69,30 +64,25 @@ def draw_measurement_cause(cause: str, plan: Plan, rng: np.random.Generator) -> 
     setup = int(rng.integers(6))
     leg, direction = SETUPS[setup]
     name = f"{AXIS_NAMES[leg]}.{AXIS_NAMES[direction]}"
-    tolerance = TOLERANCES[cause]
-    rows = np.flatnonzero(plan.setup == setup)
     if cause == "swapped_gauges":
         return Effect(cause, AXIS_NAMES[leg], leg=leg)
     if cause == "sign_flip":
         return Effect(cause, name, setup=setup)
     if cause == "gauge_drift":
-        return Effect(cause, name, (_signed(rng, tolerance),), setup=setup)
+        return Effect(cause, name, (_signed(rng, TOLERANCES[cause]),), setup=setup)
+    rows, extra = np.flatnonzero(plan.setup == setup), {}
     row = int(rng.choice(rows[1:] if cause == "stand_shift" else rows))
-    place = f"{name}#{row}"
-    if cause == "stand_shift":
-        return Effect(cause, place, (_signed(rng, tolerance),), setup=setup, row=row)
     if cause == "gauge_slip":
-        turns = float(rng.choice([-1, 1]) * rng.choice([1, 1, 1, 2]))
-        return Effect(cause, place, (turns,), setup=setup, row=row)
-    size, kind = (
-        _signed(rng, tolerance),
-        rng.choice(["size", "digits", "mark"], p=[0.5, 0.25, 0.25]),
-    )
+        size = float(rng.choice([-1, 1]) * rng.choice([1, 1, 1, 2]))
+    else:
+        size = _signed(rng, TOLERANCES[cause])
+    kind = rng.choice(["size", "digits", "mark"], p=[0.5, 0.25, 0.25]) if cause == "misread" else ""
     if kind == "mark":
         # The pointer is read from the wrong figured mark, or half a turn away.
         size = float(rng.choice([-1.0, 1.0]) * rng.choice([0.1, 0.2, 0.5]))
-    extra = {"digits": float(rng.integers(1, 3))} if kind == "digits" else {}
-    return Effect(cause, place, (size,), setup=setup, row=row, extra=extra)
+    elif kind == "digits":
+        extra = {"digits": float(rng.integers(1, 3))}
+    return Effect(cause, f"{name}#{row}", (size,), setup=setup, row=row, extra=extra)
 
 
 def transposed(value: float, decimals: int, place: int) -> float:

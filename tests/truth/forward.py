@@ -92,7 +92,7 @@ def true_joints(plan: Plan, machine: Machine, states: Floats, motion: Floats) ->
     travel = (plan.indicated - machine.leg).T[:, None, :]
     signs = plan.approach.T[:, None, :]
     widths, lags = states[:, 15:18], states[:, 18:21]
-    joints: Floats = (
+    return (
         machine.leg
         + (1.0 + 1e-3 * each(states[:, PARTS["encoder_scale"]])) * travel
         + each(states[:, PARTS["offsets"]])
@@ -102,7 +102,6 @@ def true_joints(plan: Plan, machine: Machine, states: Floats, motion: Floats) ->
         + each(states[:, PARTS["thermal_drift"]]) * plan.hours
         + motion.T[:, None, :]
     )
-    return joints
 
 
 def carriages_and_tool(
@@ -131,9 +130,8 @@ def _deflect(plan: Plan, signal: Floats, disturbance: Disturbance) -> Floats:
 
 def _standing(plan: Plan, machine: Machine) -> Plan:
     """The moments at which the gauge of each row was set up, all at the isotropic posture."""
-    moments = plan.rows(plan.stand)
-    home = np.full((plan.count, 3), machine.leg)
-    return replace(moments, indicated=home, displacement=np.zeros(plan.count))
+    home, nothing = np.full((plan.count, 3), machine.leg), np.zeros(plan.count)
+    return replace(plan.rows(plan.stand), indicated=home, displacement=nothing)
 
 
 def signals(
@@ -162,11 +160,9 @@ def signals(
     """
     extra = Disturbance.of(plan) if disturbance is None else disturbance
     carriages, tool = carriages_and_tool(plan, machine, states, extra.motion)
-    rows = np.arange(plan.count)
-    foot_along = carriages[plan.leg, plan.leg, :, rows].T
-    foot_across = carriages[plan.leg, plan.direction, :, rows].T
-    tool_along = tool[plan.leg, :, rows].T
-    tool_across = tool[plan.direction, :, rows].T
+    rows, axes = np.arange(plan.count), (plan.leg, plan.direction)
+    foot_along, foot_across = (carriages[plan.leg, axis, :, rows].T for axis in axes)
+    tool_along, tool_across = (tool[axis, :, rows].T for axis in axes)
     span = tool_along - foot_along
     gauge = (foot_along + plan.gauge_at * span)[:, plan.stand]
     if plan.displacement[plan.stand].any():
@@ -181,7 +177,7 @@ def signals(
     share = (gauge - foot_along) / span
     slope = 1e-3 * states[:, PARTS["bar_skew"]][:, plan.setup] * (1.0 - 2.0 * plan.turned)
     surface = foot_across + share * (tool_across - foot_across) + slope * machine.leg * share
-    return _deflect(plan, surface, extra) if disturbance is not None else surface
+    return _deflect(plan, surface, extra)
 
 
 def jacobian(plan: Plan, machine: Machine, state: Floats, step: float = 1e-3) -> Floats:

@@ -76,21 +76,21 @@ MACHINES: dict[str, Machine] = {m.name: m for m in (PROTOTYPE, LARGE)}
 
 def machine_yaml(machine: Machine, gauge: Gauge) -> str:
     """The machine file (schema_version 1) that states this machine, gauge and the tolerances."""
-    lines = [
-        "schema_version: 1",
-        f"name: truth-{machine.name}",
-        f"leg_length_mm: {machine.leg}",
-        f"parallelogram_width_mm: {machine.width}",
-        f"tool_offset_mm: {machine.tool}",
-        f"joint_limits_mm: [{machine.lower}, {machine.upper}]",
-        f"workspace_mm: {machine.workspace}",
-        "gauge:",
-        f"  resolution_mm: {gauge.resolution}",
-        f"  range_mm: {gauge.range}",
-        f"  revolution_mm: {gauge.revolution}",
-        f"  repeatability_mm: {gauge.noise}",
-        "offsets_mm: {x: 0.0, y: 0.0, z: 0.0}",
-        "tolerances:",
-        *(f"  {cause}: {size}" for cause, size in TOLERANCES.items()),
-    ]
-    return "\n".join(lines) + "\n"
+    sizes = "\n".join(f"  {cause}: {size}" for cause, size in TOLERANCES.items())
+    return f"""\
+schema_version: 1
+name: truth-{machine.name}
+leg_length_mm: {machine.leg}
+parallelogram_width_mm: {machine.width}
+tool_offset_mm: {machine.tool}
+joint_limits_mm: [{machine.lower}, {machine.upper}]
+workspace_mm: {machine.workspace}
+gauge:
+  resolution_mm: {gauge.resolution}
+  range_mm: {gauge.range}
+  revolution_mm: {gauge.revolution}
+  repeatability_mm: {gauge.noise}
+offsets_mm: {{x: 0.0, y: 0.0, z: 0.0}}
+tolerances:
+{sizes}
+"""

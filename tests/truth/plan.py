@@ -71,16 +71,12 @@ class Plan:
     def of(**columns: ArrayLike) -> "Plan":
         """Of columns by name, which need not be arrays; those that tell of a sitting may lack."""
         n = len(columns["posture"])
-        usual = {
-            "gauge_at": [0.5] * n,
-            "part": [0] * n,
-            "turned": [0] * n,
-            "entered": [[0.0] * 3] * n,
-        }
+        usual = {"gauge_at": [0.5], "part": [0], "turned": [0], "entered": [[0.0] * 3]}
+        columns = {name: one * n for name, one in usual.items()} | columns
         types = {item.name: item.type for item in fields(Plan)}
         columns = {
             name: frozen(values, np.int64 if types[name] is Ints else np.float64)
-            for name, values in (usual | columns).items()
+            for name, values in columns.items()
             if name != "posture"
         } | {"posture": tuple(columns["posture"])}
         return Plan(**columns)

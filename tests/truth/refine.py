@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .forward import MACHINE_CAUSES, PARTS, SIZE, prior_sd, signals
+from .forward import MACHINE_CAUSES, PARTS, prior_sd, signals
 from .linear import Neighbourhood
 from .plan import Floats
 
@@ -28,14 +28,6 @@ class Hypothesis:
     """Fixed size of the pattern, for slips."""
 
 
-def scales() -> Floats:
-    """One tolerance of each number of the condition vector (1 mm for offsets), shape (30,)."""
-    out = np.ones(SIZE)
-    for part in MACHINE_CAUSES:
-        out[PARTS[part]] = prior_sd(part)
-    return out
-
-
 def _penalised(near: Neighbourhood, claim: Hypothesis) -> Floats:
     """Patterns of the parameters with a penalty, shape (N, k): condition numbers, then pattern."""
     everything = np.concatenate([near.families[part] for part in MACHINE_CAUSES], axis=1)
@@ -48,10 +40,8 @@ def _penalised(near: Neighbourhood, claim: Hypothesis) -> Floats:
 def _solver(near: Neighbourhood, penalised: Floats) -> Floats:
     """Least-squares operator from (misfit, -sizes) to a step of all parameters."""
     count = penalised.shape[1]
-    top = np.concatenate((near.free, penalised), axis=1)
-    bottom = np.concatenate((np.zeros((count, FREE)), np.eye(count)), axis=1)
-    whole = np.concatenate((top, bottom))
-    return np.asarray(np.linalg.solve(whole.T @ whole, whole.T), dtype=np.float64)
+    whole = np.block([[near.free, penalised], [np.zeros((count, FREE)), np.eye(count)]])
+    return np.linalg.solve(whole.T @ whole, whole.T)
 
 
 def refined_costs(near: Neighbourhood, claims: list[Hypothesis], rounds: int = 4) -> Floats:
@@ -60,7 +50,9 @@ def refined_costs(near: Neighbourhood, claims: list[Hypothesis], rounds: int = 4
     Gauss-Newton with the centre's derivatives: over the way they change by about way/300 mm, so
     each round leaves a few per cent of the error at most. The least cost seen is returned.
     """
-    unit, sigma = scales(), near.gauge.sigma
+    sigma = near.gauge.sigma
+    # One tolerance of each number of the condition vector, behind the three offsets.
+    unit = np.concatenate((np.ones(3), *(prior_sd(part) for part in MACHINE_CAUSES)))
     zeros = near.free[:, ZEROS]
     blocks = [_penalised(near, claim) for claim in claims]
     solvers = [_solver(near, block) for block in blocks]

@@ -221,29 +221,22 @@ def second_session(session: Session, seed: int) -> Session:
     return measure(machine, gauge, plan, offsets, tuple(kept), rng, setting=setting)
 
 
-HEADER = "seq,cycle,minutes,leg,direction,posture,reading_mm"
-SITTINGS = "gauge_at,part,bar,entered"
-
-
 def readings_csv(session: Session) -> str:
     """One reading per row, in the order of time; no word of the truth."""
     plan, places = session.plan, session.gauge.decimals
-    rows = [
-        f"{n + 1},{plan.cycle[n]},{plan.minutes[n]:.2f},{AXIS_NAMES[plan.leg[n]]},"
-        f"{AXIS_NAMES[plan.direction[n]]},{plan.posture[n]},{session.readings[n]:.{places}f}"
-        for n in range(plan.count)
-    ]
-    header = HEADER
-    if plan.part.any() or plan.entered.any() or plan.turned.any() or np.any(plan.gauge_at != 0.5):
-        header = f"{HEADER},{SITTINGS}"
-        rows = [f"{row},{_sitting(plan, n)}" for n, row in enumerate(rows)]
-    return "\n".join((header, *rows)) + "\n"
-
-
-def _sitting(plan: Plan, n: int) -> str:
-    bar = "turned" if plan.turned[n] else ""
-    entered = " ".join(f"{offset:.6f}" for offset in plan.entered[n])
-    return f"{plan.gauge_at[n]:.6f},{plan.part[n] + 1},{bar},{entered}"
+    header, rows = "seq,cycle,minutes,leg,direction,posture,reading_mm", []
+    sittings = plan.part.any() or plan.entered.any() or plan.turned.any()
+    sittings = sittings or np.any(plan.gauge_at != 0.5)
+    for n in range(plan.count):
+        axes = f"{AXIS_NAMES[plan.leg[n]]},{AXIS_NAMES[plan.direction[n]]}"
+        row = f"{n + 1},{plan.cycle[n]},{plan.minutes[n]:.2f},{axes},{plan.posture[n]}"
+        row += f",{session.readings[n]:.{places}f}"
+        if sittings:
+            entered = " ".join(f"{offset:.6f}" for offset in plan.entered[n])
+            bar = "turned" if plan.turned[n] else ""
+            row += f",{plan.gauge_at[n]:.6f},{plan.part[n] + 1},{bar},{entered}"
+        rows.append(row)
+    return "\n".join((header + ",gauge_at,part,bar,entered" * bool(sittings), *rows)) + "\n"
 
 
 def write_readings(session: Session, path: Path) -> Path:

@@ -7,13 +7,7 @@ from .plan import Floats
 
 def _cross(a: Floats, b: Floats) -> Floats:
     """Cross product along the first axis of arrays of shape (3, ...)."""
-    return np.stack(
-        (
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        )
-    )
+    return np.stack([a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)])
 
 
 def tool_from_carriages(carriages: Floats, legs: Floats, start: Floats, steps: int = 6) -> Floats:

@@ -22,13 +22,6 @@ from .linear import backlash_cost, marginal, neighbourhood, place_costs
 from .plan import Floats
 
 
-def _family_cost(patterns: Floats, residual: Floats) -> float:
-    """min over t of |residual - patterns t|^2 + |t|^2, from the normal equations."""
-    overlap = patterns.T @ residual
-    inner = np.eye(patterns.shape[1]) + patterns.T @ patterns
-    return float(residual @ residual - overlap @ np.linalg.solve(inner, overlap))
-
-
 def _brute_distance(session: Session, cause: str) -> float:
     """Distance to a machine cause by plain Gauss-Newton with fresh derivatives each round."""
     columns = [0, 1, 2, *range(PARTS[cause].start, PARTS[cause].stop)]
@@ -124,14 +117,13 @@ def test_rank_one_and_whole_turns() -> None:
 
 
 def test_marginal_weight_is_the_cost_of_the_family() -> None:
+    """min over t of |residual - patterns t|^2 + |t|^2."""
     rng = np.random.default_rng(4)
     patterns, residual = rng.normal(size=(20, 4)), rng.normal(size=20)
-    direct = _family_cost(patterns, residual)
-    assert residual @ marginal(patterns) @ residual == pytest.approx(direct, rel=1e-12)
-    target = np.concatenate((residual, np.zeros(4)))
-    matrix = np.concatenate((patterns, np.eye(4)))
+    target, matrix = np.append(residual, np.zeros(4)), np.concatenate((patterns, np.eye(4)))
     fit = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    assert direct == pytest.approx(np.sum((target - matrix @ fit) ** 2), rel=1e-12)
+    direct = np.sum((target - matrix @ fit) ** 2)
+    assert residual @ marginal(patterns) @ residual == pytest.approx(direct, rel=1e-12)
 
 
 def test_backlash_never_claims_negative_widths() -> None:
@@ -140,7 +132,7 @@ def test_backlash_never_claims_negative_widths() -> None:
     residual = patterns @ np.array([1.0, -2.0, 0.5, 0.1, 0.0, -0.2])
     cost, columns = backlash_cost(patterns, residual)
     assert columns == (0, 2, 3, 5)
-    assert cost > _family_cost(patterns, residual)
+    assert cost > residual @ marginal(patterns) @ residual
 
 
 def test_pairs_are_nearer_than_their_members() -> None:

@@ -183,11 +183,9 @@ def test_carriages_remember_where_they_came_from() -> None:
     plan = _plan()
     assert not plan.approach[:2].any()
     # iso -> max: own carriage up, the others sink; -> min: all down; -> iso: all up.
-    assert plan.approach[2].tolist() == [1.0, -1.0, -1.0]
-    assert plan.approach[4].tolist() == [-1.0, -1.0, -1.0]
-    assert plan.approach[6].tolist() == [1.0, 1.0, 1.0]
-    # The stand moves, the machine does not.
-    assert plan.approach[20].tolist() == [1.0, 1.0, 1.0]
+    # The stand moves to the next leg, the machine does not.
+    wanted = [[1.0, -1.0, -1.0], [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]
+    assert plan.approach[[2, 4, 6, 20]].tolist() == wanted
     steps = np.diff(plan.indicated[::2], axis=0)
     moved = np.flatnonzero(np.any(steps != 0, axis=1)) * 2 + 2
     assert moved.size == 27
