@@ -80,10 +80,9 @@ def chromium() -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
-    files = {}
-    for name in KINDS:
-        files[name] = folder / f"{name}.html"
-        files[name].write_text(html(documents()[name]().page()), encoding="utf-8")
+    files = {name: folder / f"{name}.html" for name in KINDS}
+    for name, path in files.items():
+        path.write_text(html(documents()[name]().page()), encoding="utf-8")
     return files
 
 
@@ -139,18 +138,13 @@ def written(path: Path, case: Case, name: str) -> Path:
 def test_a_report_without_a_result_takes_one_sheet_of_paper(chromium: Browser, tmp_path: Path):
     """Two pages, with all that a session can hold."""
     full = Conditions(
-        protocol="double-posture",
-        operator="A. Martin",
-        started="2026-03-03T09:00:00+01:00",
-        finished="2026-03-03T09:31:00+01:00",
-        temperature_c=(20.9, 21.6),
+        protocol="double-posture", operator="A. Martin", started="2026-03-03T09:00:00+01:00",
+        finished="2026-03-03T09:31:00+01:00", temperature_c=(20.9, 21.6),
         environment=tuple((f"remark {k}", "draught from the door " * 3) for k in range(6)),
-        gauges=tuple(
-            GaugeIdentity(id=f"no. {k}", certificate=f"2026-{k:04d}", resolution_mm=0.01)
-            for k in range(6)
-        ),
+        gauges=tuple(GaugeIdentity(id=f"no. {k}", certificate=f"2026-{k:04d}", resolution_mm=0.01)
+                     for k in range(6)),
         notes=tuple((k, "touched the stand") for k in range(60)),
-    )
+    )  # fmt: skip
     failed = cases.failed()
     failed = replace(failed, given=replace(failed.given, conditions=full))
     chromium.open(written(tmp_path / "failed.html", failed, "Machine"))
@@ -174,7 +168,7 @@ def test_a_long_name_leaves_the_decision_in_sight(
 
 
 def test_an_axis_stays_beside_its_value(chromium: Browser, pages: dict[str, Path]):
-    for kind in ("healthy", "hostile"):
+    for kind in ("hostile", "healthy"):
         chromium.open(pages[kind], width=360)
         tiles = chromium.evaluate(
             "[...document.querySelectorAll('.tile .value')].map(e => [...e.children].map("
@@ -185,7 +179,6 @@ def test_an_axis_stays_beside_its_value(chromium: Browser, pages: dict[str, Path
             assert abs(top - value_top) < 2
             assert abs(bottom - value_bottom) < 2
             assert right < 360
-    chromium.open(pages["healthy"], width=360)
     broken = "[...document.querySelectorAll('.steps strong')].filter(e => e.offsetHeight > 30)"
     assert chromium.evaluate("document.querySelectorAll('.steps strong').length") >= 3
     assert chromium.evaluate(f"{broken}.map(e => e.textContent)") == []

@@ -28,33 +28,15 @@ from tests.results.cases import case_of
 from tests.results.sessions import FINE, TRUE, given, session
 
 # What a renderer may know: the document, and how its texts are made harmless.
-KNOWN = {
-    "orthoglide_cal.errors",
-    "orthoglide_cal.report",
-    "orthoglide_cal.report.document",
-    "orthoglide_cal.report.escape",
-}
+KNOWN = {f"orthoglide_cal.{name}" for name in (
+    "errors", "report", "report.document", "report.escape"
+)}  # fmt: skip
 
 
 def grids(document: doc.Document) -> Iterator[doc.Grid]:
     page = document.page()
     for section in (*page.sheet, *page.sections):
         yield from (block for block in section.blocks if isinstance(block, doc.Grid))
-
-
-def offsets(document: doc.Document, new: str) -> list[tuple[str, str, str]]:
-    """(Δρ, active now, new) of each axis, as the document writes them."""
-    grid = next(grid for grid in grids(document) if new in grid.head)
-
-    def text(cell: doc.Blank) -> str:
-        return cell if isinstance(cell, str) else cell.text
-
-    change = next(k for k, title in enumerate(grid.head) if "Δρ" in title)
-    now = next(k for k, title in enumerate(grid.head) if "now" in title)
-    return [
-        (text(row[change]).split(" ± ")[0], text(row[now]), text(row[grid.head.index(new)]))
-        for row in grid.rows
-    ]
 
 
 def commands(document: doc.Document) -> list[str]:
@@ -66,11 +48,8 @@ def commands(document: doc.Document) -> list[str]:
 @pytest.mark.parametrize("renderer", ["terminal", "html", "markdown"])
 def test_renderers_know_nothing_of_calibration(renderer: str) -> None:
     path = ROOT / "orthoglide_cal" / "report" / f"{renderer}.py"
-    modules = {
-        node.module
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.ImportFrom) and node.module
-    }
+    found = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    modules = {node.module for node in found if isinstance(node, ast.ImportFrom)}
     assert {name for name in modules if name.startswith("orthoglide_cal")} <= KNOWN
 
 
@@ -103,9 +82,12 @@ def test_what_is_faulty_is_marked_on_the_machine() -> None:
 
 def test_offsets_end_where_their_uncertainty_does() -> None:
     case = cases.healthy()
-    for (change, now, new), each in zip(
-        offsets(report_of(case), "type in"), case.answer.parameters, strict=True
-    ):
+    grid = next(grid for grid in grids(report_of(case)) if "type in" in grid.head)
+    columns = [k for word in ("Δρ", "now", "type in") for k, title in enumerate(grid.head)
+               if word in title]  # fmt: skip
+    for row, each in zip(grid.rows, case.answer.parameters, strict=True):
+        cells = [row[k] if isinstance(row[k], str) else row[k].text for k in columns]
+        change, now, new = (text.split(" ± ")[0] for text in cells)
         assert 0.01 < each.expanded < 0.0995  # its second figure is a thousandth
         assert float(change) == pytest.approx(each.found, abs=5.1e-4)
         assert [len(text.partition(".")[2]) for text in (change, now, new)] == [3, 3, 3]
