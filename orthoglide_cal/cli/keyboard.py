@@ -27,7 +27,7 @@ class StandardInput(Keyboard):
 
     def __init__(self) -> None:
         self._terminal: Terminal | None = None
-        self._pipe: SimpleQueue[str] | None = None
+        self._pipe: SimpleQueue[str | None] | None = None
         self._lines: deque[Line | None] = deque()  # None: the end of input
         self._typed = ""
         self._begun = 0.0
@@ -126,28 +126,25 @@ class StandardInput(Keyboard):
             text = self._pipe.get(timeout=min(timeout_s, threading.TIMEOUT_MAX))
         except Empty:
             return
-        for character in text:
+        for character in text or "":
             if character in _ENDS:
                 self._end_line(character)
             else:
                 self._begin_line(character)
-        if not text:
+        if text is None:
             if self._typed:
                 self._end_line("\n")
             self._lines.append(None)
 
 
-def _listen(descriptor: int, heard: SimpleQueue[str]) -> None:
-    """Pass on what comes from a pipe, and "" at its end: not every system can wait for a pipe."""
+def _listen(descriptor: int, heard: SimpleQueue[str | None]) -> None:
+    """Pass on what comes from a pipe, and None at its end: not every system can wait for a pipe."""
     decoder = codecs.getincrementaldecoder("utf-8")("replace")
-    while True:
+    data = b"-"
+    while data:
         try:
             data = os.read(descriptor, 4096)
         except OSError:  # whoever wrote to it has gone
             data = b""
-        text = decoder.decode(data, final=not data)
-        if text:
-            heard.put(text)
-        if not data:
-            heard.put("")
-            return
+        heard.put(decoder.decode(data, final=not data))
+    heard.put(None)

@@ -239,13 +239,9 @@ class Dialogue:
     def _take_back(self, stream: Unasked) -> None:
         """A gauge sends by itself: take back the reading that its first message became."""
         self.asker.say(wording.STREAM, Style.BAD)
-        if stream.read and (self.state.pending or self.state.before):
-            waiting = self.state.pending is not None
-            self.write(
-                events.Answered(at=self.now(), keep=False)
-                if waiting
-                else events.Undone(at=self.now())
-            )
+        if stream.read:
+            waiting, at = self.state.pending is not None, self.now()
+            self.write(events.Answered(at=at, keep=False) if waiting else events.Undone(at=at))
             self.asker.say("1 reading is taken back: the gauge sent that by itself.")
 
     def _read(self, step: SessionStep, token: Token, source: str) -> None:
@@ -303,8 +299,13 @@ class Dialogue:
     def _obey(self, key: str, words: str, step: SessionStep) -> None:
         """Do what a key says, alone or with words after it."""
         match key:
+            case "u" if self.state.before is None:
+                self.asker.say("There is nothing to undo.")
             case "u":
-                self._undo()
+                self.write(events.Undone(at=self.now()))
+                after = self.next_step()
+                where = f" Back to step {after.number}." if after else ""
+                self.asker.say(f"Undone; the old value is kept as replaced.{where}")
             case "r":
                 asked = "Retake which step (number, or x, y, z for a leg)? > "
                 self._retake(words or self._words(asked), step)
@@ -313,9 +314,8 @@ class Dialogue:
                     self.write(events.Noted(at=self.now(), step=step.number, text=text))
                     self.asker.say(f"Noted at step {step.number}.")
             case "s":
-                first, _, reason = words.partition(" ")
-                if first.lower() == "all":
-                    self._skip_all(reason)
+                if words.lower().split()[:1] == ["all"]:
+                    self._skip_all(words[3:].strip())
                 else:
                     self._skip(words or self._words("Why is it skipped? > "), step)
             case "t":
@@ -328,15 +328,6 @@ class Dialogue:
                 raise Quit
             case _:
                 self.asker.say(wording.HELP)
-
-    def _undo(self) -> None:
-        if self.state.before is None:
-            self.asker.say("There is nothing to undo.")
-            return
-        self.write(events.Undone(at=self.now()))
-        after = self.next_step()
-        where = f" Back to step {after.number}." if after else ""
-        self.asker.say(f"Undone; the old value is kept as replaced.{where}")
 
     def _retake(self, words: str, step: SessionStep) -> None:
         """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""

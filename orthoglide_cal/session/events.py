@@ -97,11 +97,8 @@ class Following(Recorded):
 
     def held(self, model: Model) -> Model:
         """The machine of the first reading, with what its controller holds now."""
-        now = (
-            round(a + b, 9) for a, b in zip(model.orthoglide.offsets_mm, self.entered, strict=True)
-        )
-        x, y, z = now
-        return model.holding((x, y, z))
+        x, y, z = (a + b for a, b in zip(model.orthoglide.offsets_mm, self.entered, strict=True))
+        return model.holding((round(x, 9), round(y, 9), round(z, 9)))
 
 
 class Event(Recorded):

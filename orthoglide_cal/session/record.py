@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import chain, count
 from pathlib import Path
 
 from orthoglide_cal.errors import UsageError, command
@@ -48,17 +49,13 @@ def new_session(given: Path | None, folder: Path) -> Path:
     """
     if given is None:
         waiting = unfinished(folder)
-        names = ", ".join(path.name for path in waiting)
         if waiting:
             raise UsageError(
-                f"There is an unfinished session here: {names}.",
+                f"There is an unfinished session here: {', '.join(path.name for path in waiting)}.",
                 "Go on with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        path, number = folder / "session.yaml", 1
-        while path.exists():
-            number += 1
-            path = folder / f"session-{number}.yaml"
-        return path
+        names = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
+        return next(folder / name for name in names if not (folder / name).exists())
     path = session_path(given)
     if path.exists():
         raise UsageError(

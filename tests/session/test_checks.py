@@ -156,24 +156,20 @@ def test_a_knocked_stand(protocol: MeasuringProtocol, at: int, size: float) -> N
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_kept_blunder_is_not_asked_about_again(seed: int) -> None:
-    """One question for the slip, none for the good readings of that gauge that follow it."""
+@pytest.mark.parametrize(
+    ("leg", "direction", "slip_mm", "knock_mm"), [(0, 1, 1.0, 0.0), (1, 0, 0.0, 0.2)]
+)
+def test_a_kept_blunder_is_not_asked_about_again(
+    seed: int, leg: int, direction: int, slip_mm: float, knock_mm: float
+) -> None:
+    """One question for a slip or a knock, none for the good readings that follow it."""
     steps = steps_of()
     values = readings_of(steps, seed)
-    at = index_of(steps, 0, 1, "max", 2)
-    values[at] += 1.0
+    at = index_of(steps, leg, direction, "max", 2)
+    values[at] += slip_mm
+    for index in range(at, len(steps)):
+        values[index] += knock_mm * (steps[index].series == (leg, direction))
     assert [number for number, _ in play(values, steps)] == [at + 1]
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_kept_knock_is_asked_about_once(seed: int) -> None:
-    steps = steps_of()
-    values = readings_of(steps, seed)
-    at = index_of(steps, 1, 0, "max", 2)
-    knocked = [
-        v + 0.2 if i >= at and steps[i].series == (1, 0) else v for i, v in enumerate(values)
-    ]
-    assert [number for number, _ in play(knocked, steps)] == [at + 1]
 
 
 def test_after_a_stand_was_declared_moved_the_same_shape_is_expected_with_a_new_zero() -> None:

@@ -4,7 +4,7 @@ import resource
 from collections.abc import Callable
 from pathlib import Path
 
-from .terminal import begun, run_program
+from .terminal import run_program
 
 
 def limit_files(size: int) -> Callable[[], None]:
@@ -12,23 +12,6 @@ def limit_files(size: int) -> Callable[[], None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
     return limit
-
-
-def test_a_full_disk_is_told_and_loses_nothing(tmp_path: Path) -> None:
-    """The journal may grow by a few hundred bytes only, as on a disk that fills up."""
-    before = begun(tmp_path)
-    room = limit_files(len(before) + 400)
-    done = run_program(
-        tmp_path, "s.yaml", "--resume", stdin="-0.95\n0.43\n-0.32\n0.2\n", before=room
-    )
-    assert done.returncode == 3
-    assert "could not be saved" in done.stderr
-    assert "Traceback" not in done.stderr
-    saved = done.stdout.count("   saved ")
-    assert 1 <= saved < 4
-    again = run_program(tmp_path, "s.yaml", "--resume")
-    assert f"Resumed: {2 + saved} readings" in again.stdout
-    assert "cut off" not in again.stdout
 
 
 def test_a_disk_that_is_full_from_the_beginning(tmp_path: Path) -> None:

@@ -92,19 +92,13 @@ def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None
     stepped = new.plan.entered[:, 0] > 0.0
     seen = new.value[iso & stepped].mean() - new.value[iso & ~stepped].mean()
     assert seen == pytest.approx(-0.15, abs=0.03)
-    # The repeats go on counting.
-    assert new.cycle[iso].tolist() == [1, 2, 1, 2]
-
-
-def test_the_tool_is_shown_where_these_joints_take_it(first: Path, tmp_path: Path) -> None:
-    """By the spheres of the independent truth."""
-    done = run_program(tmp_path, "s.yaml", *choice(first, is_step))
     places = re.findall(r"Drive to  joints(.*)\n +tool (.*)", done.stdout)
     assert len(places) >= 4
-    for joints, tool in places:
+    for joints, tool in places:  # by the spheres of the independent truth
         j, t = (np.array(re.findall(r"-?[0-9.]+", text), float) for text in (joints, tool))
-        spheres = np.diag(j) - t
-        assert np.linalg.norm(spheres, axis=1) == pytest.approx([310.25] * 3, abs=2e-3)
+        assert np.linalg.norm(np.diag(j) - t, axis=1) == pytest.approx([310.25] * 3, abs=2e-3)
+    # The repeats go on counting.
+    assert new.cycle[iso].tolist() == [1, 2, 1, 2]
 
 
 def test_a_bar_is_turned_by_words_of_its_leg(first: Path, tmp_path: Path) -> None:

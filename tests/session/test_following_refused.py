@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from .going_on import choice, is_step, is_usual, read
+from .going_on import choice, is_step, read
 from .terminal import Terminal, refused
 
 HERE = Path(__file__).parent
@@ -87,17 +87,6 @@ def test_in_a_terminal_it_is_confirmed(first: Path, tmp_path: Path) -> None:
                 assert terminal.step() == number + 1
         assert terminal.finish() == 0
     assert len(read(tmp_path / "y.yaml")) == 32
-
-
-def test_other_offsets_are_typed_at_the_question(first: Path, tmp_path: Path) -> None:
-    arguments = choice(first, is_usual)[:-1]
-    with Terminal(tmp_path, "n.yaml", *arguments, agreed=False) as terminal:
-        terminal.expect(r"three offsets > ")
-        terminal.type("0.1 0 -0.2")
-        terminal.expect(r"changed by X \+0.1  Y \+0  Z -0.2 mm")
-        terminal.expect(r"three offsets > ")
-        terminal.type("n")
-        assert terminal.finish() == 2
 
 
 def test_stands_that_were_pushed_are_not_gone_on_with(first: Path, tmp_path: Path) -> None:

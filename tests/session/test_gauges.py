@@ -129,14 +129,6 @@ def test_a_gauge_that_fell_silent_in_mid_token_is_heard_again_later() -> None:
     assert splitter.feed(b"1.000 mm\r", now=2.1) == ["1.000 mm"]
 
 
-def test_a_token_that_comes_in_two_parts_is_one() -> None:
-    splitter = Splitter()
-    assert splitter.feed(b"-0.", now=0.0) == []
-    assert splitter.stale(now=0.9 * PATIENCE_S) == ""
-    assert splitter.feed(b"64\r", now=0.9 * PATIENCE_S) == ["-0.64"]
-    assert splitter.stale(now=10.0) == ""
-
-
 def test_a_token_without_its_end_is_thrown_away_after_a_while() -> None:
     splitter = Splitter()
     assert splitter.feed(b"01A+0000.1", now=10.0) == []

@@ -165,20 +165,6 @@ def test_killed_at_every_step_of_a_whole_session(
     check_killing(tmp_path, phase, protocol, 3)
 
 
-@pytest.mark.parametrize("cut", range(0, 16, 3))
-def test_the_last_record_cut_at_any_byte_gives_the_same_result(tmp_path: Path, cut: int) -> None:
-    """Resume from every part of the record of step `cut` + 1; a cut record is read again."""
-    expected = result(uninterrupted(tmp_path / "whole.journal", SINGLE, 1))
-    data = (tmp_path / "whole.journal").read_bytes()
-    lines = data.splitlines(keepends=True)
-    begin = sum(len(line) for line in lines[: cut + 1])
-    for byte in range(0, len(lines[cut + 1]) + 1, 60):
-        path = tmp_path / f"{byte}.journal"
-        path.write_bytes(data[: begin + byte])
-        gauge, _ = simulated(SINGLE, 1)
-        assert result(answered(path, repeat(""), gauge=gauge)[0]) == expected
-
-
 def in_a_child(action: Callable[[], None]) -> int:
     child = os.fork()
     if child == 0:

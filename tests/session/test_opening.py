@@ -52,13 +52,6 @@ def test_an_unfinished_session_is_not_begun_anew(tmp_path: Path) -> None:
     assert (tmp_path / "s.journal").read_bytes() == before
 
 
-def test_the_command_to_go_on_can_be_typed_with_blanks_in_the_name(tmp_path: Path) -> None:
-    begun(tmp_path)
-    (tmp_path / "s.journal").rename(tmp_path / "my session.journal")
-    _, said = refused(tmp_path, "my session.yaml")
-    assert "orthocal measure 'my session.yaml' --resume" in said
-
-
 def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) -> None:
     """In the first lines, at an interruption, and in what to run after the last reading."""
     name, shown = "a \x1b[31m b.yaml", "a ⟨U+001B⟩[31m b.yaml"
@@ -73,25 +66,6 @@ def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) 
     assert "Machine  m⟨U+202E⟩ File none\n" in done.stdout
     assert f"Written to 2 {shown}\n" in done.stdout
     assert f"orthocal diagnose '2 {shown}'\n" in done.stdout
-
-
-def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
-    """Somebody puts another file where the session file is to go; the journal keeps it all."""
-    options = ("--gauge", "simulated", "--seed", "1", "--protocol", "single", "--cycles", "1")
-    with Terminal(tmp_path, "s.yaml", *options) as terminal:
-        assert terminal.step() == 1
-        (tmp_path / "s.yaml").write_text("precious")
-        for number in range(2, 18):
-            terminal.type("")
-            if number < 17:
-                assert terminal.step() == number
-        assert terminal.finish() == 2
-    assert "exists and is not overwritten" in terminal.seen
-    assert (tmp_path / "s.yaml").read_text() == "precious"
-    (tmp_path / "s.yaml").unlink()
-    done = run_program(tmp_path, "s.yaml", "--resume")
-    assert done.returncode == 0
-    assert "Session complete: 16 readings" in done.stdout
 
 
 @pytest.mark.parametrize(

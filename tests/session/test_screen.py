@@ -42,11 +42,6 @@ def test_where_to_drive_is_shown_again_after_what_pushed_it_away(tmp_path: Path,
     assert re.fullmatch(r"\d\. Gauge [YZ] \[mm\] > ", screen.text.split(ISO)[-1])
 
 
-def test_a_reading_alone_pushes_nothing_away(tmp_path: Path) -> None:
-    _, screen = answered(tmp_path / "s.journal", ["-0.64"])
-    assert screen.text.count(ISO) == 1
-
-
 def test_a_narrow_screen_breaks_no_word_and_shows_no_broken_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,7 +7,6 @@ from orthoglide_cal.session.events import (
     Answered,
     Arrived,
     Doubt,
-    Ended,
     Event,
     Noted,
     Questioned,
@@ -75,14 +74,6 @@ def test_no_reading_ever_vanishes(seed: int) -> None:
         assert sorted(held) == sorted(arrived)
 
 
-def test_undo_of_a_retake_restores_the_old_reading() -> None:
-    now = after(
-        taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), Undone(at=AT)
-    )
-    assert values(now) == {1: 0.1, 2: 0.2}
-    assert now.replaced == ()
-
-
 def test_undo_after_a_retaken_reading_goes_back_one_thing_at_a_time() -> None:
     events = [taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), taken(1, 0.15)]
     once = after(*events, Undone(at=AT))
@@ -91,15 +82,6 @@ def test_undo_after_a_retaken_reading_goes_back_one_thing_at_a_time() -> None:
     twice = after(*events, Undone(at=AT), Undone(at=AT))
     assert values(twice) == {1: 0.1, 2: 0.2}
     assert [old.take.value_mm for old in twice.replaced] == [0.15]
-
-
-def test_a_kept_doubt_counts_and_a_refused_one_is_replaced() -> None:
-    kept = after(asked(1, 0.1), Answered(at=AT, keep=True))
-    assert values(kept) == {1: 0.1}
-    refused = after(asked(1, 0.1), Answered(at=AT, keep=False), taken(1, 0.2))
-    assert values(refused) == {1: 0.2}
-    assert refused.replaced[0].reason == "read again: really?"
-    assert [old.take.value_mm for old in refused.replaced] == [0.1]
 
 
 def test_a_moved_stand_is_remembered_and_undone_with_its_reading() -> None:
@@ -119,16 +101,6 @@ def test_takes_counts_every_reading_of_a_step_once() -> None:
     assert after(*events, Undone(at=AT)).takes(1) == 2
 
 
-def test_skipped_steps_can_be_measured_after_all() -> None:
-    state = after(
-        Skipped(at=AT, step=4, reason="blocked"),
-        Retake(at=AT, steps=(4,), reason="free again"),
-        taken(4, 0.4),
-    )
-    assert dict(state.skipped) == {}
-    assert values(state) == {4: 0.4}
-
-
 def test_undo_brings_dropped_steps_back() -> None:
     state = after(taken(1, 0.1), Shortened(at=AT, drop=(2, 3), reason="known"))
     assert not state.is_open(2)
@@ -136,9 +108,3 @@ def test_undo_brings_dropped_steps_back() -> None:
     assert back.is_open(1)
     assert back.is_open(2)
     assert back.shortened is None
-
-
-def test_an_ended_session_says_why() -> None:
-    ended = after(Ended(at=AT, reason="complete")).ended
-    assert ended is not None
-    assert ended.reason == "complete"

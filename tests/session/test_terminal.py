@@ -30,7 +30,7 @@ from .terminal import (
     environment,
     run_program,
 )
-from .virtual import DOUBLE, SINGLE, readings_of, setting_of, steps_of
+from .virtual import SINGLE, readings_of, setting_of, steps_of
 
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -55,25 +55,6 @@ def file_of(folder: Path) -> dict[str, Any]:
     """The session file as any other program reads it."""
     content: dict[str, Any] = yaml.safe_load((folder / "s.yaml").read_text(encoding="utf-8"))
     return content
-
-
-def test_a_complete_session_typed(tmp_path: Path) -> None:
-    protocol = DOUBLE
-    steps = steps_of(protocol)
-    values = readings_of(steps, 5)
-    options = ("s.yaml", "--protocol", protocol.split("-")[0], "--operator", "Ada")
-    with Terminal(tmp_path, *options) as terminal:
-        for step, value in zip(steps, values, strict=True):
-            assert terminal.step() == step.number
-            terminal.type(f"{value:.2f}")
-        assert terminal.finish() == 0
-    assert_fits(terminal.seen)
-    assert_found(tmp_path, protocol, 5, values)
-    assert "orthocal diagnose s.yaml" in terminal.seen
-    file = file_of(tmp_path)
-    assert (file["protocol"], file["operator"]) == (protocol, "Ada")
-    assert file["finished"] is not None
-    assert len(file["readings"]) == len(steps)
 
 
 def test_a_complete_session_through_a_serial_gauge(tmp_path: Path, line: SerialLine) -> None:
@@ -183,20 +164,15 @@ def test_readings_from_a_pipe(tmp_path: Path, end: str) -> None:
     steps = steps_of(SINGLE)
     values = readings_of(steps, 5)
     text = "".join(f"{value:.2f}{end}" for value in values)
-    done = run_program(tmp_path, "s.yaml", "--protocol", "single", stdin=text)
+    options = ("s.yaml", "--protocol", "single", "--operator", "Ada")
+    done = run_program(tmp_path, *options, stdin=text)
     assert (done.returncode, done.stderr) == (0, "")
     assert_fits(done.stdout)
     assert_found(tmp_path, SINGLE, 5, values)
-
-
-def test_a_pipe_that_ends_too_early_is_an_interruption(tmp_path: Path) -> None:
-    done = run_program(tmp_path, "s.yaml", stdin="-0.64\n0.41\n")
-    assert done.returncode == 130
-    assert "orthocal measure s.yaml --resume" in done.stderr
-    again = run_program(tmp_path, "s.yaml", "--resume", stdin="-0.95")
-    assert again.returncode == 130
-    assert "Resumed: 2 readings" in again.stdout
-    assert "saved -0.950" in again.stdout
+    assert "orthocal diagnose s.yaml" in done.stdout
+    file = file_of(tmp_path)
+    assert (file["protocol"], file["operator"]) == (SINGLE, "Ada")
+    assert file["finished"] is not None
 
 
 def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:

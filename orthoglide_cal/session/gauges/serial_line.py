@@ -272,7 +272,5 @@ class SerialGauge(LiveGauge):
 
 def _reason(error: Exception) -> str:
     """A short reason without the library's own wording around it."""
-    if isinstance(error, OSError) and error.strerror and "Error" not in error.strerror:
-        return error.strerror
-    match = re.search(r"\] (.+?)(?:: '|$)", str(error))
+    match = re.search(r".*\] (.+?)(?:: '|$)", str(error))
     return match.group(1) if match else str(error).rstrip(".")
