@@ -1,7 +1,7 @@
 """A small machine that runs G-code, and knows nothing of what wrote it.
 
-It obeys straight moves (G0, G1), inches and mm, absolute and relative, feeds, dwells, programmed
-stops and the end; whatever else stands in the text makes it stop with an error.
+It obeys straight moves (G0, G1) in absolute mm, feeds, dwells, programmed stops and the end;
+whatever else stands in the text makes it stop with an error.
 """
 
 import re
@@ -43,8 +43,7 @@ class Controller:
 
     axes: tuple[str, ...]
     at: NDArray[np.float64]
-    scale: float | None = None
-    absolute: bool | None = None
+    modes: set[str] = field(default_factory=set)
     feed: float | None = None
     block: int | None = None
     ended: bool = False
@@ -81,18 +80,13 @@ class Controller:
         places = dict.fromkeys(self.axes, None) | {a: float(b) for a, b in words if a in self.axes}
         codes = {a + b.lstrip("0").rjust(1, "0") for a, b in words if a in "GM"}
         others = {a: float(b) for a, b in words if a not in ("G", "M", *self.axes)}
-        known = {"G0", "G1", "G4", "G20", "G21", "G90", "G91", "G94", "M0", "M1", "M2", "M30"}
+        known = {"G0", "G1", "G4", "G21", "G90", "G94", "M0", "M1", "M2", "M30"}
         assert codes <= known, codes - known
         assert set(others) <= {"N", "F", "P"}
         if "N" in others:
             self.block = int(others["N"])
-        if codes & {"G20", "G21"}:
-            self.scale = 25.4 if "G20" in codes else 1.0
-        if codes & {"G90", "G91"}:
-            self.absolute = "G90" in codes
-        if "F" in others:
-            assert self.scale is not None
-            self.feed = others["F"] * self.scale
+        self.modes |= codes
+        self.feed = others.get("F", self.feed)
         if any(value is not None for value in places.values()):
             assert codes & {"G0", "G1"}
             self._move(list(places.values()))
@@ -103,12 +97,11 @@ class Controller:
         self.ended = self.ended or bool(codes & {"M2", "M30"})
 
     def _move(self, wanted: list[float | None]) -> None:
-        assert self.scale is not None, "no unit"
-        assert self.absolute, "not absolute"
+        assert self.modes >= {"G21", "G90"}, "no unit, or not absolute"
         assert self.feed, "no feed"
         end = self.at.copy()
         for axis, value in enumerate(wanted):
             if value is not None:
-                end[axis] = value * self.scale
+                end[axis] = value
         self.moves.append(Move(self.at, end, self.feed))
         self.at = end

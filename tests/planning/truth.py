@@ -5,20 +5,18 @@ import numpy as np
 from orthoglide_cal.model import Contact, Floats, GaugePlan, Ints, Machine
 from tests import truth
 from tests.truth.effects import state_with
-from tests.truth.forward import PARTS, carriages_and_tool, signals
+from tests.truth.forward import carriages_and_tool, signals
 from tests.truth.plan import SETUPS, joints_at
 
 
 def machine_of(machine: Machine) -> truth.Machine:
     """The truth's form of a machine."""
-    low, high = machine.joint_limits_mm
     return truth.Machine(
         machine.name,
         machine.leg_length_mm,
         machine.parallelogram_width_mm,
         machine.tool_offset_mm,
-        low,
-        high,
+        *machine.joint_limits_mm,
         machine.workspace_mm,
     )
 
@@ -45,30 +43,15 @@ def standing(
     )  # fmt: skip
 
 
-def true_readings(
-    plan: GaugePlan,
-    machine: Machine,
-    offsets: Floats,
-    legs: Floats | None = None,
-    misplaced: Floats | None = None,
-) -> Floats:
-    """What perfect gauges read, shape (n,) [mm], of a plan of one part.
-
-    Args:
-        plan, machine: as the program has them.
-        offsets: of the joints, shape (3,) [mm].
-        legs: by how much they are too long, shape (3,) [mm]; None for the nominal ones.
-        misplaced: how far along the leg each gauge stands from its place, shape (6,) [mm].
-    """
+def true_readings(plan: GaugePlan, machine: Machine, offsets: Floats) -> Floats:
+    """What perfect gauges read, shape (n,) [mm], of a plan of one part; offsets (3,) [mm]."""
     pairs = zip(plan.leg.tolist(), plan.displacement.tolist(), strict=True)
     joints = np.array([joints_at(machine.leg_length_mm, leg, moved) for leg, moved in pairs])
     gauge = np.array([SETUPS.index(tuple(series)) for series in plan.series])
     there = standing(gauge, plan.displacement, joints, plan.gauge_at, plan.hours)
     real, state = machine_of(machine), state_with(offsets, ())[None]
-    if legs is not None:
-        state[0, PARTS["leg_length"]] = legs
     if plan.fixed:
-        return np.asarray(signals(there, real, state, misplaced=misplaced)[0])
+        return np.asarray(signals(there, real, state)[0])
     carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
     rows = np.arange(len(plan))
     at_joint = carriages[plan.leg, plan.direction, 0, rows]
