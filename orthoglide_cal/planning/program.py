@@ -125,15 +125,12 @@ def posture_program(
         )
     home = model.machine.home_mm
 
-    def refuse(number: int, wrong: Bools, moved: Floats, what: str, remedy: str) -> None:
+    def refuse(number: int, wrong: Bools, what: str, remedy: str) -> None:
         """Raise PostureError for the first carriage with which something is wrong."""
-        if wrong.any():
-            axis = int(np.argmax(wrong))
-            raise PostureError(
-                f"N{number}: carriage {AXES[axis].upper()} {what.format(f'{moved[axis]:+.6g} mm')}"
-                f" Its limits are {low:+g} and {high:+g} mm.",
-                remedy,
-            )
+        for axis in np.flatnonzero(wrong):
+            at = f"carriage {AXES[axis].upper()} {what.format(f'{moved[axis]:+.6g} mm')}"
+            limits = f"Its limits are {low:+g} and {high:+g} mm."
+            raise PostureError(f"N{number}: {at} {limits}", remedy)
 
     blocks: list[Block] = []
     leg, here, stands = 0, 0.0, None
@@ -150,11 +147,11 @@ def posture_program(
             moved = point.joints - home
             outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
             what = "would be driven to {} from the isotropic posture."
-            refuse(number, outside, moved, what, "Choose postures inside the limits.")
+            refuse(number, outside, what, "Choose postures inside the limits.")
         above = moved - approach_mm < low - _ROUNDING_MM
         narrow = above & (moved + approach_mm > high + _ROUNDING_MM)
         what = f"has no room for an approach of {approach_mm:g} mm to {{}}."
-        refuse(number, narrow, moved, what, "Take a shorter approach.")
+        refuse(number, narrow, what, "Take a shorter approach.")
         start = Point.of(model, posture.joints + np.where(above, approach_mm, -approach_mm))
         from_above = tuple(np.flatnonzero(above).tolist())
         blocks.append(Block(number, visit, way, start, posture, from_above, set_up))

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,7 +19,8 @@ from orthoglide_cal.planning.bar import (
 )
 from orthoglide_cal.planning.options import joined, options
 from tests.cli.program import run
-from tests.machines import LARGE, PROTOTYPE, ROOT, both_machines
+from tests.cli.test_plan import machine
+from tests.machines import LARGE, PROTOTYPE, both_machines
 
 SHORT = PROTOTYPE.changed(leg_length_mm=100.0, joint_limits_mm=(-90.0, 60.0))
 NEAR = PROTOTYPE.changed(joint_limits_mm=(-130.0, 60.0))
@@ -85,17 +85,10 @@ def test_gauge_places_are_round_numbers() -> None:
     assert places(SHORT) is None
 
 
-def file_of(folder: Path, limits: list[int], length: float) -> str:
-    given = yaml.safe_load((ROOT / "configs" / "orthoglide_prototype.yaml").read_text("utf-8"))
-    given |= {"joint_limits_mm": limits, "leg_length_mm": length, "workspace_mm": 50}
-    path = folder / "machine.yaml"
-    path.write_text(yaml.safe_dump(given), encoding="utf-8")
-    return str(path)
-
-
 def test_no_command_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    path = file_of(tmp_path, [-90, 60], 100.0)
+    short = {"joint_limits_mm": [-90, 60], "leg_length_mm": 100.0, "workspace_mm": 50}
+    path = machine(tmp_path, **short)
     shown = run("plan", "--machine", path)
     assert "\u2718 This cannot be measured so" in shown.stdout
     assert f"orthocal measure --machine {path} --design best" in shown.stdout
@@ -108,7 +101,7 @@ def test_no_command_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         assert refused.exit_code == 3
         assert "The plunger leaves the bar" in refused.stderr
     assert [each.name for each in tmp_path.iterdir()] == ["machine.yaml"]
-    near = file_of(tmp_path, [-130, 60], 310.0)
+    near = machine(tmp_path, joint_limits_mm=[-130, 60], leg_length_mm=310.0, workspace_mm=50)
     assert "! 60 readings" in run("plan", "--machine", near).stdout
     written = run("plan", "--program", "posture.csv", "--machine", near)
     assert written.exit_code == 0

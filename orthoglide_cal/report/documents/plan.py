@@ -228,26 +228,26 @@ def _sessions(plan: MeasurementPlan) -> doc.Section:
     """The session with other numbers of cycles, or every layout: what it takes, what it gives."""
     machine, cycles = plan.model.machine, plan.gauges is not None
     tool, rivals = machine.has_cube, bool(machine.rivals)
+    head = ["cycles" if cycles else "layout", "readings", "min", *["noise"] * cycles]
+    head += [*machine.parameter_names, *["tool"] * tool, *["σ"] * rivals]
     rows = []
     for each in plan.by_cycles:
         name = str(each.cycles) if cycles else each.name
         chosen = (each.name, each.cycles) == (plan.protocol, plan.cycles)
         reach = each.averaged.expanded_mm.tolist() if each.averaged else []
-        sigma = each.rivals_sigma
-        rows.append(
-            (
-                doc.Strong(name) if chosen else name,
-                str(each.readings),
-                f"{each.minutes:.0f}",
-                *([two_figures(max(each.noise_std_mm.values()))] if cycles else []),
-                *(
-                    two_figures(value) if parameter.determined else "–"
-                    for value, parameter in zip(reach, each.parameters.values(), strict=True)
-                ),
-                *([two_figures(each.tool_mm)] if each.tool_mm is not None else []),
-                *(["" if sigma is None else f"{sigma:.1f}"] if rivals else []),
-            )
-        )
+        row: list[doc.Inline] = [doc.Strong(name) if chosen else name]
+        row += [str(each.readings), f"{each.minutes:.0f}"]
+        if cycles:
+            row.append(two_figures(max(each.noise_std_mm.values())))
+        row += [
+            two_figures(value) if parameter.determined else "–"
+            for value, parameter in zip(reach, each.parameters.values(), strict=True)
+        ]
+        if each.tool_mm is not None:
+            row.append(two_figures(each.tool_mm))
+        if rivals:
+            row.append("" if each.rivals_sigma is None else f"{each.rivals_sigma:.1f}")
+        rows.append(tuple(row))
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     units = ", ".join(f"{name} {unit_words(unit)}" for name, unit in named)
     caption = "In mm." if common_unit(machine) else f"{units}; – is not determined."
@@ -271,14 +271,7 @@ def _sessions(plan: MeasurementPlan) -> doc.Section:
             f" No layout determines {ids}, taken as stated: what it adds (by squares) is the last"
             " row. What the readings cannot rule out comes on top of it in solve."
         )
-    head = (
-        *("cycles" if cycles else "layout", "readings", "min"),
-        *(["noise"] if cycles else []),
-        *machine.parameter_names,
-        *(["tool"] if tool else []),
-        *(["σ"] if rivals else []),
-    )
-    grid = doc.Grid(head, tuple(rows), words=() if cycles else (0,), caption=caption)
+    grid = doc.Grid(tuple(head), tuple(rows), words=() if cycles else (0,), caption=caption)
     return doc.Section("How many cycles" if cycles else "Ways to measure, compared", (grid,))
 
 
