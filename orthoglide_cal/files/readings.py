@@ -395,25 +395,18 @@ def _remarks(
     if any("gauge_at" in records[index].cells for index in ends):
         remarks.append("gauge_at was not used: `end` says where the gauge stood.")
     if readings.timed or "cycle" in records[0].cells:
-        remarks += _repeated_rows(records)
+        # Cycle or minutes should tell repeats apart.
+        lines: dict[frozenset[tuple[str, str]], int] = {}
+        for row in records:
+            content = frozenset(item for item in row.cells.items() if item[0] != "seq")
+            if content in lines:
+                repeats = f"Line {row.line} repeats line {lines[content]} word for word"
+                remarks.append(f"{repeats}; both were used.")
+            lines.setdefault(content, row.line)
     anew = plan.setups - len(set(zip(plan.places, readings.gauge, strict=True)))
     if anew:
         remarks.append(
             f"Labelled gauges came back to a place {anew} times after use elsewhere; each return"
             " has its own unknown zero."
         )
-    return remarks
-
-
-def _repeated_rows(rows: Sequence[Record]) -> list[str]:
-    """Rows that are equal word for word, where cycle or minutes should tell repeats apart."""
-    remarks = []
-    first: dict[frozenset[tuple[str, str]], int] = {}
-    for row in rows:
-        content = frozenset(item for item in row.cells.items() if item[0] != "seq")
-        if content in first:
-            remarks.append(
-                f"Line {row.line} repeats line {first[content]} word for word; both were used."
-            )
-        first.setdefault(content, row.line)
     return remarks

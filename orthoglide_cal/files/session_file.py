@@ -10,7 +10,13 @@ from pydantic import BeforeValidator, ConfigDict, InstanceOf, PlainSerializer, V
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Steps, unused
-from orthoglide_cal.files.machine_file import default_machine, differing, machine_in, machine_values
+from orthoglide_cal.files.machine_file import (
+    default_machine,
+    differing,
+    is_machine_file,
+    machine_in,
+    machine_values,
+)
 from orthoglide_cal.files.readings import (
     READING_COLUMNS,
     Circumstances,
@@ -70,7 +76,18 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
         InvalidFileError: everything that is wrong with it, each with line and path.
         InputError: no session.
     """
-    _refuse_others(tree)
+    if not isinstance(tree.value, dict) or "readings" not in tree.value:
+        if is_machine_file(tree):
+            what = "This is a machine file; it holds no readings."
+            remedy = "Give it with --machine, and a file of readings as the input."
+            raise InputError(what, remedy, file=tree.file.path)
+        raise InputError(
+            "This is neither a table of readings or differences nor a session.",
+            "A CSV has a header with leg, posture, direction, reading_mm or difference, value_mm; a"
+            " session has `readings:`.",
+            file=tree.file.path,
+            line=1,
+        )
     recorded = machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
     records = _records(tree, "readings")
@@ -150,25 +167,6 @@ def session_of_readings(
         protocol="double-posture" if plan.fixed else "single-posture",
         environment=dict(environment),
         readings=tuple(rows[index] for index in plan.in_time.tolist()),
-    )
-
-
-def _refuse_others(tree: Tree) -> None:
-    value = tree.value
-    if isinstance(value, dict) and "readings" in value:
-        return
-    if isinstance(value, dict) and "leg_length_mm" in value:
-        raise InputError(
-            "This is a machine file; it holds no readings.",
-            "Give it with --machine, and a file of readings as the input.",
-            file=tree.file.path,
-        )
-    raise InputError(
-        "This is neither a table of readings or differences nor a session.",
-        "A CSV has a header with leg, posture, direction, reading_mm or difference, value_mm; a"
-        " session has `readings:`.",
-        file=tree.file.path,
-        line=1,
     )
 
 

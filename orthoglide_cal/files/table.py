@@ -72,9 +72,10 @@ class Table:
             remedy = f"Add it; the header has: {listed(present)}."
             if close:
                 remedy = f"Rename the column {close[0]!r}."
+            stem, _, mm = name.rpartition("_")
             for other in others:
-                one = MM.get(other.removeprefix(name.removesuffix("mm")))
-                if one and name.endswith("_mm"):
+                one = MM.get(other.removeprefix(f"{stem}_"))
+                if one and mm == "mm" and other.startswith(stem):
                     remedy = (
                         f"{name} is wanted: multiply the numbers in {other!r} by {short(one, 6)}"
                         " and rename the column."

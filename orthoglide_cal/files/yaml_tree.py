@@ -131,21 +131,16 @@ def load_tree(file: FileText) -> Tree:
                 raise InputError(what, "Remove the `---`.", file=file.path, line=line)
             if isinstance(event, yaml.NodeEvent):
                 tree.value = read(tree, event, (), line)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        tab = "\\t" in (error.problem or "")
-        raise InputError(
-            f"This is not valid YAML: {error.problem}.",
-            "Indent with spaces, not tabs." if tab else "Check indentation, colons and quotes.",
-            file=file.path,
-            line=mark.line + 1 if mark else None,
-        ) from error
     except yaml.YAMLError as error:
-        raise InputError(
-            "This is not valid YAML: it holds characters that YAML does not allow.",
-            "Save it as plain UTF-8 text.",
-            file=file.path,
-        ) from error
+        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        problem = getattr(error, "problem", None)
+        remedy = "Check indentation, colons and quotes."
+        if problem is None:
+            problem, remedy = "a character is not allowed", "Save it as plain UTF-8 text."
+        elif "\\t" in problem:
+            remedy = "Indent with spaces, not tabs."
+        line, what = mark.line + 1 if mark else None, f"This is not valid YAML: {problem}."
+        raise InputError(what, remedy, file=file.path, line=line) from error
     return tree
 
 
