@@ -50,6 +50,15 @@ class Controller:
     moves: list[Move] = field(default_factory=list)
     waits: list[Wait] = field(default_factory=list)
 
+    @property
+    def readings(self) -> list[Wait]:
+        """Waits of numbered blocks; at the others gauges are set up."""
+        return [wait for wait in self.waits if wait.block is not None]
+
+    @property
+    def set_ups(self) -> list[Wait]:
+        return [wait for wait in self.waits if wait.block is None]
+
     def run(self, text: str) -> None:
         """Obey every line; the text must end the program itself."""
         for line in text.splitlines():

@@ -1,7 +1,6 @@
 """Posture programs, written and run by an independent controller."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
 from tests.cli.program import run
 from tests.machines import NOMINAL
-from tests.planning.gcode import Controller, Wait
+from tests.planning.gcode import Controller
 from tests.truth.spheres import tool_from_carriages
 
 SESSION = "orthocal measure --cycles 2"
@@ -29,24 +28,11 @@ def steps_of(
     return sequence(model.machine, protocol, 2, order, stands)
 
 
-@dataclass(frozen=True)
-class Ran:
+def ran(text: str, home: float, axes: tuple[str, ...] = ("X", "Y", "Z")) -> Controller:
     """What a controller did, the axes being the carriages."""
-
-    controller: Controller
-    readings: list[Wait]
-    set_ups: list[Wait]
-
-
-def ran(text: str, home: float, axes: tuple[str, ...] = ("X", "Y", "Z")) -> Ran:
     controller = Controller(axes, np.full(3, float(home)))
     controller.run(text)
-    waits = controller.waits
-    return Ran(
-        controller,
-        [wait for wait in waits if wait.block is not None],
-        [wait for wait in waits if wait.block is None],
-    )
+    return controller
 
 
 def gcode(

@@ -65,7 +65,7 @@ def test_no_point_is_outside_the_limits(
     low, high = travel or model.machine.joint_limits_mm
     length = model.machine.leg_length_mm
     done = ran(gcode(tmp_path, model, travel_mm=travel), length)
-    moved = np.array([move.end for move in done.controller.moves]) - length
+    moved = np.array([move.end for move in done.moves]) - length
     rounding = 0.5e-4
     assert low - rounding <= moved.min()
     assert moved.max() <= high + rounding
@@ -87,7 +87,7 @@ def test_carriages_arrive_slowly_from_below(model: Model, distance: float, tmp_p
             np.testing.assert_allclose(way, expected, rtol=0.0, atol=MICROMETRE)
             assert wait.arrival.feed == 100.0
         assert ("above" in text) == (travel is None)
-        fast = {move.feed for move in ran(text, length).controller.moves}
+        fast = {move.feed for move in ran(text, length).moves}
         assert fast == {100.0, 1000.0}
 
 
@@ -100,7 +100,7 @@ def test_the_leg_stays_under_the_plunger_on_the_way(tmp_path: Path) -> None:
         folder.mkdir()
         done = ran(gcode(folder, model, approach_mm=approach), length)
         shares = np.linspace(0.0, 1.0, 9)[:, None]
-        for move in done.controller.moves:
+        for move in done.moves:
             joints = move.start + shares * (move.end - move.start)
             tool = np.sort(np.abs(true_tool(length, joints)), axis=0)
             assert tool[1].max() < 0.25 + 1.5 * approach
@@ -143,21 +143,25 @@ def test_lost_motion_leaves_no_trace_but_half_of_it_in_the_offsets(
     assert trace(read(None)) > 0.002
 
 
-def test_limits_that_are_too_narrow_are_named() -> None:
-    steps = steps_of(NOMINAL)
-    with pytest.raises(PostureError, match=r"N10: carriage X has no room for an approach of 100"):
-        posture_program(NOMINAL, steps, SESSION, 100.5, (-100.0, 60.0))
-    with pytest.raises(PostureError, match=r"N20: carriage X would be driven to \+60 mm"):
-        posture_program(NOMINAL, steps, SESSION, travel_mm=(-100.0, 50.0))
-    for wrong in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(UsageError, match="approach"):
-            posture_program(NOMINAL, steps, SESSION, wrong)
+ROOM = r"N10: carriage X has no room for an approach of 100"
+OUTSIDE = r"N20: carriage X would be driven to \+60 mm"
+LIMITS = r"LOW must be below HIGH, and 0 between them"
 
 
 @pytest.mark.parametrize(
-    "travel", [(5.0, 3.0), (10.0, 60.0), (-100.0, -5.0), (0.0, 0.0), (NAN, 60.0)]
+    ("error", "said", "approach", "travel"),
+    [
+        (PostureError, ROOM, 100.5, (-100.0, 60.0)),
+        (PostureError, OUTSIDE, 1.0, (-100.0, 50.0)),
+        *((UsageError, "approach", wrong, None) for wrong in (0.0, -1.0, NAN, float("inf"))),
+        *(
+            (UsageError, LIMITS, 1.0, wrong)
+            for wrong in ((5.0, 3.0), (10.0, 60.0), (-100.0, -5.0), (0.0, 0.0), (NAN, 60.0))
+        ),
+    ],
 )
-def test_travel_that_cannot_be_is_refused_as_such(travel: tuple[float, float]) -> None:
-    steps = steps_of(NOMINAL)
-    with pytest.raises(UsageError, match=r"LOW must be below HIGH, and 0 between them"):
-        posture_program(NOMINAL, steps, SESSION, travel_mm=travel)
+def test_limits_that_are_too_narrow_are_named(
+    error: type[Exception], said: str, approach: float, travel: tuple[float, float] | None
+) -> None:
+    with pytest.raises(error, match=said):
+        posture_program(NOMINAL, steps_of(NOMINAL), SESSION, approach, travel)

@@ -101,8 +101,8 @@ def test_no_name_breaks_the_program(name: str, marker: str, tmp_path: Path) -> N
     assert "%" not in text
     named = ran(text, PROTOTYPE.leg_length_mm)
     plain = ran(gcode(tmp_path / "b", template=template), PROTOTYPE.leg_length_mm)
-    assert len(named.controller.moves) == len(plain.controller.moves)
-    for one, other in zip(named.controller.moves, plain.controller.moves, strict=True):
+    assert len(named.moves) == len(plain.moves)
+    for one, other in zip(named.moves, plain.moves, strict=True):
         assert one.end.tolist() == other.end.tolist()
         assert one.feed == other.feed
 
