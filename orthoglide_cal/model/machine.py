@@ -116,49 +116,36 @@ class Machine(Schema):
         gauges: that are used on it.
         history: what was entered in the controller, oldest first.
 
-    Each kind of machine says:
-        parameter_names, parameter_symbols, parameter_units: of what a calibration determines.
-        linearization_points: offsets at which what is expected of readings is taken, (k, p).
-        rivals: ids of two causes that hide behind each other in the usual measurement; or ().
-        unobservable: ids of causes that no reading distinguishes from the parameters.
-        fixed_parameters: ids of causes for which the controller's value is taken as it stands;
-            the calibrated parameters make up for its error, and are as uncertain as it is.
-        tolerance_scales: a tolerance is a standard deviation, yet some faults are several times
-            as large: scale of the sizes of a fault → its share.
-        caution: how many times more must speak for a fault than elsewhere before it is named.
-        companions: id of a cause in the machine that may act together with any other one → what
-            is not claimed with it.
-        recommended: ids of causes that no controller compensates, but that are worth knowing for
-            what is calibrated.
-        may_be_settled: nothing is to be entered where readings agree with what the controller has.
-        keeps_itself: why the machine file does not record what was entered; empty where it does.
-        probes: it measures itself.
-        decimals: of what is entered; None for as many as the uncertainty asks for.
-        has_cube: the error of its tool is shown over a cube of its workspace.
-        controller_formats: which of its controllers' formats there are.
-        vocabulary: its words.
-        geometry_keys: in which two of them differ so that they read differently; the rest only
-            says what is plausible.
+    What each kind of machine says is declared first.
     """
 
+    # Of what a calibration determines.
     parameter_names: ClassVar[tuple[str, ...]]
     parameter_symbols: ClassVar[tuple[str, ...]]
     parameter_units: ClassVar[tuple[str, ...]]
-    linearization_points: ClassVar[Floats]
+    linearization_points: ClassVar[Floats]  # offsets at which readings are foreseen, (k, p)
+    # Ids of two causes that hide behind each other in the usual measurement; or ().
     rivals: ClassVar[tuple[str, ...]] = ()
-    unobservable: ClassVar[tuple[str, ...]] = ()
+    unobservable: ClassVar[tuple[str, ...]] = ()  # ids that no reading tells from the parameters
+    # Ids of causes for which the controller's value is taken as it stands; the calibrated
+    # parameters make up for its error, and are as uncertain as it is.
     fixed_parameters: ClassVar[tuple[str, ...]] = ()
+    # A tolerance is a standard deviation, yet some faults are several times as large: scale of the
+    # sizes of a fault → its share.
     tolerance_scales: ClassVar[Mapping[float, float]]
-    caution: ClassVar[float] = 1.0
+    caution: ClassVar[float] = 1.0  # how many times more must speak for a fault before it is named
+    # Id of a cause that may act together with any other one → what is not claimed with it.
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    # Ids that no controller compensates, but that are worth knowing for what is calibrated.
     recommended: ClassVar[tuple[str, ...]] = ()
-    may_be_settled: ClassVar[bool]
-    keeps_itself: ClassVar[str] = ""
-    probes: ClassVar[bool]
-    decimals: ClassVar[int | None] = None
-    has_cube: ClassVar[bool]
+    may_be_settled: ClassVar[bool]  # nothing is entered where readings agree with the controller
+    keeps_itself: ClassVar[str] = ""  # why the machine file does not record what was entered
+    probes: ClassVar[bool]  # it measures itself
+    decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for
+    has_cube: ClassVar[bool]  # the error of its tool is shown over a cube of its workspace
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
+    # In which two of them differ so that they read differently; the rest says what is plausible.
     geometry_keys: ClassVar[tuple[str, ...]]
 
     kind: str

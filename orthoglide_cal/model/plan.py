@@ -116,18 +116,18 @@ class Plan:
 
     @property
     def setups(self) -> int:
-        """Number of unknown zeros that the readings share."""
-        raise NotImplementedError
+        """Number of unknown zeros that the readings share; none by default."""
+        return 0
 
     @property
     def zeros(self) -> Floats:
         """Design matrix of these zeros, shape (n, setups): 1 where a reading has that zero."""
-        raise NotImplementedError
+        return np.zeros((len(self), 0))
 
     @property
     def precision(self) -> Floats:
         """How precise each reading is compared to a common one: ratio of their σ, shape (n,)."""
-        raise NotImplementedError
+        return np.ones(len(self))
 
     @property
     def weighing(self) -> str:
@@ -156,8 +156,12 @@ class Plan:
 
     @property
     def distinct(self) -> tuple[Ints, Ints]:
-        """Readings equal but for zero and time: one of each kind, (m,), each one's kind, (n,)."""
-        raise NotImplementedError
+        """Readings equal but for zero and time: one of each kind, (m,), each one's kind, (n,).
+
+        By default each is its own.
+        """
+        alone = read_only(np.arange(len(self)), np.intp)
+        return alone, alone
 
     def entry(self, index: int) -> Mapping[str, object]:
         """What one reading is of: name → value, in the unit of the name."""

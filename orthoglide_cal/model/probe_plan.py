@@ -45,6 +45,9 @@ MOMENTS = 24
 class ProbePlan(Plan):
     """Touches and distances.
 
+    No zero is unknown: a probe's and the endstops' are one and the same. Each reading is its own
+    kind: the controller stopped elsewhere.
+
     Attributes:
         place: where the controller believes the nozzle to be, shape (n, 3) [mm].
         other: the second place of a distance; of a touch the place itself, shape (n, 3) [mm].
@@ -60,11 +63,6 @@ class ProbePlan(Plan):
     weight: Floats
 
     rows = MappingProxyType({"place": 3, "other": 3})
-    setups = 0  # a probe's zero and the endstops are one and the same
-
-    @property
-    def zeros(self) -> Floats:
-        return np.zeros((len(self), 0))
 
     @property
     def precision(self) -> Floats:
@@ -99,12 +97,6 @@ class ProbePlan(Plan):
         local = np.zeros((len(self), len(touches)))
         local[touches] = texture(self.place[touches, :2])
         return read_only(local)
-
-    @property
-    def distinct(self) -> tuple[Ints, Ints]:
-        """Each reading is its own kind: the controller stopped elsewhere."""
-        alone = read_only(np.arange(len(self)), np.intp)
-        return alone, alone
 
     @cached_property
     def cells(self) -> Ints:

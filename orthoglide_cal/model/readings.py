@@ -94,10 +94,6 @@ class GaugePlan(Plan):
     def setups(self) -> int:
         return int(self.setup.max()) + 1 if len(self) else 0
 
-    @property
-    def precision(self) -> Floats:
-        return np.ones(len(self))
-
     @cached_property
     def same(self) -> np.ndarray:
         return np.asarray(self.setup[:, None] == self.setup)
@@ -152,8 +148,7 @@ class GaugePlan(Plan):
         if np.any(self.entered != self.stood):
             # Where something was entered within a set-up, what a gauge shows depends on when that
             # began: each reading is its own kind.
-            alone = read_only(np.arange(len(self)), np.intp)
-            return alone, alone
+            return super().distinct
         where = (self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
         return alike(*where, *self.state)
 
