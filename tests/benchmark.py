@@ -53,15 +53,10 @@ def process(*arguments: str) -> Callable[[], object]:
 
     def once() -> None:
         done = subprocess.run(
-            [sys.executable, *arguments],
-            cwd=ROOT,
+            [sys.executable, *arguments], cwd=ROOT, text=True, check=False, stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": ""},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
+        )  # fmt: skip
         # 4: one in a hundred sound sessions is not released.
         assert done.returncode in (0, 4), done.stderr
 
@@ -92,9 +87,8 @@ def one_more_file(folder: Path) -> None:
         many, one, imports = in_turn(
             process(*call, *files), process(*call, files[0]), process("-c", IMPORTS), rounds=3
         )
-        row(
-            f"one more healthy file, {' '.join((verb, *form))}", (many - one) / (FILES - 1), imports
-        )
+        each = (many - one) / (FILES - 1)
+        row(f"one more healthy file, {' '.join((verb, *form))}", each, imports)
 
 
 def solves(method: str) -> None:

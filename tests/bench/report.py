@@ -83,10 +83,8 @@ def _rate_table(found: Sequence[Rate]) -> str:
     lines = [f"{'kind':<12}{'right':>7}{'of':>7}{'rate':>9}{'demanded':>10}{'false failure':>15}"]
     for rate in found:
         demanded = "-" if rate.required is None else f"{rate.required:.0%}"
-        lines.append(
-            f"{rate.kind:<12}{rate.right:>7}{rate.total:>7}{rate.share:>9.2%}{demanded:>10}"
-            f"{rate.false_failure:>15.1e}" + ("" if rate.met else "  MISSED")
-        )
+        cells = f"{rate.kind:<12}{rate.right:>7}{rate.total:>7}{rate.share:>9.2%}{demanded:>10}"
+        lines.append(f"{cells}{rate.false_failure:>15.1e}{'' if rate.met else '  MISSED'}")
     return "\n".join(lines)
 
 
@@ -114,10 +112,8 @@ def _coverage_table(found: Sequence[Coverage]) -> str:
     """Coverage of the offsets' 95 % intervals with the band of honest intervals."""
     lines = [f"{'hidden':<18}{'sessions':>9}{'coverage':>10}{'band of 93-97 %':>18}"]
     for row in found:
-        lines.append(
-            f"{row.label:<18}{row.sessions:>9}{row.share:>10.1%}{row.low:>10.1%} -{row.high:>6.1%}"
-            + ("" if row.honest else "  MISSED")
-        )
+        cells = f"{row.label:<18}{row.sessions:>9}{row.share:>10.1%}{row.low:>10.1%}"
+        lines.append(f"{cells} -{row.high:>6.1%}{'' if row.honest else '  MISSED'}")
     return "\n".join(lines)
 
 
@@ -127,10 +123,8 @@ def _heldout_table(found: Iterable[HeldOut], low: float, high: float) -> str:
     for row in found:
         good = all(low <= value <= high for value in (row.after, row.stated) if value is not None)
         stated = "-" if row.stated is None else f"{row.stated:.2f}"
-        lines.append(
-            f"{row.label:<18}{row.sessions:>9}{row.before:>9.2f}{row.after:>9.2f}{stated:>9}"
-            + ("" if good else "  MISSED")
-        )
+        cells = f"{row.label:<18}{row.sessions:>9}{row.before:>9.2f}{row.after:>9.2f}{stated:>9}"
+        lines.append(cells + ("" if good else "  MISSED"))
     return "\n".join(lines)
 
 

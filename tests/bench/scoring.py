@@ -88,9 +88,7 @@ def is_right(case: Case, answer: Answer, kind: str) -> bool:
     truth = case.session.causes[0]
     if kind == "distinct":
         return answer.first == truth
-    if kind == "close":
-        return truth in answer.mentioned
-    return truth in answer.mentioned or answer.verdict == "consistent"
+    return truth in answer.mentioned or (kind == "faint" and answer.verdict == "consistent")
 
 
 def judge(cases: Sequence[Case], answers: Sequence[Answer]) -> list[Judged]:

@@ -47,22 +47,25 @@ def test_a_case_asks_for_what_its_distances_allow() -> None:
     assert (healthy.kind(), outside.kind()) == ("healthy", "outside")
 
 
-def test_distinct_truths_must_come_first() -> None:
-    case = _case("bar_skew")
-    assert is_right(case, _named("bar_skew"), "distinct")
-    assert not is_right(case, _named("axis_gap", aliases=("bar_skew",)), "distinct")
-    assert not is_right(case, Answer("consistent"), "distinct")
-    assert not is_right(case, replace(_named("bar_skew"), verdict="unexplained"), "distinct")
-
-
-def test_close_truths_must_be_mentioned() -> None:
-    case = _case("bar_skew", near=1.0)
-    assert is_right(case, _named("axis_gap", aliases=("bar_skew",)), "close")
-    assert is_right(case, _named("axis_gap", also=("bar_skew",)), "close")
-    assert not is_right(case, _named("axis_gap"), "close")
-    assert not is_right(case, Answer("consistent"), "close")
-    assert is_right(case, Answer("consistent"), "faint")
-    assert not is_right(case, _named("axis_gap"), "faint")
+@pytest.mark.parametrize(
+    ("kind", "answer", "right"),
+    [
+        ("distinct", _named("bar_skew"), True),
+        ("distinct", _named("axis_gap", aliases=("bar_skew",)), False),
+        ("distinct", Answer("consistent"), False),
+        ("distinct", replace(_named("bar_skew"), verdict="unexplained"), False),
+        ("close", _named("axis_gap", aliases=("bar_skew",)), True),
+        ("close", _named("axis_gap", also=("bar_skew",)), True),
+        ("close", _named("axis_gap"), False),
+        ("close", Answer("consistent"), False),
+        ("faint", Answer("consistent"), True),
+        ("faint", _named("axis_gap"), False),
+    ],
+)
+def test_distinct_truths_must_come_first_and_close_ones_be_mentioned(
+    kind: str, answer: Answer, right: bool
+) -> None:
+    assert is_right(_case("bar_skew"), answer, kind) is right
 
 
 def test_pairs_need_both_and_half_pairs_what_shows() -> None:

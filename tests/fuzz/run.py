@@ -89,23 +89,22 @@ class Fuzz:
             ("journal", self._journal, journal),
             # Damage that the checksums hide, as of a journal that another version wrote.
             ("records", lambda text: self._journal(signed(text)), records(journal)),
+            ("options", lambda text: self._judge(json.loads(text)), ""),
         )
 
     def run(self, count: int) -> Iterator[Failure]:
         """The failures among that many mutants."""
-        with contextlib.chdir(self.folder), _patience():
-            for number in range(count):
-                rng = np.random.default_rng([self.seed, number])
-                turn = number % (len(self._kinds) + 1)
-                if turn == len(self._kinds):
-                    kind, text = "options", _options(rng)
-                    wrong = self._judge(json.loads(text))
-                else:
-                    kind, judge, whole = self._kinds[turn]
-                    text = mutant(whole, rng)
-                    wrong = judge(text)
-                if wrong:
-                    yield Failure(kind, number, wrong, text)
+        before = signal.signal(signal.SIGALRM, _late)
+        try:
+            with contextlib.chdir(self.folder):
+                for number in range(count):
+                    rng = np.random.default_rng([self.seed, number])
+                    kind, judge, whole = self._kinds[number % len(self._kinds)]
+                    text = mutant(whole, rng) if whole else _options(rng)
+                    if wrong := judge(text):
+                        yield Failure(kind, number, wrong, text)
+        finally:
+            signal.signal(signal.SIGALRM, before)
 
     def _file(self, *words: str) -> Callable[[str], str | None]:
         """Judge of texts of the file that a command names last."""
@@ -184,15 +183,5 @@ def _options(rng: Rng) -> str:
     return json.dumps([part.replace("{}", str(rng.choice(HOSTILE))) for part in chosen])
 
 
-@contextlib.contextmanager
-def _patience() -> Iterator[None]:
-    """What takes too long ends with TimeoutError."""
-
-    def late(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"more than {PATIENCE_S} s")
-
-    before = signal.signal(signal.SIGALRM, late)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGALRM, before)
+def _late(number: int, frame: FrameType | None) -> None:
+    raise TimeoutError(f"more than {PATIENCE_S} s")

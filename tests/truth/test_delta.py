@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from .delta import (
     KOSSEL,
@@ -18,7 +17,6 @@ from .delta import (
     Surface,
     Truth,
     delta_csv,
-    delta_yaml,
     distances,
     feet,
     grain,
@@ -220,14 +218,6 @@ def test_the_record_holds_the_touches_and_no_word_of_the_truth() -> None:
     np.testing.assert_allclose([float(r["x_mm"]) for r in rows], session.x, atol=0.005)
     np.testing.assert_array_equal(np.round(session.x, 2), session.x)
     assert "lean" not in delta_csv(session)
-
-
-def test_the_machine_file_states_the_machine() -> None:
-    stated = yaml.safe_load(delta_yaml(KOSSEL))
-    assert stated["kind"] == "linear_delta"
-    assert stated["arm_length_mm"] == [265.0] * 3
-    assert stated["endstops_mm"] == {"a": 290.0, "b": 290.0, "c": 290.0}
-    assert stated["tolerances"] == TOLERANCES
 
 
 @pytest.mark.parametrize(
