@@ -89,6 +89,6 @@ def _entered(path: str, machine: Path | None, file: StoredMachine) -> Applicatio
         shown = command("export", path, machine=machine, options=options)
         raise UsageError(known.keeps_itself, f"See what to give it: {shown}")
     own = read_input(path)
-    case = released(path, machine, forcible=False).case
+    case = released(path, machine).case
     measured_on = own.model if own.is_session else None
     return application(case.given, case.answer, file, datetime.now().astimezone(), measured_on)

@@ -10,7 +10,6 @@ from orthoglide_cal.cli.common import MEASURED, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
-    from orthoglide_cal.model import Machine
     from orthoglide_cal.report.controller import Export
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
@@ -72,44 +71,38 @@ def released(
     path: str,
     machine: Path | None,
     method: str | None = None,
-    force: bool = False,
-    forcible: bool = True,
+    force: bool | None = None,
     data: common.Stored | None = None,
     format: Format = "text",
     details: bool = False,
 ) -> Export:
-    """The offsets of an input, if they may be used or are forced to.
+    """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
     Raises:
         UsageError: the format is of another kind of machine.
         UnusableResultError: they must not be used; with what to do instead.
     """
+    from orthoglide_cal.model.machines import MACHINES
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.controller import Export
     from orthoglide_cal.results import answer_to, identify
 
     given = common.read_input(path, machine, data)
-    _require_format(format, given.model.machine)
+    known = given.model.machine
+    others = {each: kind for kind, other in MACHINES.items() for each in other.controller_formats}
+    if format in others and format not in known.controller_formats:
+        raise UsageError(
+            f"--format {format} is for the controller of kind {others[format]}; this machine is of"
+            f" kind {known.kind}.",
+            f"Choose one of {', '.join(known.controller_formats)}, or text.",
+        )
     answer = answer_to(given, method, details=details)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
         remedies = [*case.remedy_lines()]
-        if forcible and answer.parameters:
+        if force is not None and answer.parameters:
             remedies.append("To export all the same, marked as forced: --force")
         raise UnusableResultError(
             f"Export refused. {' '.join(answer.release.reasons)}", "\n".join(remedies)
         )
     return Export(case, identify([(given.measured.source, given.model)], answer.method))
-
-
-def _require_format(format: Format, machine: Machine) -> None:
-    """Refuse what the controller of another kind of machine reads. Raises UsageError."""
-    from orthoglide_cal.model.machines import MACHINES
-
-    others = {each: kind for kind, other in MACHINES.items() for each in other.controller_formats}
-    if format in others and format not in machine.controller_formats:
-        raise UsageError(
-            f"--format {format} is for the controller of kind {others[format]}; this machine is of"
-            f" kind {machine.kind}.",
-            f"Choose one of {', '.join(machine.controller_formats)}, or text.",
-        )

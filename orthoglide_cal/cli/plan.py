@@ -70,16 +70,17 @@ def plan(
     moves = (template, order, approach, travel)
     if program is None and moves != (None,) * 4:
         raise UsageError("These options are for a program.", "Name its file: --program FILE")
-    if program is not None and (json or html is not None or overwrite):
-        raise _alone()
     wanted = Wanted(
         common.measuring_protocol(protocol, design), cycles, gauges or 2, target, layout
     )
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.given_machine(machine) or common.folder_machine()
     if program is not None:
-        if given is not None and not model.machine.layouts():
-            raise _alone()
+        if json or html or overwrite or (given and not model.machine.layouts()):
+            raise UsageError(
+                "--program writes the program of a protocol alone.",
+                "Leave out --json, --html, --overwrite and FILE.",
+            )
         _write_program(model, wanted, machine, program, *moves)
         return
     diagnosis = diagnose(given.measured, model) if given else None
@@ -124,10 +125,3 @@ def _write_program(
     length = APPROACH_MM if approach is None else approach
     steps = sequence(model.orthoglide, *session)
     write_program(posture_program(model, steps, told, length, travel), program, template)
-
-
-def _alone() -> UsageError:
-    return UsageError(
-        "--program writes the program of a protocol alone.",
-        "Leave out --json, --html, --overwrite and FILE.",
-    )

@@ -49,10 +49,7 @@ def start() -> None:
 
 
 def _next(
-    model: Model | None,
-    sessions: list[FoundSession],
-    waiting: list[Path],
-    printers: list[Path],
+    model: Model | None, sessions: list[FoundSession], waiting: list[Path], printers: list[Path]
 ) -> tuple[doc.Instruction, ...]:
     """What comes next in the round: machine, measure, solve, apply, measure again, verify."""
     from orthoglide_cal.files import read_input
@@ -100,10 +97,6 @@ def _applied(machine: Machine | None, sessions: list[FoundSession]) -> str | Non
     """The session of this folder whose offsets were entered last."""
     from orthoglide_cal.files.text import read_document
 
-    if machine is None or not machine.history:
-        return None
-    wanted = machine.history[-1].data_sha256
-    for each in reversed(sessions):
-        if read_document(str(each.path)).sha256 == wanted:
-            return str(each.path)
-    return None
+    entered = machine.history[-1].data_sha256 if machine and machine.history else None
+    paths = [str(each.path) for each in reversed(sessions)] if entered else []
+    return next((path for path in paths if read_document(path).sha256 == entered), None)
