@@ -185,16 +185,14 @@ def _asked(answers: Answers, key: str, question: str, target: Path) -> str:
         try:
             value = said if key == "name" else _numbers(said, usual)
             text = _text({**answers, key: value}, target)
-        except InvalidFileError as error:
-            # What follows from a wrong answer is not asked yet.
-            own = [fault for fault in error.problems if (fault.column or "").startswith(key)]
-            common.tell(_fault(*(own or error.problems)[:1]))
-            continue
         except InputError as error:
-            common.tell(_fault(error))
-            continue
-        answers[key] = value
-        return text
+            # What follows from a wrong answer is not asked yet.
+            faults = error.problems if isinstance(error, InvalidFileError) else (error,)
+            own = [fault for fault in faults if (fault.column or "").startswith(key)]
+            common.tell(_fault((own or faults)[0]))
+        else:
+            answers[key] = value
+            return text
 
 
 def _fault(fault: InputError) -> str:

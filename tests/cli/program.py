@@ -33,9 +33,9 @@ def done(*arguments: str, text: str = "") -> str:
 
 
 def refused(code: int, *arguments: str, text: str = "") -> str:
-    """What is said by a command that ends with this exit code, without the breaks of its lines."""
+    """What is said by a command that gives nothing but an exit code; without breaks of lines."""
     result = run(*arguments, text=text)
-    assert result.exit_code == code, result.output
+    assert (result.exit_code, result.stdout) == (code, ""), result.output
     return words(result.stderr)
 
 

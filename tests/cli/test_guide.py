@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.cli.program import modules_after, process, run
+from tests.cli.program import done, modules_after, process, refused, run
 from tests.guide.test_pages import PAGES
 from tests.markdown import blocks
 
@@ -13,17 +13,14 @@ def on_screen(monkeypatch: pytest.MonkeyPatch, columns: int, *topic: str) -> str
     """What a terminal of this width shows, without colours."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", str(columns))
-    shown = run("guide", *topic)
-    assert shown.exit_code == 0, shown.stderr
-    return re.sub(r"\x1b\[[0-9;]*m", "", shown.stdout)
+    return re.sub(r"\x1b\[[0-9;]*m", "", done("guide", *topic))
 
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_topic_is_laid_out_on_a_screen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = on_screen(monkeypatch, 80, name)
     assert max(map(len, shown.splitlines())) <= 80
-    assert "**" not in shown
-    assert "```" not in shown
+    assert not re.search(r"\*\*|```", shown)
     lines = [line.strip() for line in shown.splitlines()]
     for kind in ("text", "sh", "console"):
         for block in blocks(PAGES[name], kind):
@@ -66,15 +63,11 @@ def test_a_topic_however_it_is_written(typed: tuple[str, ...], name: str) -> Non
     [("sings", "signs"), ("gap", "axis_gap"), ("backlsh", "backlash"), ("leg", "leg_length")],
 )
 def test_of_an_unknown_topic_the_nearest_are_named(typed: str, near: str) -> None:
-    shown = run("guide", typed)
-    assert shown.exit_code == 2
-    assert shown.stdout == ""
-    assert near in re.split(r"[ ,.]+", shown.stderr.partition("Nearest: ")[2])
+    assert near in re.split(r"[ ,.]+", refused(2, "guide", typed).partition("Nearest: ")[2])
 
 
 @pytest.mark.parametrize("typed", ["", "xyzzy", "../causes", "/etc/passwd", "\x1b[31mred"])
 def test_what_is_near_nothing_is_refused_all_the_same(typed: str) -> None:
-    shown = run("guide", typed)
-    assert shown.exit_code == 2
-    assert "All pages: orthocal guide" in shown.stderr
-    assert "\x1b" not in shown.stderr
+    said = refused(2, "guide", typed)
+    assert "All pages: orthocal guide" in said
+    assert "\x1b" not in said

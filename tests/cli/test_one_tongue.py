@@ -19,7 +19,7 @@ from typer.testing import Result
 
 from orthoglide_cal.files import default_machine, machine_text, shipped_folder
 from tests import truth
-from tests.cli.program import process, run
+from tests.cli.program import process, run, words
 from tests.machines import SAMPLES
 
 SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
@@ -52,13 +52,13 @@ def walk(*given: str) -> Iterator[str]:
     verified = [command for command in typed if command.startswith("verify ")]
     assert all(("--applied" in command) != bool(kept) for command in verified), verified
     for command in sorted(typed - set(kept)):
-        words = [given[0] if word == "AFTER" else word for word in shlex.split(command)]
-        done = recorded(kept[0], *words) if kept and words[0] == "verify" else run(*words)
+        told = [given[0] if word == "AFTER" else word for word in shlex.split(command)]
+        done = recorded(kept[0], *told) if kept and told[0] == "verify" else run(*told)
         assert done.exit_code == 0, (command, said(done))
         yield said(done)
 
 
-def recorded(record: str, *words: str) -> Result:
+def recorded(record: str, *told: str) -> Result:
     """A command after `apply` and its yes, in a copy of this folder."""
     with TemporaryDirectory() as copy:
         shutil.copytree(Path(), copy, dirs_exist_ok=True)
@@ -66,8 +66,8 @@ def recorded(record: str, *words: str) -> Result:
             entered = run(*shlex.split(record), "--yes")
             assert entered.exit_code == 0, (record, said(entered))
             # Nothing is offered that is done already.
-            assert not any(c.startswith("apply ") for c in printed(said(run("solve", words[1]))))
-            return run(*words)
+            assert not any(c.startswith("apply ") for c in printed(said(run("solve", told[1]))))
+            return run(*told)
 
 
 def walk_on(*given: str) -> int:
@@ -85,13 +85,6 @@ def written(session: truth.Session) -> tuple[str, ...]:
     text = truth.machine_yaml(session.machine, session.gauge)
     Path(MACHINE).write_text(text, encoding="utf-8")
     return READINGS, "--machine", MACHINE
-
-
-def far(offset: float) -> truth.Session:
-    """A healthy session with a carriage that far off, which no home switch is."""
-    rng = np.random.default_rng(4)
-    plan, offsets = truth.standard_plan(truth.PROTOTYPE, rng), np.array([offset, 0.1, -0.2])
-    return truth.measure(truth.PROTOTYPE, truth.DIAL, plan, offsets, (), rng)
 
 
 @pytest.fixture(autouse=True)
@@ -159,11 +152,14 @@ def test_another_method_stays_the_method() -> None:
 
 @pytest.mark.parametrize("offset", [12.0, -8.0])
 def test_offsets_that_no_home_switch_leaves_are_refused_everywhere_alike(offset: float) -> None:
-    given = written(far(offset))
+    """A healthy session with a carriage that far off."""
+    rng = np.random.default_rng(4)
+    plan, offsets = truth.standard_plan(truth.PROTOTYPE, rng), np.array([offset, 0.1, -0.2])
+    given = written(truth.measure(truth.PROTOTYPE, truth.DIAL, plan, offsets, (), rng))
     refusal = f"Offset x {offset:+.1f} mm: no home switch is that far off"
     for verb in SPEAKING:
         done = run(verb, *given)
-        text = " ".join(said(done).replace("│", " ").split())
+        text = words(said(done))
         assert refusal in text, verb
         assert not any(order in text for order in ORDERS)
         assert done.exit_code == (0 if verb == "diagnose" else 4)

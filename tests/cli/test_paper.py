@@ -8,18 +8,16 @@ import pexpect
 import pytest
 
 from orthoglide_cal.paper import published, tables
-from tests.cli.program import ROOT, lines, process, run
+from tests.cli.program import ROOT, answer, done, lines, process, run
 
 
 @pytest.mark.parametrize("table", ["1", "4", "5", "accuracy"])
 def test_a_table_is_shown_and_reproduced(table: str) -> None:
-    shown = run("paper", "--table", table)
-    assert shown.exit_code == 0
-    assert "published" in shown.stdout
-    assert "computed" in shown.stdout
-    assert "Reproduced in every figure that can be computed." in shown.stdout
-    assert max(len(line) for line in shown.stdout.splitlines()) <= 80
-    (found,) = lines(run("paper", "--table", table, "--json"))
+    shown = done("paper", "--table", table)
+    for said in ("published", "computed", "Reproduced in every figure that can be computed."):
+        assert said in shown
+    assert max(map(len, shown.splitlines())) <= 80
+    found = answer("paper", "--table", table)
     assert found["table"] == table
     assert found["reproduced"] is True
     for row in found["rows"]:
@@ -29,7 +27,7 @@ def test_a_table_is_shown_and_reproduced(table: str) -> None:
 
 
 def test_rows_that_cannot_be_reproduced_say_so() -> None:
-    (found,) = lines(run("paper", "--table", "5", "--json"))
+    found = answer("paper", "--table", "5")
     twelve = [row for row in found["rows"] if "twelve" in row["name"]]
     assert [row["computed"] for row in twelve] == [None] * 3
     assert [row["reproduced"] for row in twelve] == [None] * 3
@@ -66,11 +64,8 @@ def test_progress_is_a_bar_on_a_terminal_and_can_be_interrupted() -> None:
     program = pexpect.spawn(
         sys.executable,
         ["-m", "orthoglide_cal", "paper", "--table", "3"],
-        cwd=str(ROOT),
-        encoding="utf-8",
-        timeout=60,
-        dimensions=(24, 80),
-    )
+        cwd=str(ROOT), encoding="utf-8", timeout=60, dimensions=(24, 80),
+    )  # fmt: skip
     program.expect("Table 3, solves")
     program.expect(r"[1-9]0000/800000")
     program.sendintr()
