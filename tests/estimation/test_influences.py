@@ -126,14 +126,6 @@ def test_sizes_that_nobody_stated_are_marked() -> None:
     assert sources == [Origin.GAUGE_SCALE, "leg_length"]
 
 
-def test_reduced_is_what_it_adds_to_combinations_of_readings() -> None:
-    found = by_source(MODEL)[Origin.GAUGE_PLACEMENT]
-    matrix = np.random.default_rng(1).normal(size=(4, 60))
-    combined = found.reduced(matrix)
-    assert combined.columns == pytest.approx(matrix @ found.columns)
-    assert (combined.source, combined.size) == (found.source, found.size)
-
-
 def every_unknown(session: truth.Session, sigma: float) -> tuple[Floats, Floats, Floats]:
     """Fit offsets, zeros, places, legs and scale together; the last three have priors.
 

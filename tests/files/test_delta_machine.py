@@ -85,6 +85,7 @@ BAD = [
      "horizontal distance"),
     (R, "delta_radius_mm: 0", 9, "delta_radius_mm", "0", "greater than zero", "size"),
     (R, "delta_radius: 161.8", 9, "delta_radius", "161.8", "not known", "'delta_radius_mm'?"),
+    (A, "arm_length_mm: [344, 344] ", 8, "arm_length_mm[2]", None, "too short", "Add"),
     (A, "arm_length_mm: [344, 344, 0.5] ", 8, "arm_length_mm[2]", "0.5", "at least 1", "unit"),
     (A, "arm_length_mm: [344, 344, 150] ", 9, "delta_radius_mm", "161.8", "as large as an arm",
      "horizontal"),

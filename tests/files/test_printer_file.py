@@ -162,6 +162,8 @@ def test_points_beyond_the_mesh_radius_are_left_out():
         # A mesh that repeats nothing is whole; offsets stored with it are the nozzle's.
         ("0.100, 0.100, 0.100", "0.110, 0.120, 0.130", 0, -99.98),
         ("#*# x_count = 5", "#*# x_offset = 2\n#*# x_count = 5", 12, 2.0),
+        # Where no circle shows, the radius stated counts.
+        ("0.100, 0.100, 0.100", "0.110, 0.120, 0.130", 12, 0.0),
         # Where no steps are stored, nobody needs their length.
         ("rotation_distance: 40\n", "", 12, 0.0),
     ],
