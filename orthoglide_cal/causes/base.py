@@ -34,9 +34,7 @@ class PatternCause(Cause):
     hides_reading: bool = False
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
-        if self.stage is not Stage.RECORD:
-            return ()
-        return tuple(np.flatnonzero(self.patterns(plan, (place,))[:, 0]).tolist())
+        return tuple(self.spoiled(place, plan).tolist()) if self.stage is Stage.RECORD else ()
 
     def millimetres(self, machine: Machine) -> float:
         """One unit of its size in what the patterns are multiplied by."""

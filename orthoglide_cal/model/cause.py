@@ -58,49 +58,29 @@ class Estimate(NamedTuple):
 
 
 class Cause:
-    """Base of all causes; overrides exactly one of geometry, motion, contact and record.
+    """Base of all causes; overrides exactly one of geometry, motion, contact and record."""
 
-    Attributes:
-        id: cause id of the contract.
-        title: in words.
-        stage: where it acts.
-        unit: of its parameters and of its size in the machine file.
-        sizes: kind of machine → plausible size of a parameter (one standard deviation, in
-            `unit`) where the machine file gives none; it does not happen on other kinds.
-        size_reason: why that is its size, in a few words.
-        scale: one unit in internal units (mm, rad, mm/h, 1).
-        names: of its parameters.
-        nuisance: further parameters, not reported, behind the named ones: name → plausible size
-            in sizes of the cause.
-        positive: True if the parameters cannot be negative.
-        lasting: True if the same machine still has it in the next session.
-        compensable: True if a controller can compensate it.
-        timed: True if it can only be seen in readings whose time order is known.
-        weight: how likely it is before anything is read; 1 for most causes.
-        same_remedy_as: id of another cause with the same remedy: they are one answer; None for its
-            own.
-        instrument: what shows it where these readings leave no trace of it.
-        advice: what a technician can do about it; "{where}" stands for its place in words.
-        elsewhere: kind of machine → those of the three words that are others there.
-    """
-
-    id: str
+    id: str  # cause id of the contract
     title: str
     stage: Stage
-    unit: str
+    unit: str  # of its parameters and of its size in the machine file
+    # Kind of machine → plausible size of a parameter (one standard deviation, in `unit`) where the
+    # machine file gives none; it does not happen on other kinds.
     sizes: Mapping[type[Machine], float] = MappingProxyType({})
-    size_reason: str
-    scale: float = 1.0
-    names: tuple[str, ...] = ()
+    size_reason: str  # why that is its size, in a few words
+    scale: float = 1.0  # one unit in internal units (mm, rad, mm/h, 1)
+    names: tuple[str, ...] = ()  # of its parameters
+    # Further parameters, not reported, behind the named ones: plausible size in sizes of the cause.
     nuisance: tuple[tuple[str, float], ...] = ()
-    positive: bool = False
-    lasting: bool = False
-    compensable: bool = False
-    timed: bool = False
-    weight: float = 1.0
-    same_remedy_as: str | None = None
-    instrument: str
-    advice: str
+    positive: bool = False  # its parameters cannot be negative
+    lasting: bool = False  # the same machine still has it in the next session
+    compensable: bool = False  # a controller can compensate it
+    timed: bool = False  # it can only be seen in readings whose time order is known
+    weight: float = 1.0  # how likely it is before anything is read
+    same_remedy_as: str | None = None  # id of another cause: they are one answer
+    instrument: str  # what shows it where these readings leave no trace of it
+    advice: str  # what a technician can do about it; "{where}" stands for its place in words
+    # Kind of machine → those of title, instrument and advice that are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
 
     def words(self, machine: Machine) -> CauseWords:
