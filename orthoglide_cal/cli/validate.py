@@ -16,12 +16,14 @@ def validate(
     """Check files of readings, differences, sessions and machines; name every fault."""
     from orthoglide_cal import estimation
     from orthoglide_cal.files import check_file
+    from orthoglide_cal.model import Source
     from orthoglide_cal.report.documents.checks import check_document
 
     def judge(path: str) -> int:
         check, given = check_file(path, common.given_machine(machine), common.folder_machine, data)
-        source = given.measured.source if given else None
-        common.require_printer(source, data)
+        source = given.measured.source if given else Source(path, check.input.sha256 or "")
+        if check.valid:
+            common.require_printer(source, data)
         refused: UnusableResultError | None = None
         if given:
             try:
