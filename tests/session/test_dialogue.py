@@ -30,17 +30,13 @@ from .virtual import (
     setting_of,
     steps_of,
     typed,
+    values,
 )
 
 
 def content(dialogue: Dialogue) -> dict[str, Any]:
     """The session file's content as it stands."""
     return session_json(session_values(dialogue.so_far))
-
-
-def values(dialogue: Dialogue) -> dict[int, float]:
-    """Step number → reading that counts, from first to last [mm]."""
-    return {number: item.take.value_mm for number, item in dialogue.state.accepted.items()}
 
 
 def replaced(dialogue: Dialogue) -> list[float]:

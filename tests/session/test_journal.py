@@ -217,13 +217,6 @@ def test_an_existing_file_is_never_replaced(tmp_path: Path) -> None:
     assert path.read_text() == "precious"
 
 
-def test_two_sessions_on_one_file_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    with closing(Journal.create(path, opened())), pytest.raises(UsageError, match="in use"):
-        Journal.resume(path)
-    Journal.resume(path).close()
-
-
 def test_a_lock_dies_with_its_process(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     Journal.create(path, opened()).close()
@@ -263,24 +256,6 @@ def test_a_full_disk_loses_nothing_that_was_there(
     journal.append(taken(2, 0.2))  # space was made: it goes on
     journal.close()
     assert replay(decode(path.read_bytes(), "j").events).accepted.keys() == {1, 2}
-
-
-def test_a_disk_that_fails_at_the_very_end_of_writing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "s.journal"
-    journal = Journal.create(path, opened())
-    before = path.read_bytes()
-
-    def fail(descriptor: int) -> None:
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    monkeypatch.setattr(journal_module.os, "fsync", fail)
-    with pytest.raises(InputError, match="could not be saved"):
-        journal.append(taken(1, 0.1))
-    monkeypatch.undo()
-    journal.close()
-    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("what", ["removed", "replaced", "changed"])

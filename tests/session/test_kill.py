@@ -22,10 +22,10 @@ from orthoglide_cal.session.state import replay
 
 from .terminal import Terminal
 from .virtual import (
+    DOUBLE,
     SINGLE,
     a_dialogue,
     answered,
-    both_protocols,
     content_without_times,
     offsets,
     opened,
@@ -137,9 +137,16 @@ def killed_all_along(path: Path, phase: str, protocol: MeasuringProtocol, cycles
     raise AssertionError("the session never ends")
 
 
-def check_killing(folder: Path, phase: str, protocol: MeasuringProtocol, cycles: int) -> None:
-    expected = result(uninterrupted(folder / "whole.journal", protocol, cycles))
-    path = folder / "killed.journal"
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize(
+    ("protocol", "cycles"),
+    [(SINGLE, 1), *(pytest.param(each, 3, marks=pytest.mark.slow) for each in (SINGLE, DOUBLE))],
+)
+def test_killed_at_every_step(
+    tmp_path: Path, phase: str, protocol: MeasuringProtocol, cycles: int
+) -> None:
+    expected = result(uninterrupted(tmp_path / "whole.journal", protocol, cycles))
+    path = tmp_path / "killed.journal"
     runs = killed_all_along(path, phase, protocol, cycles)
     steps = len(steps_of(protocol, cycles))
     assert runs >= steps // 2
@@ -149,20 +156,6 @@ def check_killing(folder: Path, phase: str, protocol: MeasuringProtocol, cycles:
     assert dialogue.state.ended is not None
     assert len(dialogue.state.accepted) == steps
     assert result(dialogue) == expected
-
-
-@pytest.mark.parametrize("phase", PHASES)
-def test_killed_at_every_step_of_a_short_session(tmp_path: Path, phase: str) -> None:
-    check_killing(tmp_path, phase, SINGLE, 1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("phase", PHASES)
-@both_protocols
-def test_killed_at_every_step_of_a_whole_session(
-    tmp_path: Path, phase: str, protocol: MeasuringProtocol
-) -> None:
-    check_killing(tmp_path, phase, protocol, 3)
 
 
 def in_a_child(action: Callable[[], None]) -> int:
@@ -223,12 +216,11 @@ def offsets_of(path: Path) -> list[float]:
     return solve(read.measured, read.model).offsets_mm.tolist()
 
 
-@pytest.mark.parametrize("steps", ["some", pytest.param("all", marks=pytest.mark.slow)])
-def test_the_program_itself_is_killed(tmp_path: Path, steps: str) -> None:
+def test_the_program_itself_is_killed(tmp_path: Path) -> None:
     options = ("--protocol", "single", "--cycles", "1", "--gauge", "simulated", "--seed", "21")
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     whole.mkdir()
     killed.mkdir()
     kill_program(whole, [], *options)
-    kill_program(killed, [2, 9, 16] if steps == "some" else list(range(1, 17)), *options)
+    kill_program(killed, [2, 9, 16], *options)
     assert offsets_of(killed / "s.yaml") == offsets_of(whole / "s.yaml")

@@ -12,13 +12,9 @@ from orthoglide_cal.session.events import Retake, Skipped
 from orthoglide_cal.session.journal import decode
 
 from .terminal import Terminal, run_program
-from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed
+from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed, values
 
 RIGHT = typed(readings_of(steps_of()))
-
-
-def values(dialogue: Dialogue) -> dict[int, float]:
-    return {number: item.take.value_mm for number, item in dialogue.state.accepted.items()}
 
 
 @pytest.mark.parametrize("answer", ["n", "", "0.41", "no", "why"])

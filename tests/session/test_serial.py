@@ -23,16 +23,6 @@ def test_errors_are_shown_and_nothing_is_recorded(tmp_path: Path, line: SerialLi
         assert terminal.step() == 2
 
 
-def test_half_a_message_is_no_reading(tmp_path: Path, line: SerialLine) -> None:
-    with Terminal(tmp_path, "s.yaml", "--gauge", f"plain:{line.path}") as terminal:
-        assert terminal.step() == 1
-        line.send(b"-0.6")
-        terminal.expect("The gauge says '-0.6'. That is no reading")
-        assert terminal.step() == 1
-        line.send(b"-0.64\r")
-        terminal.expect("saved -0.640")
-
-
 def test_return_asks_a_gauge_that_can_be_asked(tmp_path: Path, line: SerialLine) -> None:
     with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
         assert terminal.step() == 1

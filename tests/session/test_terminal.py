@@ -83,15 +83,6 @@ def test_colours_only_where_they_are_wanted(tmp_path: Path) -> None:
 # ---- keyboard-wedge gauges
 
 
-def test_a_wedge_may_end_its_number_with_return_or_tab(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml") as terminal:
-        pressed = [("-0.64", "\r"), ("0.41", "\n"), ("-0.95", "\t"), ("0.43", "\r\n")]
-        for number, (value, end) in enumerate([*pressed, ("-0.32", "\r")], start=1):
-            assert terminal.step() == number
-            terminal.type(value, end)
-            terminal.expect(f"saved {float(value):+.3f}".replace("+", r"\+"))
-
-
 # ---- interruptions
 
 

@@ -209,6 +209,11 @@ def answered(path: Path, lines: Iterable[str], **options: object) -> tuple[Dialo
     return dialogue, screen
 
 
+def values(dialogue: Dialogue) -> dict[int, float]:
+    """Step number → reading that counts, from first to last [mm]."""
+    return {number: item.take.value_mm for number, item in dialogue.state.accepted.items()}
+
+
 def offsets(dialogue: Dialogue) -> np.ndarray:
     """The offsets that the readings so far give."""
     solution = dialogue.so_far.solution
