@@ -49,20 +49,18 @@ def test_other_ways_to_write_the_same(tmp_path):
     assert read.value.tolist() == [-0.254, 0.508]
 
 
-def test_missing_ones_are_allowed_and_said(tmp_path):
-    (remark,) = differences(tmp_path, table(["x_y", "x_z", "y_x", "z_x"])).remarks
-    assert "six differences these are missing: dy_z, dz_y" in remark
-
-
-def test_single_without_its_own_names_is_said(tmp_path):
-    read = differences(tmp_path, table(["z_x+", "z_y-"]))
-    assert read.kind is DataKind.TWELVE
-    assert any("single-posture" in remark for remark in read.remarks)
-
-
-def test_other_columns_are_said(tmp_path):
-    read = differences(tmp_path, "difference,value_mm,who\nx_y,1,me\n")
-    assert "not used: who" in read.remarks[0]
+@pytest.mark.parametrize(
+    ("text", "kind", "words"),
+    [
+        (table(["x_y", "x_z", "y_x", "z_x"]), "six", "differences these are missing: dy_z, dz_y"),
+        (table(["z_x+", "z_y-"]), "twelve", "single-posture"),
+        ("difference,value_mm,who\nx_y,1,me\n", "six", "not used: who"),
+    ],
+)
+def test_remarks(tmp_path, text, kind, words):
+    read = differences(tmp_path, text)
+    assert read.kind == kind
+    assert any(words in remark for remark in read.remarks)
 
 
 BAD = [

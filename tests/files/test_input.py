@@ -49,22 +49,20 @@ def test_the_conditions_of_a_table_are_those_of_its_columns(tmp_path):
     )
 
 
-def test_differences_have_no_conditions(tmp_path):
-    path = tmp_path / "d.csv"
-    path.write_text("difference,value_mm\ndx_y,0.1\n")
-    assert read_input(str(path)).conditions == Conditions()
-
-
-def test_nothing_is_invented_for_a_bare_session(tmp_path):
+def test_nothing_is_invented_for_a_bare_session_or_for_differences(tmp_path):
     write(tmp_path, "bare.yaml")
-    given = read_input(str(tmp_path / "bare.yaml"))
-    assert given.is_session
-    assert given.conditions == Conditions()
+    (tmp_path / "d.csv").write_text("difference,value_mm\ndx_y,0.1\n")
+    for name in ("bare.yaml", "d.csv"):
+        given = read_input(str(tmp_path / name))
+        assert given.is_session == (name == "bare.yaml")
+        assert given.conditions == Conditions()
 
 
 def test_the_latest_session_by_content_and_time(tmp_path):
     with pytest.raises(InputError, match="no session"):
         latest_session(tmp_path)
+    with pytest.raises(InputError, match="no such folder"):
+        sessions_in(tmp_path / "nowhere")
     write(tmp_path, "old.yaml", started="2025-05-01T10:00:00+00:00")
     write(
         tmp_path, "new.yaml",
@@ -85,11 +83,6 @@ def test_the_latest_session_by_content_and_time(tmp_path):
         assert latest_session(tmp_path).name == order[-1]
     moment = datetime(2025, 6, 1, 10, tzinfo=UTC).timestamp()
     assert next(s for s in found if s.path.name == "new.yaml").moment == moment
-
-
-def test_no_folder(tmp_path):
-    with pytest.raises(InputError, match="no such folder"):
-        sessions_in(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize(
