@@ -7,6 +7,7 @@ at one of many places, or one that relabels readings.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -45,6 +46,7 @@ class Candidates:
     log_prior: Mapping[Ids, float]
 
     @classmethod
+    @functools.lru_cache(maxsize=8)
     def of(cls, model: Model, ordered: bool) -> Candidates:
         """Causes that are possible on the machine, and sets of one or two of them.
 

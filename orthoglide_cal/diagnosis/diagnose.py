@@ -99,6 +99,7 @@ def diagnose(
             by_place=found.by_place,
             offsets_mm=offsets,
             covariance_mm2=covariance,
+            alone_mm=found.at.offsets[0],
             nominal_mm=_predicted(white, measured, found.at.residuals[0]),
             explained_mm=_predicted(
                 white,

@@ -10,10 +10,12 @@ cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +48,7 @@ from orthoglide_cal.model import (
     zero_free,
 )
 from orthoglide_cal.model.influence import Influence
-from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.model.plan import Bools, read_only
 
 # Between a quick session and a slow one: factor on the pace where no times were written down.
 UNKNOWN_PACE = 3.0
@@ -90,35 +92,11 @@ class Whitened(ReadOnly):
             RankDeficientError: the data do not determine the offsets.
         """
         if isinstance(measured, Readings):
-            if not measured.timed:
-                # Rates of change as plausible as before, on a clock that was only assumed.
-                rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
-                model = _scaled(model, UNKNOWN_PACE, rates)
-            # Zero-free contrasts are orthonormal.
-            matrix, root, spectrum = zero_free(measured.plan), None, None
-            local = model.machine.local_shape(measured.plan)
-            if local is not None:
-                shared = matrix @ local.columns
-                spectrum, independent = np.linalg.eigh(shared @ shared.T)
-                spectrum = np.maximum(spectrum, 0.0)
-                # No zero is unknown then: the data are as many as the readings.
-                root = np.linalg.solve(matrix, independent)
-                matrix = independent.T @ matrix
-            problem = Problem(model, measured.plan, matrix)
-            require_rank(problem)
-            data = np.asarray(matrix @ measured.value)
+            white = _of_readings(measured.plan, model, measured.timed)
+            require_rank(white.problem)
             unit = other_unit(measured, model.machine.instrument)
-            in_file = np.arange(len(measured))
-            return cls(
-                problem,
-                data,
-                np.eye(len(data)) if root is None else root,
-                True,
-                in_file,
-                None if unit is None else unit.mm,
-                spectrum,
-                local is not None and local.assumed,
-            )
+            data = white.matrix @ measured.value
+            return replace(white, data=data, unit_mm=None if unit is None else unit.mm)
         posed = pose(measured, model, Method(measured.kind))
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix
@@ -127,10 +105,10 @@ class Whitened(ReadOnly):
             plan = ideal_plan(DataKind.TWELVE, model.orthoglide)
             matrix = reduction(DataKind.SIX, posed.which, model.orthoglide, plan)
         # Rows of R, and the data, in units of independent noise.
-        white, data = whiten(matrix @ matrix.T, matrix, posed.data)
+        rows, data = whiten(matrix @ matrix.T, matrix, posed.data)
         root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))
         in_file = np.array([posed.which.index(difference) for difference in measured.which])
-        return cls(Problem(model, plan, white), data, root, False, in_file)
+        return cls(Problem(model, plan, rows), data, root, False, in_file)
 
     def __len__(self) -> int:
         return len(self.data)
@@ -202,6 +180,35 @@ class Whitened(ReadOnly):
             return []
         each = differentiate_each(self.problem.model, self.plan, points)
         return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in each]
+
+
+@functools.lru_cache(maxsize=8)
+def _of_readings(plan: Plan, model: Model, timed: bool) -> Whitened:
+    """Readings that were taken to a plan, all of them zero; on a known clock or not."""
+    if not timed:
+        # Rates of change as plausible as before, on a clock that was only assumed.
+        rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
+        model = _scaled(model, UNKNOWN_PACE, rates)
+    # Zero-free contrasts are orthonormal.
+    matrix, spectrum = zero_free(plan), None
+    root = np.eye(len(matrix))
+    local = model.machine.local_shape(plan)
+    if local is not None:
+        shared = matrix @ local.columns
+        spectrum, independent = np.linalg.eigh(shared @ shared.T)
+        spectrum = np.maximum(spectrum, 0.0)
+        # No zero is unknown then: the data are as many as the readings.
+        root = np.linalg.solve(matrix, independent)
+        matrix = independent.T @ matrix
+    return Whitened(
+        Problem(model, plan, matrix),
+        np.zeros(len(matrix)),
+        root,
+        True,
+        np.arange(len(plan)),
+        spectrum=spectrum,
+        assumed=local is not None and local.assumed,
+    )
 
 
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
@@ -289,6 +296,18 @@ def _weights(
     }
 
 
+@functools.lru_cache(maxsize=4)
+def _places(
+    problem: Problem, extras: tuple[PatternCause | RelabelCause, ...]
+) -> tuple[Mapping[PatternCause | RelabelCause, tuple[Place, ...]], Floats]:
+    """Where each extra may act, and W·pattern of all these places of the pattern causes."""
+    plan, machine = problem.plan, problem.model.machine
+    places = {cause: cause.places(plan, machine) for cause in extras}
+    patterns = [np.zeros((len(plan), 0))]
+    patterns += [c.patterns(plan, own) for c, own in places.items() if isinstance(c, PatternCause)]
+    return MappingProxyType(places), read_only(problem.matrix @ np.hstack(patterns))
+
+
 @dataclass(frozen=True, eq=False)
 class Linearised:
     """What every candidate would do to these data, where the offsets-only model fits best.
@@ -332,8 +351,8 @@ class Linearised:
             RankDeficientError: they determine the offsets so little that no search ends.
             NotConvergedError: no offsets fit them as recorded.
         """
-        plan, machine = white.plan, white.machine
-        places = {cause: cause.places(plan, machine) for cause in candidates.extras}
+        machine = white.machine
+        places, patterns = _places(white.problem, candidates.extras)
         undone = {
             (cause, place): data
             for cause, own in places.items()
@@ -358,13 +377,11 @@ class Linearised:
         # A relabelling that no offsets fit did not happen.
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
         extras: dict[str, Placed] = {}
-        patterns = [np.zeros((len(plan), 0))]
         width, version = 0, 1
         for cause, own in places.items():
             weight = _weights(cause, own, white)
             if isinstance(cause, PatternCause):
                 start, width = width, width + len(own)
-                patterns.append(cause.patterns(plan, own))
             else:
                 own = tuple(place for place in own if (cause, place) in possible)
                 start, version = version, version + len(own)
@@ -382,7 +399,7 @@ class Linearised:
             versions=versions[fit.converged],
             offsets=fit.offsets_mm[fit.converged],
             residuals=fit.residuals_mm[fit.converged] / precision,
-            patterns=white.matrix @ np.hstack(patterns),
+            patterns=patterns,
             jacobian=jacobian,
             jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
             uncertain=white.uncertain(offsets),

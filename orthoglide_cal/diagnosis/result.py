@@ -160,6 +160,8 @@ class Diagnosis(ReadOnly):
         by_place: the same, each fault at every place where it may be if the verdict is ambiguous.
         offsets_mm: their mean, shape (3,).
         covariance_mm2: of the offsets, shape (3, 3); carries the choice within an alias class.
+        alone_mm: offsets where the offsets-only model fits these data best, all readings alike,
+            shape (3,).
         nominal_mm: prediction of the offsets-only model with fitted zeros, shape (n,).
         explained_mm: prediction of the accepted model, shape (n,).
         sensitivity: with all tolerances "halved" and "doubled" → verdict and accepted ids; empty
@@ -178,6 +180,7 @@ class Diagnosis(ReadOnly):
     by_place: tuple[tuple[float, Fitted], ...]
     offsets_mm: Floats
     covariance_mm2: Floats
+    alone_mm: Floats
     nominal_mm: Floats
     explained_mm: Floats
     sensitivity: Mapping[str, tuple[Verdict, Ids]]

@@ -360,19 +360,13 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
         (what, at.white.matrix @ pattern * stated)
         for what, pattern in at.white.plan.patterns(at.white.raw)
     ]
-    share, common = math.log(UNLISTED / (len(patterns) + 1)), offsets.shape[1]
-    width = common + max((white.shape[1] for _, white in patterns), default=0)
-    columns = np.zeros((len(patterns), len(at.white), width))
-    columns[..., :common] = offsets
-    for (_, white), filled in zip(patterns, columns, strict=True):
-        filled[:, common : common + white.shape[1]] = white
-    sizes = np.ones((len(SIZES), width))
-    sizes[:, common:] = np.array(SIZES)[:, None]
-    logs = log_sum(noise.density(columns, sizes).by_noise(residual), 2)
-    found = [
-        Unlisted(what, share, log_mean(own), white * SIZES[np.argmax(own)], stated)
-        for (what, white), own in zip(patterns, logs, strict=True)
-    ]
+    share, common, found = math.log(UNLISTED / (len(patterns) + 1)), offsets.shape[1], []
+    for what, white in patterns:
+        columns = np.hstack([offsets, white])
+        sizes = np.ones((len(SIZES), columns.shape[1]))
+        sizes[:, common:] = np.array(SIZES)[:, None]
+        own = log_sum(noise.density(columns, sizes).by_noise(residual), 1)
+        found.append(Unlisted(what, share, log_mean(own), white * SIZES[np.argmax(own)], stated))
     wider = noise.wider(NOISIER)
     logs = log_sum(
         wider.density(offsets, np.ones((1, offsets.shape[1])))

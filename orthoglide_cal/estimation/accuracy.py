@@ -6,6 +6,7 @@ and, where the rank is missing, which offsets stay free and which reading to add
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -130,6 +131,7 @@ def _free_directions(matrix: Floats, scale: float) -> Floats:
     return np.asarray(vectors[size <= NEGLIGIBLE * scale])
 
 
+@functools.lru_cache(maxsize=8)
 def require_rank(problem: Problem) -> None:
     """Do the data determine all three offsets?
 

@@ -6,6 +6,7 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
@@ -193,6 +194,13 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
         offsets: Δρ, shape (3,) [mm].
         plan: n readings.
     """
+    return _influences(model, tuple(offsets.tolist()), plan)
+
+
+# Asked by a diagnosis and by the solution of the same data.
+@functools.lru_cache(maxsize=4)
+def _influences(model: Model, at: tuple[float, ...], plan: Plan) -> tuple[Influence, ...]:
+    offsets = np.array(at)
     readings, hidden = _of_causes(model.machine.unobservable, model, offsets, plan)
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)

@@ -26,6 +26,7 @@ from orthoglide_cal.model import (
     Model,
     Plan,
     ReadOnly,
+    known_plan,
     simulate,
     simulate_with_jacobian,
 )
@@ -105,7 +106,7 @@ class Problem(ReadOnly):
         fold = kind[:, None] == np.arange(len(first))
         folded = self.matrix @ fold
         folded.setflags(write=False)
-        return self.plan.subset(first), folded
+        return known_plan(self.plan.subset(first)), folded
 
     def covariance(self) -> Floats:
         """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k).

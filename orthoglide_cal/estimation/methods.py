@@ -10,6 +10,7 @@ readings          all raw readings at once, one unknown zero per gauge set-up
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -145,6 +146,7 @@ def pose(measured: Measured, model: Model, method: Method, *, folded: bool = Fal
     return Posed(problem, problem.matrix @ measured.value, which)
 
 
+@functools.lru_cache(maxsize=8)
 def pose_plan(
     plan: Plan, model: Model, kind: DataKind, *, folded: bool = False
 ) -> tuple[Problem, tuple[Difference, ...]]:

@@ -276,7 +276,9 @@ class Solution(ReadOnly):
         )
 
 
-def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:
+def solve(
+    measured: Measured, model: Model, method: str | None = None, start: Floats | None = None
+) -> Solution:
     """Identify the joint offsets.
 
     All readings at once are weighted by what is uncertain of them beside noise, such as where
@@ -286,6 +288,8 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
         measured: readings or differences.
         model: the machine, its gauge and its accepted causes.
         method: name of an estimator; the default for this kind of data if None.
+        start: where its search begins, such as what a diagnosis found of these data, shape (3,)
+            [mm]; at zero if None.
 
     Returns:
         Offsets with their uncertainty budget, and residuals.
@@ -308,7 +312,7 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
         offsets = estimator @ shifted
         residuals = shifted - at_zero @ offsets
     else:
-        found = _search(posed)
+        found = _search(posed, start)
         offsets = found.offsets_mm
     _require_plausible(offsets, posed.problem)
     plan, gauge = posed.problem.plan, model.machine.instrument

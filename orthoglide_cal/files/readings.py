@@ -32,6 +32,7 @@ from orthoglide_cal.model import (
     Posture,
     Readings,
     Source,
+    known_plan,
     number_setups,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
@@ -226,7 +227,7 @@ def readings_of(
     cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else _cycles(plan)
     nothing = math.nan
     return Readings(
-        plan=plan,
+        plan=known_plan(plan),
         value=np.array([row.reading_mm for row in rows], dtype=np.float64),
         cycle=np.array(cycle),
         posture=tuple(row.posture for row in rows),

@@ -34,6 +34,7 @@ from orthoglide_cal.model.plan import (
     Plan,
     ReadOnly,
     cell_contrasts,
+    known_plan,
     without_zeros,
     zero_free,
 )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -269,6 +269,7 @@ def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]
 # --- units ------------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=4)
 def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
     """The unit in which readings that are none in mm are what this gauge shows.
 

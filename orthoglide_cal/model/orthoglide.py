@@ -5,6 +5,7 @@ Its joint offsets are what a calibration determines.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -28,7 +29,7 @@ from orthoglide_cal.model.kinematics import (
     tool_derivative_components,
 )
 from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, part_words
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
 from orthoglide_cal.model.vocabulary import OFFSETS
@@ -185,16 +186,7 @@ class Orthoglide(Machine):
         Raises:
             UnreachableError: a displacement is not shorter than the legs.
         """
-        length, moved = self.leg_length_mm, np.asarray(displacement, dtype=np.float64)
-        if np.any(np.abs(moved) >= length):
-            worst = np.argmax(np.abs(moved))
-            raise UnreachableError(
-                f"Leg {AXES[int(np.ravel(leg)[worst])]} cannot be displaced by"
-                f" {np.ravel(moved)[worst]:g} mm: the legs are {length:g} mm long.",
-                "Use a posture inside the joint limits.",
-            )
-        own = np.asarray(leg)[..., None] == np.arange(3)
-        return np.where(own, (length + moved)[..., None], np.sqrt(length**2 - moved**2)[..., None])
+        return _displaced(self.leg_length_mm, leg, np.asarray(displacement, dtype=np.float64))
 
     @property
     def reachable_cube(self) -> tuple[float, float]:
@@ -220,9 +212,7 @@ class Orthoglide(Machine):
         return low + excess, high - excess
 
     def command(self, plan: Plan) -> Command:
-        plan = GaugePlan.require(plan)
-        joints = self.joints_at(plan.leg, plan.displacement)
-        return Command(read_only(joints), self.home_mm, plan.hours, plan.in_time, plan.entered)
+        return _command(self.leg_length_mm, self.home_mm, GaugePlan.require(plan))
 
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
@@ -261,7 +251,7 @@ class Orthoglide(Machine):
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
             along = gauge.placement_std_mm / self.leg_length_mm
-            shift = predict(replace(plan, gauge_at=plan.gauge_at + along)) - predicted
+            shift = predict(known_plan(replace(plan, gauge_at=plan.gauge_at + along))) - predicted
             yield Influence(
                 Origin.GAUGE_PLACEMENT,
                 gauge.placement_std_mm,
@@ -269,6 +259,25 @@ class Orthoglide(Machine):
                 gauge.placement_mm is None,
                 shift[:, None] * plan.zeros,
             )
+
+
+def _displaced(length: float, leg: Ints | int, moved: Floats) -> Floats:
+    """Indicated joints (..., 3) [mm] of a machine with legs of this length."""
+    if np.any(np.abs(moved) >= length):
+        worst = np.argmax(np.abs(moved))
+        raise UnreachableError(
+            f"Leg {AXES[int(np.ravel(leg)[worst])]} cannot be displaced by"
+            f" {np.ravel(moved)[worst]:g} mm: the legs are {length:g} mm long.",
+            "Use a posture inside the joint limits.",
+        )
+    own = np.asarray(leg)[..., None] == np.arange(3)
+    return np.where(own, (length + moved)[..., None], np.sqrt(length**2 - moved**2)[..., None])
+
+
+@functools.lru_cache(maxsize=16)
+def _command(length: float, home: float, plan: GaugePlan) -> Command:
+    joints = _displaced(length, plan.leg, plan.displacement)
+    return Command(read_only(joints), home, plan.hours, plan.in_time, plan.entered)
 
 
 def _joints(

@@ -6,11 +6,12 @@ are; what is estimated from them is estimated from combinations that no zero ent
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -20,6 +21,7 @@ Ints = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
+PlanT = TypeVar("PlanT", bound="Plan")
 
 
 def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
@@ -93,6 +95,17 @@ class Plan:
 
     def __len__(self) -> int:
         return int(self.order.size)
+
+    @cached_property
+    def _content(self) -> tuple[type, bytes]:
+        arrays: Iterator[Numbers] = (getattr(self, item.name) for item in fields(self))
+        return type(self), b"".join(array.tobytes() for array in arrays)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plan) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
     @property
     def parts(self) -> int:
@@ -186,6 +199,12 @@ class Plan:
         raise NotImplementedError
 
 
+@functools.lru_cache(maxsize=16)
+def known_plan(plan: PlanT) -> PlanT:
+    """The first of equal plans, with all that was worked out of it."""
+    return plan
+
+
 def alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
     """Rows that agree in all keys: the first of each kind, (m,), and each row's kind, (n,)."""
     rows = np.stack(keys, axis=1)
@@ -193,6 +212,7 @@ def alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
     return read_only(first, np.intp), read_only(kind.reshape(-1), np.intp)
 
 
+@functools.lru_cache(maxsize=8)
 def zero_free(plan: Plan) -> Floats:
     """Contrasts that no zero enters, of independent, equal noise, shape (n − setups, n).
 
@@ -200,9 +220,10 @@ def zero_free(plan: Plan) -> Floats:
     generalised least squares on the readings with one unknown zero per set-up.
     """
     q, _ = np.linalg.qr(plan.zeros, mode="complete")
-    return np.ascontiguousarray(q[:, plan.setups :].T) * plan.precision
+    return read_only(np.ascontiguousarray(q[:, plan.setups :].T) * plan.precision)
 
 
+@functools.lru_cache(maxsize=8)
 def cell_contrasts(plan: Plan) -> Floats:
     """`zero_free` for readings that repeat each other exactly: contrasts of cells.
 
@@ -217,7 +238,7 @@ def cell_contrasts(plan: Plan) -> Floats:
     _, first, count = np.unique(cell, return_index=True, return_counts=True)
     weight = np.sqrt(count)
     q, _ = np.linalg.qr(weight[:, None] * plan.zeros[first], mode="complete")
-    return np.ascontiguousarray((q[:, plan.setups :].T / weight)[:, cell]) * plan.precision
+    return read_only((q[:, plan.setups :].T / weight)[:, cell] * plan.precision)
 
 
 def without_zeros(plan: Plan, values: Floats) -> Floats:

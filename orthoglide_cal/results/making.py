@@ -115,16 +115,16 @@ def answer_to(
     )
     machine = schema.MachineName(name=model.machine.name, kind=model.machine.kind)
     try:
-        solution = solve(measured, model, method)
-    except UnusableResultError as error:
-        remedies = (schema.Remedy(sentence=error.remedy),) if error.remedy else ()
-        refused = schema.Release(reasons=(error.what,), remedies=remedies, sound=False)
-        return schema.Answer(input=file, machine=machine, release=refused)
-    try:
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
     except UnusableResultError:
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosis = None
+    try:
+        solution = solve(measured, model, method, diagnosis.alone_mm if diagnosis else None)
+    except UnusableResultError as error:
+        remedies = (schema.Remedy(sentence=error.remedy),) if error.remedy else ()
+        refused = schema.Release(reasons=(error.what,), remedies=remedies, sound=False)
+        return schema.Answer(input=file, machine=machine, release=refused)
     following = None
     if diagnosis is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
         # Planning takes long to load, and has nothing to say of other verdicts.

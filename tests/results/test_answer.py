@@ -336,10 +336,10 @@ def test_one_input_is_solved_and_diagnosed_once(monkeypatch: pytest.MonkeyPatch)
 
         monkeypatch.setattr(making, name, counted)
     plain = answer_to(cases.named_in_machine().given)
-    assert made == ["solve", "diagnose"]
+    assert made == ["diagnose", "solve"]
     assert (plain.sensitivity, plain.workspace) == (None, None)
     full = answer_to(cases.named_in_machine().given, details=True)
-    assert made[2:] == ["solve", "diagnose", "workspace_error"]
+    assert made[2:] == ["diagnose", "solve", "workspace_error"]
     assert full.sensitivity is not None
     assert list(full.sensitivity) == ["halved", "doubled"]
     unseen = {"sensitivity": None, "workspace": None}
