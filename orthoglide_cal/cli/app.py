@@ -19,7 +19,7 @@ from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.guide import guide
 from orthoglide_cal.cli.machine import machine
-from orthoglide_cal.cli.measure import measure
+from orthoglide_cal.cli.measure import INTERRUPTED, measure
 from orthoglide_cal.cli.paper import paper
 from orthoglide_cal.cli.plan import plan
 from orthoglide_cal.cli.report import report
@@ -31,7 +31,6 @@ from orthoglide_cal.cli.validate import validate
 from orthoglide_cal.cli.verify import verify
 from orthoglide_cal.errors import InputError, OrthocalError
 
-INTERRUPTED = 130
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
