@@ -79,7 +79,7 @@ def parse_number(text: str, *, decimal_comma: bool = False) -> float:
     if "," in plain and not decimal_comma:
         raise InputError(
             "A decimal comma cannot be read here.",
-            "Write a decimal point, or separate the columns of a table with semicolons.",
+            "Write a decimal point. (A table may have commas: separate columns with semicolons.)",
             value=text,
         )
     value = float(plain.replace(",", "."))

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 from orthoglide_cal.errors import visible
@@ -20,6 +21,8 @@ POLL_S = 0.05
 RECONNECT_S = 0.5
 # A gauge that is asked answers sooner [s].
 ANSWER_S = 1.5
+# A gauge that sends by itself sends the next message sooner: what is alone so long counts [s].
+ALONE_S = 0.5
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
 BETWEEN_GAUGES_S = 1.2
@@ -27,6 +30,8 @@ BETWEEN_GAUGES_S = 1.2
 AFTER_A_DRIVE_S = 2.0
 # So many messages in a row that nobody asked for come from a gauge that sends by itself.
 STREAM = 4
+# So many that come at intervals equal to within this [s] are not pressed by anybody.
+EVEN_S = 0.15
 # A gauge, or one that acts as a keyboard, is faster [s per character], a hand is not.
 BY_HAND_S = 0.06
 # And a hand needs so long to come back to the keys [s].
@@ -86,9 +91,9 @@ class Show(Protocol):
 
 
 class Unasked(NamedTuple):
-    """No answer: a gauge sends by itself, and its first message may have become a reading."""
+    """No answer: a gauge sends by itself. `readings`: so many of its messages became readings."""
 
-    read: bool
+    readings: int
 
 
 @dataclass(eq=False)
@@ -104,6 +109,7 @@ class DeadTime:
     after_reading: bool = False  # whether the first of them followed a reading from this source
     opens: float = -math.inf  # from when on a message counts
     _last: float = -math.inf  # the last reading or message
+    arrivals: dict[float, bool] = field(default_factory=dict)  # of messages; was it a reading
 
     def begin(self, at: float, driving: bool, mine: bool) -> None:
         """A reading arrived, from this source if `mine`; the machine may be driven now."""
@@ -132,6 +138,21 @@ class DeadTime:
         self._last, self.opens = at, max(self.opens, at + BETWEEN_GAUGES_S)
         return gone
 
+    def arrived(self, at: float) -> int | None:
+        """A message came from a gauge: how many of the last ones, all evenly spaced, were readings.
+
+        None if they are not evenly spaced, or too few.
+        """
+        self.arrivals = {**dict(list(self.arrivals.items())[1 - STREAM :]), at: False}
+        gaps = [late - early for early, late in pairwise(self.arrivals)]
+        # Faster ones come too soon anyway.
+        if len(gaps) < STREAM - 1 or max(gaps) - min(gaps) > EVEN_S or min(gaps) < 5.0 * EVEN_S:
+            return None
+        readings = sum(self.arrivals.values())
+        self.arrivals = dict.fromkeys(self.arrivals, False)
+        self.opens = max(self.opens, at + 2.0 * max(gaps))
+        return readings
+
 
 @dataclass(eq=False)
 class Asker:
@@ -149,6 +170,7 @@ class Asker:
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
     _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
+    _held: Heard | None = None  # a reading, until it is known to be alone
     _lost_since: float | None = None
     _line_is_open: bool = False
 
@@ -191,7 +213,7 @@ class Asker:
         Raises:
             EOFError: nobody will ever answer.
         """
-        self._prompt, self._shown, self._asked = prompt, math.inf, None
+        self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
         before = self._keys.unasked, self._gauges.unasked
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
             self._drop(line.text, line.ended, self._keys)
@@ -230,7 +252,7 @@ class Asker:
             self._line_is_open = False
             if not self.keyboard.live:
                 self.show(visible(text)[:40])  # a terminal has shown it itself
-            elif self._keys.is_early(line.begun, line.ended, len(text), self._shown):
+            elif self._held or self._keys.is_early(line.begun, line.ended, len(text), self._shown):
                 self._drop(text, line.ended, self._keys)
                 return self._stream(self._keys)
             if text or gauge is None:
@@ -245,6 +267,14 @@ class Asker:
     def _listen(self, gauge: LiveGauge, asked: bool) -> Heard | Unasked | None:
         """One look at the gauge."""
         now = self.clock()
+        if self._held is not None and now - self._answered[0] >= ALONE_S:
+            item, self._held = self._held, None
+            self._gauges.arrivals[self._answered[0]] = True
+            self._end_line()
+            if self._gauges.unasked < STREAM - 1:
+                return item
+            self._sending = self._gauges
+            return Unasked(0)
         if self._lost_since is not None:
             if now - self._lost_since < RECONNECT_S:
                 return None
@@ -266,26 +296,34 @@ class Asker:
             self._asked = None
             self._break_in(gauge.silence, Style.BAD)
         for item in heard:
-            if self._gauges.is_early(now, now, 0, self._shown):
+            if self._strict and (readings := self._gauges.arrived(now)) is not None:
+                # At equal intervals: said once, and nothing of it is a reading.
+                known, self._sending, self._held = self._sending is self._gauges, self._gauges, None
+                self._end_line()
+                return None if known and not readings else Unasked(readings)
+            if self._held or self._gauges.is_early(now, now, 0, self._shown):
                 self._drop(item.token.raw, now, self._gauges)
             elif item.token.value is None or item.elsewhere is not None:
                 why = item.elsewhere or "That is no reading: nothing is recorded."
                 said = f"The gauge says '{visible(item.token.raw)[:40]}'. {why}"
                 self._break_in(said, Style.BAD)
-            else:
-                shown = "" if gauge.reads_itself else visible(item.token.raw.strip())[:40]
-                self.show(shown)
-                self._line_is_open, self._answered = False, (now, self._gauges)
+            elif gauge.reads_itself or not self.keyboard.live:
+                self._end_line()
                 return item
+            else:  # a reading, if nothing follows it at once
+                self.show(visible(item.token.raw.strip())[:40], Style.PLAIN, "")
+                self._line_is_open = True
+                self._held, self._answered = item, (now, self._gauges)
+                self._gauges.begin(now, driving=False, mine=True)
         return self._stream(self._gauges)
 
     def _stream(self, source: DeadTime) -> Unasked | None:
         """Whether this source sends by itself, said once."""
-        if source.unasked < STREAM or self._sending is source:
+        if self._held is not None or source.unasked < STREAM or self._sending is source:
             return None
         self._sending = source
         self._end_line()
-        return Unasked(source.after_reading)
+        return Unasked(int(source.after_reading))
 
     def _drop(self, text: str, at: float, source: DeadTime) -> None:
         """Something came too soon: say so, unless that is known."""
@@ -308,7 +346,7 @@ class Asker:
         """A message below the line of the prompt, which is then shown again with its place."""
         self._end_line()
         self.say(text, style)
-        if self._shown < math.inf:
+        if self._shown < math.inf and self._held is None:
             self._redraw()
 
     def _redraw(self) -> None:

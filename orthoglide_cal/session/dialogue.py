@@ -237,12 +237,17 @@ class Dialogue:
                 self.asker.say(str(refusal), Style.BAD)
 
     def _take_back(self, stream: Unasked) -> None:
-        """A gauge sends by itself: take back the reading that its first message became."""
+        """A gauge sends by itself: take back the readings that its messages became."""
         self.asker.say(wording.STREAM, Style.BAD)
-        if stream.read:
-            waiting, at = self.state.pending is not None, self.now()
-            self.write(events.Answered(at=at, keep=False) if waiting else events.Undone(at=at))
-            self.asker.say("1 reading is taken back: the gauge sent that by itself.")
+        taken = 0
+        if stream.readings and self.state.pending is not None:
+            self.write(events.Answered(at=self.now(), keep=False))
+            taken += 1
+        while taken < stream.readings and self.state.before is not None:
+            self.write(events.Undone(at=self.now()))
+            taken += 1
+        if taken:
+            self.asker.say(f"{_are(taken)} taken back: the gauge sent that by itself.")
 
     def _read(self, step: SessionStep, token: Token, source: str) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
