@@ -1,4 +1,4 @@
-"""Every error the package raises on purpose: what is wrong, where, and how to mend it.
+"""Every error the package raises on purpose: what is wrong, where, and how to fix it.
 
 An error carries its data as fields; only the command line turns it into text and an exit code.
 Here, too, is how every message writes text from outside, files, and commands to type.
@@ -67,7 +67,7 @@ class OrthocalError(Exception):
 
     Args:
         what: what is wrong, one sentence.
-        remedy: how to mend it, one sentence; empty when there is nothing to add.
+        remedy: how to fix it, one sentence; empty when there is nothing to add.
     """
 
     exit_code = 1
@@ -94,7 +94,7 @@ class InputError(OrthocalError, ValueError):
 
     Args:
         what: what is wrong.
-        remedy: how to mend it.
+        remedy: how to fix it.
         file: path as the user gave it.
         line: line in the file, from 1.
         column: column header (CSV) or dotted path (YAML).
@@ -177,7 +177,7 @@ class RankDeficientError(UnusableResultError):
 
     Args:
         what: what is wrong.
-        remedy: the reading that would mend it.
+        remedy: the reading that would fix it.
         undetermined: names of the unknowns that stay free, e.g. ("x", "z").
     """
 

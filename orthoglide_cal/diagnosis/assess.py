@@ -66,7 +66,7 @@ class Posterior:
     Attributes:
         listed: set of ids → probability.
         unlisted: pattern in words → probability.
-        remedies: set of ids → what it asks of a technician, where it is not mending these causes.
+        remedies: set of ids → what it asks of a technician, where it is not fixing these causes.
         odds: how many times likelier something must be than nothing, or two causes than one.
     """
 

@@ -34,7 +34,7 @@ NOISIER = (2.0, 4.0, 8.0)
 MOST_WRONG = 8
 
 Bases = Sequence[tuple[Cause, ...]]
-# Causes to mend, and readings to take again.
+# Causes to fix, and readings to take again.
 Remedy = tuple[Ids, tuple[int, ...]]
 
 
@@ -250,7 +250,7 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     by_place = log_sum(by_scale, 1)
     best, total = by_place.argmax(axis=1), log_sum(by_place, 1)
     shares = np.exp(by_place - total[:, None])
-    # Sizes of any value are not told apart: they are averaged over at each place.
+    # Sizes of any value are not distinguished: they are averaged over at each place.
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, len(placed.tried)).sum(axis=1)
     scores = {}

@@ -136,7 +136,7 @@ def require_rank(problem: Problem) -> None:
     """Do the data determine all three offsets?
 
     Raises:
-        RankDeficientError: no; it names the offsets and the readings that mend it.
+        RankDeficientError: no; it names the offsets and the readings that fix it.
     """
     matrix = problem.at_zero[1]
     scale = float(np.abs(matrix).max(initial=0.0)) or 1.0

@@ -28,7 +28,7 @@ WIDEST = 80
 BETWEEN_GAUGES_S = 1.2
 # No machine is driven to another posture sooner [s].
 AFTER_A_DRIVE_S = 2.0
-# So many messages in a row that nobody asked for come from a gauge that sends by itself.
+# So many messages in a row that were not asked for come from a gauge that sends by itself.
 STREAM = 4
 # So many that come at intervals equal to within this [s] are not pressed by anybody.
 EVEN_S = 0.15

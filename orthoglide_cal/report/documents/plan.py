@@ -269,7 +269,7 @@ def _sessions(plan: MeasurementPlan) -> doc.Section:
         rows.append((ids, "", "", *map(two_figures, added.tolist()), ""))
         caption += (
             f" No layout determines {ids}, taken as stated: what it adds (by squares) is the last"
-            " row. What the readings cannot rule out comes on top of it in solve."
+            " row. In solve, what the readings cannot rule out is added."
         )
     grid = doc.Grid(tuple(head), tuple(rows), words=() if cycles else (0,), caption=caption)
     return doc.Section("How many cycles" if cycles else "Ways to measure, compared", (grid,))
