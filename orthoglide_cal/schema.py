@@ -110,7 +110,7 @@ def yaml_number(value: object) -> float:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value
     if not isinstance(value, str):
-        raise InputError("A number is wanted here.", "Write a plain number such as 310.25.")
+        raise InputError("This must be a number.", "Write a plain number such as 310.25.")
     if _OCTAL.fullmatch(value.strip()):
         raise InputError(
             "A whole number with a leading zero is ambiguous (YAML reads it as octal).",

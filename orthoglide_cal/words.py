@@ -1,7 +1,7 @@
 """Words, numbers and units as people read them: each stands here once, for everyone.
 
-An uncertainty has two significant figures, and its value ends at the same digit. A "-" stays ASCII,
-so that a value can be copied and typed.
+An uncertainty has two significant figures, and its value ends at the same digit. What is only read
+has a true minus (`signed`); what may be typed or pasted has an ASCII "-" (`plain`).
 """
 
 from __future__ import annotations
@@ -107,7 +107,16 @@ def short(value: float, decimals: int) -> str:
 
 
 def signed(value: float, decimals: int) -> str:
-    """Fixed decimals with "+" or "-"; zero has no sign."""
+    """Fixed decimals with "+" or "−"; zero has no sign.
+
+    >>> signed(-0.296, 2), signed(0.001, 2)
+    ('−0.30', '0.00')
+    """
+    return typed(value, decimals).replace("-", "−")
+
+
+def typed(value: float, decimals: int) -> str:
+    """The same to be typed or pasted, with an ASCII "-"."""
     written = plain(value, decimals)
     return written if written.startswith("-") or not float(written) else f"+{written}"
 
@@ -121,10 +130,10 @@ def two_figures(value: float) -> str:
     return plain(value, decimals_for(value)) if value else "0"
 
 
-def with_uncertainty(value: float, uncertainty: float, between: str = " ± ") -> str:
-    """ "-0.530 ± 0.021": the value ends at the digit of its uncertainty."""
+def with_uncertainty(value: float, uncertainty: float) -> str:
+    """ "−0.530 ± 0.021": the value ends at the digit of its uncertainty."""
     decimals = decimals_for(uncertainty)
-    return f"{signed(value, decimals)}{between}{plain(uncertainty, decimals)}"
+    return f"{signed(value, decimals)} ± {plain(uncertainty, decimals)}"
 
 
 def chance(probability: float) -> str:

@@ -89,14 +89,14 @@ def printer_cfg(
     low, side = f"{-machine.bed + 10.0:.2f}", f"{machine.bed - 10.0:.2f}"
     for axis in "xy":
         lines += [f"{axis}_count = {GRID}", f"min_{axis} = {low}", f"max_{axis} = {side}"]
-    saved = [f"[printer]\ndelta_radius = {machine.radius}"]
+    parts = [f"[printer]\ndelta_radius = {machine.radius}"]
     for k, tower in enumerate("abc"):
-        saved.append(
+        parts.append(
             f"\n[stepper_{tower}]\nangle = {machine.angles[k]}\narm_length = {machine.arms[k]}\n"
             f"position_endstop = {machine.endstops[k]}"
         )
     kept = [*calibration * ("c" in sections), *lines * ("m" in sections)]
-    block = "\n".join(("\n".join(saved), *kept)).split("\n")
+    block = "\n".join(("\n".join(parts), *kept)).split("\n")
     head = ["[printer]", "kinematics: delta", f"print_radius: {machine.bed}"]
     for tower in "abc":
         head += [f"[stepper_{tower}]", "microsteps: 16", "rotation_distance: 40"]
@@ -104,4 +104,5 @@ def printer_cfg(
     head += ["[bed_mesh]", f"mesh_radius: {machine.bed - 10.0}"]
     mark = "#*# <---------------------- SAVE_CONFIG ---------------------->"
     note = "#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated."
-    return "\n".join((*head, mark, note, *(f"#*# {line}" for line in block))) + "\n"
+    saved = (f"#*# {line}".strip() for line in ("", *block))
+    return "\n".join((*head, "", mark, note, *saved)) + "\n"

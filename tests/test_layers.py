@@ -4,6 +4,7 @@ Each test reads every file and names all places that break its rule.
 """
 
 import ast
+import functools
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -27,7 +28,12 @@ def name_of(path: Path) -> str:
 
 
 FILES = {name_of(path): path for path in sorted((ROOT / PACKAGE).rglob("*.py"))}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
+
+
+@functools.cache
+def trees() -> dict[str, ast.Module]:
+    """Syntax of every file."""
+    return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
 
 
 def room_of(module: str) -> str:
@@ -40,7 +46,7 @@ def imported(name: str) -> Iterator[tuple[str, str]]:
 
     `from a import b` is the module a.b if there is one, else the module a.
     """
-    for node in ast.walk(TREES[name]):
+    for node in ast.walk(trees()[name]):
         if isinstance(node, ast.Import):
             modules = [entry.name for entry in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -56,7 +62,7 @@ def imported(name: str) -> Iterator[tuple[str, str]]:
 
 def nodes(*kinds: type[ast.AST]) -> Iterator[tuple[str, ast.AST]]:
     """(dotted name of its file, node) of every such node of the package."""
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         yield from ((name, node) for node in ast.walk(tree) if isinstance(node, kinds))
 
 
@@ -121,7 +127,7 @@ def test_every_file_is_reached_from_the_program() -> None:
         reached.add(name)
         waiting += [module for _, module in imported(name)]
         waiting.append(name.rpartition(".")[0])
-        words = {alias.name for node in ast.walk(TREES[name]) if isinstance(node, ast.Import)
+        words = {alias.name for node in ast.walk(trees()[name]) if isinstance(node, ast.Import)
                  for alias in node.names}  # fmt: skip
         if "pkgutil" in words:
             folder = FILES[name].parent
@@ -133,7 +139,7 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
     """Every name that a file defines is read somewhere in the package; re-exports do not count."""
     defined: dict[str, str] = {}
     read = {"__all__", "__version__"}
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         for node in tree.body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 registered = any(ast.unparse(d).startswith("app.") for d in node.decorator_list)
@@ -155,20 +161,20 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
 def test_public_things_say_what_they_are() -> None:
     faults = [
         f"{name}:{node.lineno}: {node.name}"
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for node in tree.body
         if isinstance(node, ast.FunctionDef | ast.ClassDef)
         and not node.name.startswith("_")
         and not ast.get_docstring(node)
     ]
-    faults += [name for name, tree in TREES.items() if not ast.get_docstring(tree)]
+    faults += [name for name, tree in trees().items() if not ast.get_docstring(tree)]
     none(faults)
 
 
 def test_init_files_only_re_export() -> None:
     faults = []
     for name, path in FILES.items():
-        for node in TREES[name].body if path.name == "__init__.py" else ():
+        for node in trees()[name].body if path.name == "__init__.py" else ():
             text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
             names = [getattr(target, "id", "") for target in getattr(node, "targets", ())]
             stated = names in (["__all__"], ["__version__"])

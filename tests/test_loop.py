@@ -83,13 +83,20 @@ def test_the_round_closes(tmp_path: Path) -> None:
     page = typed(tmp_path, "orthocal")
     verified = typed(tmp_path, suggested(page, "verify"))
     assert "The correction did what was promised" in verified
-    left = typed(tmp_path, suggested(page, "report"))
+    report = suggested(page, "report")
+    left = typed(tmp_path, report.partition(" --html")[0])
     for axis, value in entered.items():
         row = re.search(
             rf"^ +{axis} +mm +\S+ ± \S+ +(\S+) +(\S+) +(\S+) +(\S+) ± ", left, re.MULTILINE
         )
         assert row, left
-        before, change, now, remains = map(float, row.groups())
+        before, change, now, remains = (float(cell.replace("−", "-")) for cell in row.groups())
         assert (before, change, now) == (0.0, value, value)
         # What the machine still hides is gone, to within the noise of readings.
         assert abs(remains) < 0.04
+
+    # The report is written, and nothing more is asked for.
+    typed(tmp_path, report)
+    end = typed(tmp_path, "orthocal")
+    assert "Nothing more to do" in end
+    assert "orthocal " not in end.replace("orthocal history .", "")

@@ -7,6 +7,7 @@ import pytest
 from tests.cli.program import run
 from tests.machines import ROOT
 from tests.markdown import blocks, run_block
+from tests.pictures import pictures
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 DRAWING, ANSWER, ROOMS = blocks(TEXT, "text")
@@ -22,6 +23,13 @@ def test_commands_run(block: str) -> None:
 
 def test_the_shown_answer_is_the_programs() -> None:
     assert ANSWER in run("solve", "sample_data/double_posture_session.csv").stdout
+
+
+def test_the_pictures_show_what_the_program_says() -> None:
+    """If the words were changed on purpose: `python -m tests.pictures` makes the pictures anew."""
+    for name, content in pictures().items():
+        assert f"](sample_data/{name})" in TEXT
+        assert (ROOT / "sample_data" / name).read_text(encoding="utf-8") == content, name
 
 
 def test_the_drawing_is_that_of_the_guide() -> None:

@@ -37,8 +37,8 @@ class BarSkew(Cause):
     lasting = True
     instrument = "the same readings once more with the bar turned half round"
     advice = (
-        "Measure on a ground surface parallel to the joint centres, or repeat with the gauge on"
-        " the opposite bar; this is not an error of the machine's motion."
+        "Measure on a ground surface parallel to the joint centres, or with the gauge on the"
+        " opposite bar."
     )
 
     def contact(
@@ -64,7 +64,7 @@ class GaugeDrift(PatternCause):
     names = ("rate",)
     timed = True
     instrument = "the gauge left on its bar for an hour, machine standing"
-    advice = "Clamp the stand of {where} afresh on a clean surface, and repeat this leg."
+    advice = "Clamp the stand of {where} again on a clean surface, and repeat this leg."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         return series_places(plan)
@@ -89,7 +89,7 @@ class StandShift(PatternCause):
     timed = True
     instrument = "a last reading at the first posture, before a stand is moved"
     advice = (
-        "The stand was knocked: {where}. Clamp it afresh and repeat this leg from its first"
+        "The stand was knocked: {where}. Clamp it again and repeat this leg from its first"
         " isotropic reading."
     )
 

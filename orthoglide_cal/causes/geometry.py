@@ -9,8 +9,9 @@ import numpy as np
 from orthoglide_cal.model.cause import Cause, Stage
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.plan import Floats, Numbers
 
 # Shift of rail i in direction j per unit of gap: rails x and y are g_xy apart along z, y and z
 # are g_yz apart along x, z and x are g_zx apart along y, half of it each. This symmetry fixes
@@ -36,10 +37,7 @@ class AxisGap(Cause):
     lasting = True
     compensable = True
     instrument = "a dial indicator carried along one rail, run against the next"
-    advice = (
-        "Shim the linear drives until their axes meet in one point, or accept the gap as part of"
-        " the model and compensate it in the controller."
-    )
+    advice = "Shim the rails until their axes meet in one point, then measure again."
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the rails apart; theta (..., 3) [mm]."""
@@ -97,6 +95,7 @@ class LegLength(Cause):
     lasting = True
     compensable = True
     instrument = "a calliper on each leg, from joint centre to joint centre"
+    number = MappingProxyType({Orthoglide: "leg_length_mm", LinearDelta: "arm_length_mm"})
     advice = "Measure the legs between their joint centres and enter the mean in the machine file."
     elsewhere = MappingProxyType(
         {
@@ -109,6 +108,11 @@ class LegLength(Cause):
             }
         }
     )
+
+    def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:
+        """What was in excess of other lengths."""
+        stored = before.nominal_rails.lengths - after.nominal_rails.lengths
+        return np.asarray(theta + stored)
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lengthen the legs; theta (..., 3) [mm]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 
 import numpy as np
@@ -13,45 +14,92 @@ from orthoglide_cal.model.plan import Numbers, Plan
 from orthoglide_cal.model.probe_plan import ProbePlan
 
 
+def _zernike(name: str) -> dict[tuple[int, int], float]:
+    """Powers of x and y → coefficient, of Zernike's polynomial "z4_-2": degree 4, angle −2.
+
+    Terms below the second degree are left out: height and tilt are the endstops'.
+    """
+    n, m = map(int, name[1:].split("_"))
+    found: dict[tuple[int, int], float] = {}
+    for k in range((n - abs(m)) // 2 + 1):
+        below = (k, (n + abs(m)) // 2 - k, (n - abs(m)) // 2 - k)
+        radial = (-1) ** k * math.factorial(n - k) / math.prod(map(math.factorial, below))
+        rest = (n - 2 * k - abs(m)) // 2  # r^(n−2k) cos mφ = (x² + y²)^rest · Re (x + iy)^m
+        for p in range(rest + 1):
+            for q in range(m < 0, abs(m) + 1, 2):
+                sign = math.comb(rest, p) * math.comb(abs(m), q) * (-1) ** (q // 2)
+                powers = 2 * (rest - p) + abs(m) - q, 2 * p + q
+                found[powers] = found.get(powers, 0.0) + radial * sign
+    return {powers: value for powers, value in found.items() if sum(powers) > 1}
+
+
 class _Surface(Cause):
     """What rises and falls smoothly over the bed; one unit of each term at its edge.
 
-    A term's name is its formula: "xxy" is x²y.
+    A term's name is its formula: "xxy" is x²y, "z4_2" Zernike's polynomial of degree 4.
     """
 
     stage = Stage.CONTACT
     unit = "mm"
     lasting = True
 
+    def __init__(self) -> None:
+        terms = [
+            _zernike(name) if name[0] == "z" else {(name.count("x"), name.count("y")): 1.0}
+            for name in self.names
+        ]
+        self._powers = sorted({powers for each in terms for powers in each})
+        self._terms = np.array([[each.get(p, 0.0) for p in self._powers] for each in terms])
+
     def contact(
         self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
         x, y, _ = np.moveaxis(where / LinearDelta.require(machine).bed_radius_mm, -1, 0)
-        terms = (
-            effect.theta[..., k, None] * x ** name.count("x") * y ** name.count("y")
-            for k, name in enumerate(self.names)
+        # The first terms alone where fewer are given, as files of old have them.
+        sizes = effect.theta @ self._terms[: effect.theta.shape[-1]]
+        shape = sum(
+            sizes[..., k, None] * x**across * y**along
+            for k, (across, along) in enumerate(self._powers)
         )
-        return np.asarray(heights + ~ProbePlan.require(plan).distance * sum(terms))
+        return np.asarray(heights + ~ProbePlan.require(plan).distance * shape)
+
+
+_TERMS = (
+    *("xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy"),
+    *(f"z{n}_{m}" for n in (4, 5, 6) for m in range(-n, n + 1, 2)),
+)
+
+
+def _falling(share: float, above: int = 2) -> tuple[float, ...]:
+    """Plausible size of each term, in those of low degrees: less by a share per degree above."""
+    degrees = (int(name[1]) if name[0] == "z" else len(name) for name in _TERMS)
+    return tuple(share ** max(degree - above, 0) for degree in degrees)
 
 
 class BedShape(_Surface):
-    """A smooth surface, of second and third degree; tilt and height are the endstops'."""
+    """A smooth shape; tilt and height are the endstops'.
+
+    A Gaussian process of fixed rank: independent terms that are the smaller the finer they are. The
+    data choose by how much, which is its length scale.
+    """
 
     id = "bed_shape"
-    title = "the bed is not flat"
+    title = "the heights follow a smooth shape over the bed"
     sizes = MappingProxyType({LinearDelta: 0.1})
     size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
-    names = ("xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy")
+    names = _TERMS
+    shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
     instrument = "a straight edge and feeler gauges on the bed"
     advice = (
-        "Lay a straight edge on the bed, or turn the plate by a third and probe again: what turns"
-        " with it is its own shape. A bed mesh follows it; it is no error of the machine's motion."
+        "A bed mesh follows it. Touches of one height do not show what makes it (the bed, leaning"
+        " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"
+        " third and probe again (what turns with it is its own shape), or probe on blocks."
     )
 
 
 class ProbeTilt(_Surface):
-    """The effector tilts as it moves, and a probe beside the nozzle rises or falls with it."""
+    """The effector tilts as it moves, and a probe next to the nozzle rises or falls with it."""
 
     id = "probe_tilt"
     title = "the probe tilts with the effector"

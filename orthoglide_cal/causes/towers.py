@@ -74,6 +74,7 @@ class TowerRadius(Cause):
     names = ("a", "b", "c")
     lasting = True
     instrument = "a rule from the middle of the bed to each rail"
+    number = MappingProxyType({LinearDelta: "delta_radius_mm"})
     advice = (
         "Measure the corners of the frame; where the firmware has a radius for each tower, enter"
         " them there."

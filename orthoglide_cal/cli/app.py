@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import io
 import os
@@ -11,13 +12,16 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.exceptions import TyperException
 
 from orthoglide_cal import __version__
+from orthoglide_cal.cli import common
 from orthoglide_cal.cli.apply import apply
-from orthoglide_cal.cli.common import NoColour, PlainCommand, forget, leave_closed, tell_error
+from orthoglide_cal.cli.common import NoColour, PlainCommand, leave_closed
 from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.guide import guide
+from orthoglide_cal.cli.history import history
 from orthoglide_cal.cli.machine import machine
 from orthoglide_cal.cli.measure import INTERRUPTED, measure
 from orthoglide_cal.cli.paper import paper
@@ -29,8 +33,10 @@ from orthoglide_cal.cli.start import start
 from orthoglide_cal.cli.template import template
 from orthoglide_cal.cli.validate import validate
 from orthoglide_cal.cli.verify import verify
-from orthoglide_cal.errors import InputError, OrthocalError
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 
+# For terminals that have no other signs.
+_ASCII = {"−": "-", "–": "-", "±": "+/-", "→": "->", "µ": "u", "σ": "s", "·": ".", "✔": "+"}
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -38,12 +44,23 @@ class _Commands(TyperGroup):
     """Errors of the package end a command with their own exit code."""
 
     def invoke(self, ctx: Any) -> Any:
-        forget()
+        common.forget()
+        as_json = "--json" in ctx.args
         try:
             return super().invoke(ctx)
         except OrthocalError as error:
-            tell_error(error)
+            if as_json:
+                given = ctx.obj or {}
+                path = given.get("file") or given.get("session") or getattr(error, "file", None)
+                common.print_error(str(error), None if path is None else str(path))
+            else:
+                common.tell_error(error)
             raise typer.Exit(error.exit_code) from error
+        except TyperException as error:
+            if not as_json or not hasattr(error, "format_message"):
+                raise
+            common.print_error(error.format_message(), None)
+            raise typer.Exit(UsageError.exit_code) from error
         except BrokenPipeError:
             leave_closed(sys.stdout)
             raise typer.Exit from None
@@ -81,21 +98,29 @@ def _orthocal(
 
 
 for command in (
-    measure, solve, diagnose, plan, apply, verify, report, export, simulate, validate, paper,
-    template, guide,
+    measure, solve, diagnose, plan, apply, verify, history, report, export, simulate, validate,
+    paper, template, guide,
 ):  # fmt: skip
     app.command(cls=PlainCommand)(command)
 app.add_typer(machine, name="machine")
+
+
+def _in_ascii(error: UnicodeError) -> tuple[str, int]:
+    """What a terminal without such characters shows: never a "?" for a sign."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    missing = error.object[error.start : error.end]
+    return "".join(_ASCII.get(each, "?") for each in missing), error.end
 
 
 def main() -> None:
     """Entry point of the `orthocal` program."""
     # All matrices here are small: threads of the linear algebra only get in each other's way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    codecs.register_error(_in_ascii.__name__, _in_ascii)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # A terminal without Greek letters shows a question mark instead of failing.
-            stream.reconfigure(errors="replace")
+            stream.reconfigure(errors=_in_ascii.__name__)
     try:
         try:
             app()

@@ -1,9 +1,11 @@
-"""`orthocal apply`: what was entered in the controller, recorded in the machine file."""
+"""`orthocal apply`: what goes into the controller, written there if wanted, and recorded."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,83 +14,184 @@ import typer
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, argument, flag, option
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.errors import UsageError, command
+from orthoglide_cal.errors import OrthocalError, UsageError, command
 
 if TYPE_CHECKING:
-    from orthoglide_cal.files import StoredMachine
+    from orthoglide_cal.files.controller_file import ControllerFile
     from orthoglide_cal.results import Application
+
+LIVE = (
+    "A LinuxCNC that holds the same offsets runs on this computer. Set them there, too, so that"
+    " homing again is enough"
+)
+RESTART = "The firmware reads its file when it starts. Restart it now"
 
 
 def apply(
     session: Annotated[
         Text,
         argument(
-            "SESSION", "The session, or table, whose offsets were entered; --undo needs none."
+            "SESSION", "Session or readings whose offsets are entered. Not needed for --undo."
         ),
     ] = None,
     machine: Annotated[
         File,
         option(
-            "FILE", "Machine file to record it in; without it the one in this folder.", "--machine"
+            "FILE", "Machine file to record it in. Default: the one in this folder.", "--machine"
         ),
     ] = None,
-    yes: Annotated[bool, flag("--yes", "Do not ask.")] = False,
+    to: Annotated[
+        Text,
+        option(
+            "CONTROLLER",
+            "Also write them to the controller: LinuxCNC's INI, Klipper's printer.cfg, or"
+            " http://HOST[:PORT] of a Moonraker server.",
+        ),
+    ] = None,
+    data: common.Data = None,
+    rule_out: common.RuleOut = None,
+    yes: Annotated[bool, flag("--yes", "Answer yes to every question.")] = False,
     undo: Annotated[
-        bool, flag("--undo", "Take the last entry back: offsets and history as before it.")
+        bool,
+        flag("--undo", "Take the last entry back. With --to also restore the controller's file."),
     ] = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Record in the machine file that the offsets of a session are in the controller now."""
-    from orthoglide_cal.files import read_input, read_machine_file, write_text
+    """Record what was entered in the controller, or enter it (--to)."""
+    from orthoglide_cal.files import read_input
+    from orthoglide_cal.files.controller_file import controller_file
+    from orthoglide_cal.files.moonraker import is_address, restart
     from orthoglide_cal.report.documents.application import application_document
     from orthoglide_cal.results import take_back
 
     if session is None and not undo:
-        raise UsageError("Nothing says which offsets were entered.", "Name the session.")
-    if yes and undo:
-        raise UsageError("--yes and --undo do not go together.", "Give one of them.")
-    ask = not (yes or undo)
-    if ask and not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UsageError("`apply` asks before it records anything.", "In a script, give --yes.")
+        raise UsageError("It is not clear which offsets were entered.", "Name the session.")
+    if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError("`apply` asks before it changes anything.", "In a script, give --yes.")
 
     def judge(path: str) -> None:
-        target = common.own_machine_file(machine)
-        file = common.read_machine_file(target)
+        controller = controller_file(to) if to else None
         if undo:
+            file = common.read_machine_file(common.own_machine_file(machine))
             source = read_input(path, file.model).measured.source if path else None
-            found = take_back(file, source.sha256 if source else None)
+            found = take_back(file, source.sha256 if source else None, controller)
         else:
-            found = _entered(path, machine, file)
+            found = _entered(path, machine, data, controller, rule_out)
         document = application_document(found, path)
         if not json:
             common.deliver(document)
-        if ask and not typer.confirm(
-            f"Are these values in the controller now? Record them in {target}", err=True
-        ):
-            common.tell("Nothing was recorded.")
+
+        def agrees(question: str) -> bool:
+            return yes or typer.confirm(question, err=True)
+
+        target = found.file.document.path
+        controller = found.controller
+        if controller is not None:
+            question = f"Write this to {controller.target}, and record it in {target}"
+        else:
+            what = "Take them back" if undo else "Record them"
+            question = f"Does the controller hold these values now? {what} in {target}"
+        if not agrees(question):
+            common.tell("Nothing was changed.")
             return
-        if read_machine_file(target).document.sha256 != file.document.sha256:
-            raise UsageError(f"{target} was changed meanwhile.", "Give the command again.")
-        write_text(target.resolve(), found.text, overwrite=True)
+        live = controller is not None and _runs_here(controller)
+        if live and undo:
+            live = found.entry.written is not None and found.entry.written.live
+        elif live and (live := agrees(LIVE)):
+            found = found.live()
+        _write(found, live)
         if json:
-            common.deliver(document, as_json=True)
+            common.deliver(application_document(found, path), as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
+        if live:
+            common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
+        if controller and is_address(controller.target) and agrees(RESTART):
+            restart(controller.target)
+            common.tell("The firmware restarts. Home (G28) and probe a new mesh.")
 
     common.for_each([session or ""], judge, as_json=json)
 
 
-def _entered(path: str, machine: Path | None, file: StoredMachine) -> Application:
-    """The offsets of a session, if they may be used. Raises UsageError, UnusableResultError."""
-    from orthoglide_cal.files import read_input
+def _runs_here(controller: ControllerFile) -> bool:
+    """Whether a LinuxCNC that runs on this computer holds what its INI holds."""
+    from orthoglide_cal.files.halcmd import live_offsets
+
+    held = tuple(float(each.text) for each in controller.settings.values())
+    return controller.adds and live_offsets() == held
+
+
+def _write(found: Application, live: bool) -> None:
+    """Write the record, then the controller's file; what is taken back, in the other order.
+
+    So the record never lacks what a controller holds, whenever the program is killed.
+    """
+    from orthoglide_cal.files import read_machine_file, write_text
+    from orthoglide_cal.files.controller_file import controller_file, write_controller_file
+    from orthoglide_cal.files.halcmd import set_live_offsets
+
+    path = Path(found.file.document.path)
+    if path.exists() and read_machine_file(path).document.sha256 != found.file.document.sha256:
+        raise UsageError(f"{path} was changed meanwhile.", "Give the command again.")
+
+    write = partial(write_text, path.resolve(), overwrite=True)
+    if not found.undone:
+        write(found.text)
+    if found.controller is not None:
+        try:
+            write_controller_file(found.controller, found.data)
+        except OrthocalError:
+            if not found.undone:
+                write(found.file.document.text)
+            raise
+        if live:
+            settings = controller_file(found.controller.target).settings
+            set_live_offsets([each.text for each in settings.values()])
+    if found.undone:
+        write(found.text)
+
+
+def _entered(
+    path: str,
+    machine: Path | None,
+    data: common.Stored | None,
+    controller: ControllerFile | None,
+    rule_out: Sequence[str] | None,
+) -> Application:
+    """The parameters of a measurement, if they may be used.
+
+    Raises:
+        UsageError: there is no machine file, or they cannot be recorded there.
+        UnusableResultError: they must not be used.
+    """
+    from orthoglide_cal.files import (
+        default_machine,
+        machine_in_folder,
+        new_machine_file,
+        read_input,
+    )
+    from orthoglide_cal.report.case import SETTLED
+    from orthoglide_cal.report.firmware import values_of
     from orthoglide_cal.results import apply as application
 
+    of_printer = controller is not None and not controller.adds
+    at = machine or (machine_in_folder(Path()) if of_printer else common.own_machine_file(None))
+    file = common.read_machine_file(common.own_machine_file(at)) if at else None
+    own = read_input(path, otherwise=lambda: file.model if file else default_machine())
+    file = file or new_machine_file(own.model)
     known = file.model.machine
-    if known.keeps_itself:
+    if known.keeps_itself and controller is None:
         options = f"--format {known.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
-        raise UsageError(known.keeps_itself, f"See what to give it: {shown}")
-    own = read_input(path)
-    case = released(path, machine).case
+        written = command("apply", path, machine=machine, options="--to printer.cfg")
+        raise UsageError(
+            known.keeps_itself, f"See what to give it: {shown}; or write it: {written}"
+        )
+    export = released(path, machine, data=data, rule_out=rule_out)
+    case = export.case
+    if case.answer.release.settled:
+        raise UsageError(f"{SETTLED}.", "Leave everything as it is.")
+    values = values_of(export).by_name if known.keeps_itself else None
+    now = datetime.now().astimezone()
     measured_on = own.model if own.is_session else None
-    return application(case.given, case.answer, file, datetime.now().astimezone(), measured_on)
+    return application(case.given, case.answer, file, now, measured_on, controller, values)

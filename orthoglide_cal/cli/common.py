@@ -29,7 +29,7 @@ from orthoglide_cal.errors import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orthoglide_cal.files import Input, StoredMachine
+    from orthoglide_cal.files import Input, PrinterFile, StoredMachine
     from orthoglide_cal.model import Model, Source
     from orthoglide_cal.planning.steps import MeasuringProtocol
     from orthoglide_cal.report.document import Document
@@ -44,14 +44,19 @@ class PlainCommand(TyperCommand):
     """Options hold plain numbers: `float` would take nan, inf and 1e300."""
 
     def get_params(self, ctx: Any) -> Any:
-        parameters = super().get_params(ctx)
+        parameters: Any = super().get_params(ctx)
         for each in parameters:
-            if each.param_type_name == "argument":
-                # The help would call files `<list[str]>`.
-                vars(each).update(display_type_rich=lambda ctx: "")
+            # The help would call files `<list[str]>`, and a choice `<this|that>`.
+            shown = "" if each.param_type_name == "argument" else each.display_type_rich(ctx)
+            vars(each).update(
+                display_type_rich=lambda ctx, shown=shown: (shown or "").strip("<>"),
+                # It would say `[1<=x<=50]`: the help text has the limits in words.
+                _get_number_range_help_str=lambda: None,
+            )
         return parameters
 
     def invoke(self, ctx: Any) -> Any:
+        ctx.find_root().obj = ctx.params
         for parameter in self.params:
             given = ctx.params.get(parameter.name or "")
             for value in given if isinstance(given, tuple) else (given,):
@@ -84,12 +89,12 @@ def flag(name: str, help: str) -> object:
     return typer.Option(name, help=help)
 
 
-def argument(metavar: str, help: str) -> object:
-    """What stands without a name."""
-    return typer.Argument(metavar=metavar, help=help, show_default=False)
+def argument(metavar: str, help: str, complete: Callable[[str], list[str]] | None = None) -> object:
+    """What stands without a name; `complete` lists what may follow what was typed of it."""
+    return typer.Argument(metavar=metavar, help=help, show_default=False, autocompletion=complete)
 
 
-MEASURED = "Readings or differences (CSV), a session (YAML), or a delta's printer.cfg"
+MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
 # What may be left out.
 Text = str | None
 Texts = list[str] | None
@@ -102,8 +107,8 @@ MachineFile = Annotated[
     File,
     option(
         "FILE",
-        "Machine file; without it the session's own machine, or the one file of a machine in this"
-        " folder, or the prototype.",
+        "Machine file. Default: the machine in the session, or the machine file in this folder, or"
+        " the paper's prototype.",
         "--machine",
     ),
 ]
@@ -111,51 +116,64 @@ MethodName = Annotated[
     Text,
     option(
         "NAME",
-        "single, single-sequential, six-linear, twelve-linear, six, twelve or readings; without it"
+        "single, single-sequential, six-linear, twelve-linear, six, twelve or readings. Default:"
         " the best one for the data.",
         "--method",
     ),
 ]
 Data = Annotated[
     Stored | None,
-    option(None, "What of a printer.cfg is meant; without it the calibration if it stores one."),
+    option(None, "Which data of a printer.cfg to use. Default: the calibration, if there is one."),
 ]
-Cycles = Annotated[Count, option("N", "Repeats of the postures (3).", min=1, max=50)]
-Gauges = Annotated[Count, option("N", "Gauges read side by side (2; single: 1).", min=1, max=2)]
+Cycles = Annotated[Count, option("N", "Number of cycles, 1 to 50. Default: 3.", min=1, max=50)]
+Gauges = Annotated[
+    Count, option("N", "Gauges in use, 1 or 2. Default: 2; single: 1.", min=1, max=2)
+]
 Protocol = Annotated[
-    Literal["double", "single"] | None, option(None, "Double-posture (the default) or single.")
+    Literal["double", "single"] | None,
+    option(None, "Protocol: double-posture (default) or single-posture."),
 ]
 Design = Annotated[
-    Literal["best"] | None, option(None, "The fewest readings for the offsets; faults show less.")
+    Literal["best"] | None,
+    option(
+        None, "The design with the fewest readings for the offsets; it shows faults less clearly."
+    ),
 ]
 Order = Annotated[
     Literal["paper", "fewest-moves"] | None,
-    option(None, "The paper's order (the default) or fewer gauge moves."),
+    option(None, "Order of the readings: the paper's (default), or with fewer moves of the gauge."),
 ]
 Applied = Annotated[
     Offsets | None,
     option(
         "DX DY DZ",
-        "What was added to the controller's offsets between the two [mm]; without it what the"
-        " sessions or the machine file record.",
+        "What was added to the controller's offsets between the two sessions, mm. Default: what"
+        " the sessions or the machine file record.",
     ),
 ]
 Limit = Annotated[
-    Number, option("MM", "Largest deviation allowed in any difference: pass, fail or undecided.")
+    Number,
+    option("MM", "Largest permitted deviation of any difference; decides pass, fail or undecided."),
+]
+RuleOut = Annotated[
+    Texts,
+    option("CAUSE", "A fault that you looked for and that is not there; may be given repeatedly."),
 ]
 Target = Annotated[
-    File, option("FILE", "Write there; an existing file is not touched.", "--output", "-o")
+    File, option("FILE", "File to write. An existing file is never overwritten.", "--output", "-o")
 ]
 HtmlFile = Annotated[
-    File, option("FILE", "Write one HTML page that needs nothing else; - is standard output.")
+    File, option("FILE", "Write one HTML page that needs no other files; - is standard output.")
 ]
 MarkdownFile = Annotated[File, option("FILE", "Write Markdown; - is standard output.")]
-Overwrite = Annotated[bool, flag("--overwrite", "Replace a file that this command wrote before.")]
-WithDetails = Annotated[bool, flag("--details", "Everything; without it one screen.")]
-AsJson = Annotated[bool, flag("--json", "JSON: one object for each file, one per line.")]
+Overwrite = Annotated[bool, flag("--overwrite", "Replace a page that orthocal wrote before.")]
+WithDetails = Annotated[bool, flag("--details", "Show everything. Default: one screen.")]
+AsJson = Annotated[bool, flag("--json", "Print JSON: one object for each file, one per line.")]
 NoColour = Annotated[
     bool,
-    typer.Option("--no-color", help="No colours (as NO_COLOR does).", callback=_switch_colour_off),
+    typer.Option(
+        "--no-color", help="No colours; NO_COLOR does the same.", callback=_switch_colour_off
+    ),
 ]
 
 
@@ -164,7 +182,7 @@ def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringPro
     from orthoglide_cal.planning.steps import MeasuringProtocol
 
     if design and protocol:
-        raise UsageError("--design is a protocol of its own.", "Leave out --protocol.")
+        raise UsageError("--design and --protocol exclude each other.", "Leave out --protocol.")
     if design:
         return MeasuringProtocol.BEST
     return MeasuringProtocol(f"{protocol}-posture") if protocol else None
@@ -188,19 +206,38 @@ def for_each(
         except OrthocalError as error:
             code = error.exit_code
             if as_json:
-                print_json({"input": {"path": path}, "error": str(error)})
+                print_error(str(error), path)
             else:
                 tell_error(error, path)
         worst = max(worst, code)
     raise typer.Exit(worst)
 
 
-def read_input(path: str, machine_file: Path | None = None, data: Stored | None = None) -> Input:
-    """What was measured at `path` ("-": standard input), judged by the machine of --machine."""
+def read_input(
+    path: str,
+    machine_file: Path | None = None,
+    data: Stored | None = None,
+    rule_out: Sequence[str] | None = None,
+) -> Input:
+    """What was measured at `path` ("-": standard input), judged by the machine of --machine.
+
+    `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
+    """
     from orthoglide_cal import files
 
-    given = files.read_input(path, given_machine(machine_file), folder_machine, data)
+    if rule_out:
+        from orthoglide_cal.causes import CAUSES
+
+        for id in rule_out:
+            if id not in CAUSES:
+                raise UsageError(
+                    f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}."
+                )
+
+    given = files.read_input(path, known_machine(machine_file), folder_machine, data)
     require_printer(given.measured.source, data)
+    known = tuple(sorted(set(rule_out or ())))
+    given = replace(given, model=replace(given.model, ruled_out=known))
     try:
         return replace(given, keeper=read_machine_file(own_machine_file(machine_file)))
     except OrthocalError:
@@ -211,7 +248,8 @@ def require_printer(source: Source | None, data: Stored | None) -> None:
     """Refuse --data for a file that stores one measurement only. Raises UsageError."""
     if data is not None and source is not None and source.excerpt is None:
         raise UsageError(
-            f"--data is for a printer.cfg; {file_words(source.path)} is none.", "Leave it out."
+            f"--data is for a printer's file; {file_words(source.path)} is not one.",
+            "Leave it out.",
         )
 
 
@@ -226,17 +264,27 @@ def own_machine_file(machine_file: Path | None) -> Path:
     path = machine_file or machine_in_folder(Path())
     if path is None:
         raise UsageError(
-            "There is no machine file in this folder to record it in.",
+            "There is no machine file in this folder to record the offsets in.",
             "Name it with --machine, or make one: orthocal machine new",
         )
     if str(path) == "-":
-        raise UsageError("Standard input cannot be changed.", "Name a machine file.")
+        raise UsageError("Nothing can be recorded in standard input.", "Name a machine file.")
     if path.resolve().parent == shipped_folder().resolve():
         raise UsageError(
             f"{path} comes with the program and is never changed.",
             "Make one for your machine: orthocal machine new",
         )
     return path
+
+
+def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
+    """The machine of --machine, or the settings of a printer's firmware."""
+    from orthoglide_cal.files import printer_settings
+
+    settings = None
+    if machine_file is not None and str(machine_file) != "-":
+        settings = printer_settings(machine_file)
+    return settings or given_machine(machine_file)
 
 
 def given_machine(machine_file: Path | None) -> Model | None:
@@ -275,8 +323,8 @@ def folder_machine() -> Model:
     if model is None and sys.stderr.isatty():
         # A script that has always worked with the prototype needs no reminder.
         tell(
-            "No machine file is named, and there is none in this folder: the numbers of the"
-            " paper's prototype are used. Make yours: orthocal machine new"
+            "No machine file is named, and this folder has none: the numbers of the paper's"
+            " prototype are used. Make a file for your machine: orthocal machine new"
         )
     return model or default_machine()
 
@@ -294,18 +342,26 @@ def deliver(
     html: Path | None = None,
     markdown: Path | None = None,
     overwrite: bool = False,
+    details: bool = True,
 ) -> None:
     """Show a document on standard output, as text or as JSON, or write the files asked for.
+
+    Text without `details` is one screen where the document has one.
 
     Raises:
         UsageError: a file exists and may not be replaced: only one that this wrote may ever be.
     """
     if as_json and (html is not None or markdown is not None):
-        raise UsageError("--json is a result of its own.", "Leave out --html and --markdown.")
+        raise UsageError(
+            "--json cannot be combined with a page.", "Leave out --html and --markdown."
+        )
     if as_json:
         print_json(document.data())
         return
-    page = document.page()
+    if not details and document.screen and html is None and markdown is None:
+        page = document.screen()
+    else:
+        page = document.page()
     if html is None and markdown is None:
         from orthoglide_cal.report.terminal import TerminalPage
 
@@ -344,6 +400,11 @@ def print_json(value: Mapping[str, object]) -> None:
     import json
 
     print(json.dumps(value, allow_nan=False, ensure_ascii=False), flush=True)
+
+
+def print_error(message: str, path: str | None) -> None:
+    """An error as the JSON object that takes the place of a result; None: of no input."""
+    print_json({"input": None if path is None else {"path": path}, "error": message})
 
 
 def console(*, stderr: bool = False) -> Console:

@@ -1,4 +1,4 @@
-"""`orthocal diagnose`: what the simulation gets wrong, by which cause, and what to do."""
+"""`orthocal diagnose`: what the offsets do not explain, its cause, and what to do."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import File, Offsets, Text, option
+from orthoglide_cal.cli.common import File, Offsets, Text, flag, option
 from orthoglide_cal.errors import OrthocalError, UsageError
 
 
@@ -15,22 +15,41 @@ def diagnose(
     files: common.Files,
     machine: common.MachineFile = None,
     data: common.Data = None,
-    holdout: Annotated[Text, option("FILE", "Later readings that no fit may see.")] = None,
+    rule_out: common.RuleOut = None,
+    holdout: Annotated[
+        Text, option("FILE", "Later readings to predict; they are not fitted.")
+    ] = None,
     applied: Annotated[
         Offsets | None,
-        option("DX DY DZ", "Offsets entered in the controller before the held-out readings [mm]."),
+        option("DX DY DZ", "Offsets entered in the controller before the held-out readings, mm."),
     ] = None,
+    recalibrated: Annotated[
+        bool,
+        flag("--recalibrated", "The machine was calibrated again before the held-out readings."),
+    ] = False,
+    together: Annotated[
+        bool,
+        flag(
+            "--together",
+            "Take all files as dates of one printer, the latest last; one answer for all.",
+        ),
+    ] = False,
     accept: Annotated[
-        Text, option("CAUSE", "Make this cause part of the machine, in a new machine file.")
+        Text, option("CAUSE", "Make this cause part of the machine and write a new machine file.")
     ] = None,
     to: Annotated[
-        File, option("FILE", "The new machine file of --accept; never overwritten.", "--output")
+        File,
+        option(
+            "FILE",
+            "New machine file of --accept. An existing file is never overwritten.",
+            "--output",
+        ),
     ] = None,
     details: common.WithDetails = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Name what the model leaves out, how sure that is, and what it gains to know it."""
+    """Find what else is wrong, how sure that is, and what to do."""
     import numpy as np
 
     from orthoglide_cal import diagnosis
@@ -38,13 +57,17 @@ def diagnose(
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
-    from orthoglide_cal.results import answer_to
+    from orthoglide_cal.results import answer_to, with_dates
 
+    if recalibrated and holdout is None:
+        raise UsageError("--recalibrated goes with --holdout.", "Name the later readings.")
+    if together and len(files) < 2:
+        raise UsageError("--together needs several files.", "Name each date, the latest last.")
     if applied is not None and holdout is None:
         raise UsageError("--applied goes with --holdout.", "Name the later readings.")
     if [*files, holdout].count("-") > 1 or (holdout == "-" and len(files) > 1):
         raise UsageError("Standard input can be read only once.", "Name a file instead.")
-    if accept is not None and len(files) != 1:
+    if accept is not None and len(files) != 1 and not together:
         raise UsageError("--accept goes with one file.", "Name the readings to identify it from.")
     if to is not None and accept is None:
         raise UsageError("--output goes with --accept.", "Name the cause to accept.")
@@ -53,8 +76,12 @@ def diagnose(
     full = details or json
 
     def judge(path: str) -> int:
-        given = common.read_input(path, machine, data)
-        later = written.read_input(holdout, given.model, stored=data) if holdout else None
+        inputs = files if together else [path]
+        dates = [common.read_input(each, machine, data, rule_out) for each in inputs]
+        given = written.together(dates) if together else dates[0]
+        named = common.known_machine(machine) if holdout else None
+        by = named if isinstance(named, written.PrinterFile) else given.model
+        later = written.read_input(holdout, by, stored=data) if holdout else None
         diagnosed = diagnosis.diagnose(
             given.measured,
             given.model,
@@ -62,9 +89,14 @@ def diagnose(
             applied=np.array(applied or (0.0, 0.0, 0.0)),
             then=later.model if later else None,
             sensitivity=full,
+            recalibrated=True if recalibrated else None,
         )
         found = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full)
-        common.deliver(diagnosis_document(Case(given, found, machine)), as_json=json)
+        if together:
+            found = with_dates(found, diagnosed, dates)
+        common.deliver(
+            diagnosis_document(Case(given, found, machine)), as_json=json, details=details
+        )
         if accept is None:
             return 0
         stem = machine.stem if machine else "machine"
@@ -78,7 +110,7 @@ def diagnose(
             common.tell_error(error, path)
             return error.exit_code
         go_on = Case(given, found, target).typed("report")
-        common.tell(f"{accept} is now part of {target}. Go on with:\n  {go_on}")
+        common.tell(f"{accept} is now part of {target}. Continue with:\n  {go_on}")
         return 0
 
-    common.for_each(files, judge, as_json=json)
+    common.for_each(files[-1:] if together else files, judge, as_json=json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -21,22 +22,30 @@ def export(
         Format,
         option(
             None,
-            "table: joint corrections over the workspace, for causes that were accepted; klipper,"
-            " reprapfirmware, marlin: the lines of a printer's firmware; without it text.",
+            "text (default); linuxcnc: lines of its INI; table: joint corrections over the"
+            " workspace, for accepted causes; klipper, reprapfirmware, marlin: lines for a"
+            " printer's firmware.",
         ),
     ] = "text",
     target: common.Target = None,
     machine: common.MachineFile = None,
     data: common.Data = None,
+    rule_out: common.RuleOut = None,
     method: common.MethodName = None,
     force: Annotated[
-        bool, flag("--force", "Export what must not be used; it is marked as forced.")
+        bool,
+        flag(
+            "--force",
+            "Export although the result must not be used. Every line is marked as FORCED.",
+        ),
     ] = False,
-    points: Annotated[int, option("N", "Points of the table along each edge of the cube (7).")] = 7,
+    points: Annotated[
+        int, option("N", "Points of the table along each edge of the workspace. Default: 7.")
+    ] = 7,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Write the new offsets for the controller, if they may be used."""
+    """Print the new offsets for the controller, if released."""
     from orthoglide_cal.files import write_text
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
@@ -46,7 +55,9 @@ def export(
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
 
     def judge(path: str) -> None:
-        found = released(path, machine, method, force, data=data, format=format, details=json)
+        found = released(
+            path, machine, method, force, data=data, format=format, details=json, rule_out=rule_out
+        )
         case = found.case
         if format == "table":
             text = controller.as_table(compensation(case.given.model, points), found)
@@ -75,6 +86,7 @@ def released(
     data: common.Stored | None = None,
     format: Format = "text",
     details: bool = False,
+    rule_out: Sequence[str] | None = None,
 ) -> Export:
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
@@ -87,7 +99,7 @@ def released(
     from orthoglide_cal.report.controller import Export
     from orthoglide_cal.results import answer_to, identify
 
-    given = common.read_input(path, machine, data)
+    given = common.read_input(path, machine, data, rule_out)
     known = given.model.machine
     others = {each: kind for kind, other in MACHINES.items() for each in other.controller_formats}
     if format in others and format not in known.controller_formats:
@@ -99,10 +111,15 @@ def released(
     answer = answer_to(given, method, details=details)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
-        remedies = [*case.remedy_lines()]
+        remedies = [
+            f"{each.sentence} {case.remedied(each) or ''}".rstrip()
+            for each in case.answer.release.remedies
+        ]
         if force is not None and answer.parameters:
-            remedies.append("To export all the same, marked as forced: --force")
+            remedies.append("To export it anyway, marked as FORCED: --force")
         raise UnusableResultError(
-            f"Export refused. {' '.join(answer.release.reasons)}", "\n".join(remedies)
+            f"{'Nothing is recorded' if force is None else 'Export refused'}."
+            f" {' '.join(answer.release.reasons)}",
+            "\n".join(remedies),
         )
     return Export(case, identify([(given.measured.source, given.model)], answer.method))

@@ -13,13 +13,27 @@ from orthoglide_cal.errors import UsageError
 _WIDEST = 100
 
 
+def _pages() -> dict[str, Path]:
+    """The pages of the manual by their plain names."""
+    from importlib.resources import files
+
+    folder = Path(str(files("orthoglide_cal") / "guide"))
+    return {_plain(path.stem): path for path in sorted(folder.rglob("*.md"))}
+
+
+def _topics(incomplete: str) -> list[str]:
+    """Names of pages that begin so, for the shell."""
+    return [path.stem for path in _pages().values() if path.stem.startswith(incomplete)]
+
+
 def guide(
     topic: Annotated[
-        Texts, argument("TOPIC", "A topic, or a cause by its id; without it the list of them.")
+        Texts,
+        argument("TOPIC", "Topic, or id of a cause. Default: the list of topics.", _topics),
     ] = None,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Show a page of the manual; into a pipe, as Markdown."""
+    """Show a page of the manual; in a pipe, as Markdown."""
     text = _page(" ".join(topic or ["index"])).read_text(encoding="utf-8")
     console = common.console()
     if not console.is_terminal:
@@ -37,11 +51,8 @@ def guide(
 def _page(topic: str) -> Path:
     """The file of a topic, however it is written. Raises UsageError, with the nearest names."""
     from difflib import get_close_matches
-    from importlib.resources import files
 
-    folder = Path(str(files("orthoglide_cal") / "guide"))
-    pages = {_plain(path.stem): path for path in sorted(folder.rglob("*.md"))}
-    wanted = _plain(topic)
+    pages, wanted = _pages(), _plain(topic)
     if wanted in pages:
         return pages[wanted]
     # A word of a name is as near as a slip of the finger.

@@ -26,42 +26,54 @@ machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=
 @machine.command(cls=common.PlainCommand)
 def new(
     target: Annotated[
-        Path, option("FILE", "File to write (machine.yaml); never overwritten.", "--output", "-o")
+        Path,
+        option(
+            "FILE",
+            "File to write. Default: machine.yaml. An existing file is never overwritten.",
+            "--output",
+            "-o",
+        ),
     ] = Path("machine.yaml"),
     kind: Annotated[
-        str, option("KIND", "Kind of machine: orthoglide (the default) or linear_delta.")
+        str, option("KIND", "Kind of machine: orthoglide (default) or linear_delta.")
     ] = "orthoglide",
-    name: Annotated[Text, option("NAME", "For people.")] = None,
-    leg_length: Annotated[Number, option("MM", "L.")] = None,
-    width: Annotated[Number, option("MM", "d of a leg.")] = None,
-    tool_offset: Annotated[Number, option("MM", "r, from the legs' ends to the tool.")] = None,
+    name: Annotated[Text, option("NAME", "Name of the machine.")] = None,
+    leg_length: Annotated[
+        Number, option("MM", "Length of a leg (or of a printer's arm) between its joint centres.")
+    ] = None,
+    width: Annotated[Number, option("MM", "Distance between the two bars of a leg.")] = None,
+    tool_offset: Annotated[
+        Number, option("MM", "Distance from the ends of the legs to the tool point.")
+    ] = None,
     limits: Annotated[
         tuple[float, float] | None, option("LOW HIGH", "Travel from the isotropic posture, mm.")
     ] = None,
-    workspace: Annotated[Number, option("MM", "Edge of the workspace.")] = None,
+    workspace: Annotated[
+        Number, option("MM", "Edge of the cube in which errors are shown.")
+    ] = None,
     resolution: Annotated[Number, option("MM", "One division of the gauge.")] = None,
-    range_: Annotated[Number, option("MM", "Travel of its plunger.", "--range")] = None,
+    range_: Annotated[Number, option("MM", "Travel of the gauge's plunger.", "--range")] = None,
     revolution: Annotated[
-        Number, option("MM", "One turn of its dial; 0 for a gauge without one.")
+        Number, option("MM", "One turn of the gauge's dial; 0 if it has no dial.")
     ] = None,
     repeatability: Annotated[Number, option("MM", "Standard deviation of one reading.")] = None,
-    radius: Annotated[Number, option("MM", "Of a linear delta: its delta radius.")] = None,
-    bed_radius: Annotated[Number, option("MM", "Of a linear delta: of its bed.")] = None,
-    endstop: Annotated[Number, option("MM", "Of a linear delta: height of all three.")] = None,
+    radius: Annotated[Number, option("MM", "Linear delta: delta radius.")] = None,
+    bed_radius: Annotated[Number, option("MM", "Linear delta: radius of the bed.")] = None,
+    endstop: Annotated[Number, option("MM", "Linear delta: height of the three endstops.")] = None,
     tolerance: Annotated[
         Texts,
         option(
             "CAUSE=SIZE",
-            "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out; again for others.",
+            "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out. May be repeated.",
         ),
     ] = None,
     yes: Annotated[
-        bool, flag("--yes", "Ask nothing: the prototype's values for all others.")
+        bool, flag("--yes", "Ask nothing: take the prototype's values for what is not given.")
     ] = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Make a machine file: asks what the options leave open."""
+    """Make a machine file. It asks for what no option gives."""
     from orthoglide_cal.files import write_text
     from orthoglide_cal.model.machines import MACHINES
 
@@ -101,25 +113,29 @@ def new(
     except InvalidFileError as error:
         raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in error.problems)) from error
     if not yes:
-        common.tell("Return takes the value in brackets: the prototype's, or in its proportion.")
+        common.tell(
+            "Return takes the value in brackets. It is the prototype's, scaled where that fits."
+        )
         for key, question in asked.items():
             if key not in answers:
                 text = _asked(answers, key, question, target)
         text = _tolerances_asked(answers, target) or text
     write_text(target, text)
     show(target, json)
-    common.tell(f"Written to {target}, with what is plausible on such a machine: look through it.")
+    common.tell(f"Written to {target}, with usual tolerances. Check its values.")
     following = "guide delta" if kind == "linear_delta" else "measure"
     common.tell(f"In this folder every command uses it. Next: orthocal {following}")
 
 
 @machine.command(cls=common.PlainCommand)
 def show(
-    file: Annotated[File, argument("FILE", "Without it the machine file in this folder.")] = None,
+    file: Annotated[
+        File, argument("FILE", "Machine file. Default: the one in this folder.")
+    ] = None,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Show a machine: its numbers, its travel, what is entered and what is known to be wrong."""
+    """Show a machine: its numbers, its travel, active offsets and accepted causes."""
     from orthoglide_cal.files import machine_in_folder
     from orthoglide_cal.report.documents.machine import machine_document
 
@@ -149,10 +165,10 @@ def _tolerances_asked(answers: Answers, target: Path) -> str | None:
     from orthoglide_cal.model.machines import MACHINES
     from orthoglide_cal.words import unit_words
 
-    common.tell("How large an error plausibly is tells `diagnose` what to expect and what not.")
-    if typer.confirm("The usual tolerances", default=True, err=True):
+    common.tell("`diagnose` must know how large each error plausibly is.")
+    if typer.confirm("Take the usual tolerances", default=True, err=True):
         return None
-    common.tell("Return keeps each; 0 rules it out. What they are: orthocal guide causes")
+    common.tell("Return keeps the value; 0 rules the cause out. The causes: orthocal guide causes")
     text = None
     for cause in (each for each in CAUSES.values() if MACHINES[answers["kind"]] in each.sizes):
         key = f"tolerances.{cause.id}"
@@ -208,7 +224,7 @@ def _numbers(said: str, usual: Value) -> float | list[float]:
     values = [parse_number(part, decimal_comma=True) for part in said.split()]
     wanted = len(usual) if isinstance(usual, list) else 1
     if len(values) != wanted:
-        what = "One number is wanted." if wanted == 1 else f"{wanted} numbers are wanted."
+        what = "One number is needed." if wanted == 1 else f"{wanted} numbers are needed."
         raise InputError(what, "Type it as in the brackets.", value=said)
     return values[0] if wanted == 1 else values
 

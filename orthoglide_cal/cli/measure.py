@@ -25,7 +25,7 @@ from orthoglide_cal.cli.common import (
     flag,
     option,
 )
-from orthoglide_cal.errors import UnusableResultError, UsageError, command, visible_lines
+from orthoglide_cal.errors import UnusableResultError, UsageError, command, visible, visible_lines
 from orthoglide_cal.words import Unit
 
 if TYPE_CHECKING:
@@ -40,11 +40,11 @@ def measure(
     session: Annotated[
         File,
         argument(
-            "SESSION.yaml", "Session file to write; without it session.yaml, or the next free name."
+            "SESSION.yaml", "Session file to write. Default: session.yaml, or the next free name."
         ),
     ] = None,
     resume: Annotated[
-        bool, flag("--resume", "Go on with an unfinished session at its next reading.")
+        bool, flag("--resume", "Continue an unfinished session at its next reading.")
     ] = False,
     protocol: common.Protocol = None,
     design: common.Design = None,
@@ -56,7 +56,9 @@ def measure(
             " write a session that holds both.",
         ),
     ] = None,
-    choice: Annotated[Count, option("N", "With --then: which recommendation (1).", min=1)] = None,
+    choice: Annotated[
+        Count, option("N", "With --then: number of the recommendation. Default: 1.", min=1)
+    ] = None,
     cycles: common.Cycles = None,
     order: common.Order = None,
     gauges: common.Gauges = None,
@@ -64,42 +66,63 @@ def measure(
         Texts,
         option(
             "SOURCE",
-            "typed (also keyboard-wedge gauges), simulated, or FORMAT:PORT[@BAUD][#CHANNELS], e.g."
-            " sylvac:/dev/ttyUSB0; twice for two ports. Formats: cdi, mahr, mitutoyo, mux, plain,"
-            " sylvac, uwave.",
+            "Where readings come from: typed (also keyboard-wedge gauges), simulated, or"
+            " FORMAT:PORT[@BAUD][#CHANNELS], such as sylvac:/dev/ttyUSB0. Give it twice for two"
+            " ports. Formats: cdi, mahr, mitutoyo, mux, plain, sylvac, uwave.",
         ),
     ] = None,
-    unit: Annotated[Unit, option(None, "Of readings without one (mm).")] = Unit.MM,
-    until: Annotated[
-        Number, option("MM", "End as soon as every offset is known within this (95 %).")
+    follow: Annotated[
+        Text,
+        option(
+            "CONTROLLER",
+            "linuxcnc[:HOST[:PORT]]: before each reading wait until the machine stands at the"
+            " posture. Needs linuxcncrsh. The machine is never moved.",
+        ),
     ] = None,
-    seed: Annotated[Count, option("N", "Of the simulated gauge's hidden machine.", min=0)] = None,
-    operator: Annotated[Text, option("NAME", "Yours.")] = None,
-    temperature: Annotated[Number, option("C", "Of the room.")] = None,
-    gauge_id: Annotated[Texts, option("ID", "Of the gauge; again for the second.")] = None,
-    certificate: Annotated[Texts, option("NO", "Of its calibration; again for the second.")] = None,
+    unit: Annotated[
+        Unit, option(None, "Unit of readings typed without a unit. Default: mm.")
+    ] = Unit.MM,
+    until: Annotated[
+        Number, option("MM", "End as soon as the U (95 %) of every offset is at most this.")
+    ] = None,
+    seed: Annotated[
+        Count,
+        option("N", "Whole number; it decides which machine the simulated gauge hides.", min=0),
+    ] = None,
+    operator: Annotated[Text, option("NAME", "Your name.")] = None,
+    temperature: Annotated[Number, option("C", "Temperature of the room, degrees Celsius.")] = None,
+    gauge_id: Annotated[
+        Texts, option("ID", "Identity of the gauge. Give it again for the second gauge.")
+    ] = None,
+    certificate: Annotated[
+        Texts, option("NO", "Calibration certificate of the gauge. Give it again for the second.")
+    ] = None,
     machine: common.MachineFile = None,
     offsets_active: Annotated[
         Offsets | None,
         option(
             "DX DY DZ",
-            "Joint offsets that the controller holds now, mm (else those of the machine file,"
-            " which you are asked about).",
+            "Joint offsets that the controller holds now, mm. Default: you are asked, and the"
+            " machine file's are proposed.",
         ),
     ] = None,
-    yes: Annotated[bool, flag("--yes", "Yes to what is asked before the first reading.")] = False,
+    yes: Annotated[
+        bool, flag("--yes", "Answer yes to the questions before the first reading.")
+    ] = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Measure, guided step by step; every reading is saved at once and checked as it comes."""
+    """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal import session as guided
     from orthoglide_cal.cli.keyboard import StandardInput
     from orthoglide_cal.files import machine_in_folder
     from orthoglide_cal.planning.steps import Order
+    from orthoglide_cal.session.standing import follow as following
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
-    labels = list(zip_longest(gauge_id or (), certificate or ()))
+    named = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))
+    labels = list(zip_longest(*named))
     if len(labels) > len(gauge_id or ()):
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
@@ -107,8 +130,8 @@ def measure(
     known = common.given_machine(machine) or (
         None if resume or then else common.remembered_machine()
     )
-    if known is not None and known.machine.probes:
-        raise UsageError("A printer measures itself.", known.machine.vocabulary.probing)
+    if known is not None:
+        known.machine.check_guided()
     request = guided.Request(
         path=session,
         resume=resume,
@@ -127,10 +150,11 @@ def measure(
         seed=seed,
         unit=unit,
         until_mm=until,
-        operator=operator or None,
+        operator=visible(operator) or None if operator else None,
         temperature_c=temperature,
         gauges=tuple(guided.GaugeLabel(id=id, certificate=no or None) for id, no in labels),
     )
+    standing = following(follow) if follow else None
     aside = common.console(stderr=True)
     show = _show_on(aside if json else common.console(), aside)
     with ExitStack() as left, _saved_when_interrupted() as running:
@@ -138,9 +162,10 @@ def measure(
             dialogue = guided.open_session(request, Path(), keyboard, show)
             left.callback(dialogue.close)
             running.append(dialogue)
+            dialogue.standing = standing
             dialogue.greet()
             if resume:
-                dialogue.offer_missing(yes)
+                dialogue.offer_again(yes)
             dialogue.run()
         _finish(dialogue, show, as_json=json)
 
@@ -150,15 +175,12 @@ def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to
-    from orthoglide_cal.session import Style
 
     dialogue.publish()
     given = common.read_input(str(dialogue.path))
     found = answer_to(given, details=as_json)
-    common.deliver(solution_document(Case(given, found)), as_json=as_json)
+    common.deliver(solution_document(Case(given, found)), as_json=as_json, details=False)
     dialogue.reveal(found.parameters)
-    show("How well the model fits this machine:")
-    show(f"  {command('diagnose', str(dialogue.path))}", Style.TITLE)
     if not found.release.usable:
         raise typer.Exit(UnusableResultError.exit_code)
 
@@ -182,10 +204,10 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
         yield running
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
         if not running:
-            _leave("\nNothing was begun.")
+            _leave("\nNo session was started.")
         said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
         again = command("measure", str(running[0].path), options="--resume")
-        _leave(f"{said} Go on with:\n  {again}")
+        _leave(f"{said} Continue with:\n  {again}")
     except OSError as error:
         if error.errno != errno.EIO:
             raise

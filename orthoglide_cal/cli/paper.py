@@ -1,4 +1,4 @@
-"""`orthocal paper`: the paper's tables computed again, beside what was printed."""
+"""`orthocal paper`: the paper's tables computed again, next to the printed values."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ TableName = Literal["1", "3", "4", "5", "accuracy"]
 
 
 def paper(
-    table: Annotated[
-        TableName | None, option(None, "Only this one; without it all of them.")
-    ] = None,
-    seed: Annotated[int, option("N", "Of the noise of Table 3 (1).", min=0)] = 1,
+    table: Annotated[TableName | None, option(None, "Table to print. Default: all.")] = None,
+    seed: Annotated[
+        int, option("N", "Whole number; it decides the noise of Table 3. Default: 1.", min=0)
+    ] = 1,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Reproduce the tables of the paper that the method comes from."""
+    """Reproduce the tables of the paper that describes the method."""
     import numpy as np
 
     from orthoglide_cal.files import default_machine

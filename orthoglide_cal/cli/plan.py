@@ -1,4 +1,4 @@
-"""`orthocal plan`: what a measurement will decide, before it is taken."""
+"""`orthocal plan`: what a measurement will tell, before it is made."""
 
 from __future__ import annotations
 
@@ -16,47 +16,50 @@ if TYPE_CHECKING:
 
 def plan(
     file: Annotated[
-        Text, argument("FILE", f"{MEASURED}: what to measure next beside it is ranked, too.")
+        Text, argument("FILE", f"{MEASURED}. With it, also rank what to measure next.")
     ] = None,
     protocol: common.Protocol = None,
     design: common.Design = None,
     gauges: common.Gauges = None,
     cycles: common.Cycles = None,
     layout: Annotated[
-        Text, option("NAME", "Layout to measure on a printer, as plan lists them.")
+        Text, option("NAME", "Linear delta: name of the layout; plan lists them.")
     ] = None,
     target: Annotated[
-        Number, option("MM", "How sure each offset is to be (95 %): as many cycles as that takes.")
+        Number,
+        option("MM", "U (95 %) to reach for each offset. Finds the number of cycles for it."),
     ] = None,
     program: Annotated[
         File,
         option(
-            "FILE", "Write the postures as a table (.csv) or as G-code (.nc) instead; - shows them."
+            "FILE",
+            "Write the posture program instead, as a table (.csv) or as G-code (.nc); - shows it.",
         ),
     ] = None,
     template: Annotated[
-        File, option("FILE", "Template of the G-code; orthocal template gcode prints one.")
+        File, option("FILE", "Template of the G-code. `orthocal template gcode` prints one.")
     ] = None,
     order: common.Order = None,
     approach: Annotated[
-        Number, option("MM", "Way over which the program's carriages arrive slowly (1).")
+        Number, option("MM", "With --program: length of the slow approach. Default: 1.")
     ] = None,
     travel: Annotated[
         tuple[float, float] | None,
         option(
             "LOW HIGH",
-            "How far the program may drive carriages from the isotropic posture, mm; without it to"
-            " the joint limits of the machine file.",
+            "With --program: limits of the carriages, mm from the isotropic posture. Default: the"
+            " joint limits of the machine file.",
         ),
     ] = None,
     data: common.Data = None,
     machine: common.MachineFile = None,
     html: common.HtmlFile = None,
+    details: common.WithDetails = False,
     overwrite: common.Overwrite = False,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Say what readings will be worth, which causes they can tell apart, and what to read next."""
+    """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.diagnosis import diagnose
     from orthoglide_cal.planning import ranked
     from orthoglide_cal.planning.plan import Wanted, measurement_plan
@@ -69,7 +72,9 @@ def plan(
         raise UsageError("--target finds the number of cycles itself.", "Leave out --cycles.")
     moves = (template, order, approach, travel)
     if program is None and moves != (None,) * 4:
-        raise UsageError("These options are for a program.", "Name its file: --program FILE")
+        raise UsageError(
+            "--template, --approach and --travel need --program.", "Name its file: --program FILE"
+        )
     wanted = Wanted(
         common.measuring_protocol(protocol, design), cycles, gauges or 2, target, layout
     )
@@ -78,7 +83,7 @@ def plan(
     if program is not None:
         if json or html or overwrite or (given and not model.machine.layouts()):
             raise UsageError(
-                "--program writes the program of a protocol alone.",
+                "--program writes nothing but the posture program.",
                 "Leave out --json, --html, --overwrite and FILE.",
             )
         _write_program(model, wanted, machine, program, *moves)
@@ -88,7 +93,7 @@ def plan(
     begun = answer_to(given, diagnosed=diagnosis) if given else None
     source = given.measured.source if given else None
     document = plan_document(found, machine, begun, source)
-    common.deliver(document, as_json=json, html=html, overwrite=overwrite)
+    common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 
 def _write_program(

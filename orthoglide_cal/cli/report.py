@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, Text, argument, option
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import InputError, UnusableResultError, UsageError
+
+if TYPE_CHECKING:
+    from orthoglide_cal.report.case import Case
 
 
 def report(
@@ -15,11 +18,12 @@ def report(
         Text,
         argument(
             "FILE",
-            f"{MEASURED}; without it the latest session in this folder; - is standard input.",
+            f"{MEASURED}; - is standard input. Default: the latest session in this folder.",
         ),
     ] = None,
     machine: common.MachineFile = None,
     data: common.Data = None,
+    rule_out: common.RuleOut = None,
     method: common.MethodName = None,
     html: common.HtmlFile = None,
     markdown: common.MarkdownFile = None,
@@ -27,7 +31,9 @@ def report(
     overwrite: common.Overwrite = False,
     after: Annotated[
         Text,
-        option("FILE", "Measured after the adjustment: shown as left, compared with the promise."),
+        option(
+            "FILE", "Measured after the adjustment: shown as left and compared with the prediction."
+        ),
     ] = None,
     applied: common.Applied = None,
     limit: common.Limit = None,
@@ -38,28 +44,46 @@ def report(
     from orthoglide_cal.report.case import Case, about
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
-    from orthoglide_cal.results.verification import verify
+    from orthoglide_cal.results.verification import holds_touches, verify
 
-    for name, value in (("--applied", applied), ("--limit", limit)):
-        if after is None and value is not None:
-            raise UsageError(f"{name} goes with --after.", "Name the later readings.")
+    if after is None and applied is not None:
+        raise UsageError("--applied goes with --after.", "Name the later readings.")
 
     def judge(path: str) -> int:
-        given, verification = common.read_input(path, machine, data), None
+        cases = [common.read_input(path, machine, data, rule_out)]
+        excerpt = cases[0].measured.source.excerpt
+        for stored in excerpt.also if excerpt and data is None and path != "-" else ():
+            try:
+                cases.append(common.read_input(path, machine, stored, rule_out))
+            except InputError as error:
+                common.tell_error(error, path)  # the rest of the file is judged without it
+        answers = [Case(each, answer_to(each, method, details=True), machine) for each in cases]
+        case, *others = sorted(answers, key=_best_last)
+        given, verification = case.given, None
+        if limit is not None and holds_touches(given.measured):
+            raise UsageError("--limit applies to differences of readings only.", "Leave it out.")
         if after is not None:
             later = common.read_input(after, machine, data)
-            if given.model.machine.probes or later.model.machine.probes:
+            if holds_touches(given.measured):
                 compare = about("verify", given.measured.source, after, machine=machine)
                 raise UsageError(
-                    "A report of a printer is of one file.", f"Compare them: {compare}"
+                    "The report of a printer shows one file.", f"Compare them: {compare}"
                 )
-            verification = verify(given, later, applied, limit)
-        found = answer_to(given, method, details=True)
-        others, options = (verification.inputs, verification.options) if verification else ((), ())
-        own = given.measured.source, given.model
-        identity = identify([own, *others], found.method, *options)
-        document = calibration_document(Case(given, found, machine), identity, verification)
+            verification = verify(given, later, applied, limit).changed(
+                workspace=answer_to(later, details=True).workspace
+            )
+        inputs, options = (verification.inputs, verification.options) if verification else ((), ())
+        options = options or (() if limit is None else (limit,))
+        own = [(each.source, each.given.model) for each in (case, *others)]
+        identity = identify([*own, *inputs], case.answer.method, *options)
+        document = calibration_document(case, identity, verification, others, limit)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
-        return 0 if found.release.usable else UnusableResultError.exit_code
+        return 0 if case.answer.release.usable else UnusableResultError.exit_code
 
     common.for_each([file or str(latest_session(Path()))], judge, as_json=json)
+
+
+def _best_last(case: Case) -> tuple[bool, ...]:
+    """Sorts the worst verdict first."""
+    release = case.answer.release
+    return bool(case.answer.parameters), release.sound, release.usable, not release.cautions

@@ -18,41 +18,47 @@ if TYPE_CHECKING:
 
 def simulate(
     protocol: common.Protocol = None,
-    offsets: Annotated[Offsets, option("DX DY DZ", "True joint offsets, mm (all 0).")] = (
+    offsets: Annotated[Offsets, option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0.")] = (
         0.0,
         0.0,
         0.0,
     ),
     noise: Annotated[
-        Number, option("MM", "Standard deviation of a reading; the gauge's own if not given.")
+        Number,
+        option("MM", "Standard deviation of a reading. Default: that of the machine's gauge."),
     ] = None,
     resolution: Annotated[
-        Number, option("MM", "Smallest step of the gauge; 0: none; the gauge's own if not given.")
+        Number,
+        option("MM", "Resolution of the gauge; 0: none. Default: that of the machine's gauge."),
     ] = None,
     cycles: Annotated[
-        Count, option("N", "Repeats of the postures (3), or touches (1).", min=1, max=1000)
+        Count,
+        option("N", "Number of cycles, 1 to 1000. Default: 3; on a printer 1.", min=1, max=1000),
     ] = None,
     gauge_at: Annotated[
         Number,
         option(
             "SHARE",
-            "Place of the gauges along the leg: 0 carriage joint, 1 tool (0.5; double only).",
+            "Gauge position along the leg, 0 (carriage joint) to 1 (tool). Default: 0.5."
+            " Double-posture only.",
             min=0.0,
             max=1.0,
         ),
     ] = None,
     places: Annotated[
-        Count, option("N", "Of a linear delta: places on its bed (41).", min=1, max=2000)
+        Count,
+        option("N", "Linear delta: places on its bed, 1 to 2000. Default: 41.", min=1, max=2000),
     ] = None,
     height: Annotated[
-        list[float] | None, option("MM", "Of what lies under the probe; again for more heights.")
+        list[float] | None,
+        option("MM", "Linear delta: height of the block under the probe. Give it again for more."),
     ] = None,
     more: Annotated[
         Offsets | None,
         option(
             "DR DA DB",
-            "Of a linear delta: excess of its radius, mm, and of towers a and b, deg; --offsets"
-            " are those of its endstops.",
+            "Linear delta: errors of its radius, mm, and of the angles of towers a and b, deg."
+            " --offsets are the errors of its endstops.",
             "--radius-angles",
         ),
     ] = None,
@@ -60,17 +66,19 @@ def simulate(
         Texts,
         option(
             "ID[@PLACE]=VALUES",
-            "Something wrong, e.g. axis_gap=0.1,0.2,-0.1 or gauge_drift@x,y=0.05 (leg, direction)"
-            " or misread@12=0.1 (twelfth reading); may be repeated.",
+            "Cause to hide in the session, such as axis_gap=0.1,0.2,-0.1, gauge_drift@x,y=0.05"
+            " (leg, direction) or misread@12=0.1 (twelfth reading). May be repeated.",
         ),
     ] = None,
-    seed: Annotated[Count, option("N", "The same seed gives the same session.", min=0)] = None,
+    seed: Annotated[
+        Count, option("N", "Whole number; the same one gives the same session.", min=0)
+    ] = None,
     target: common.Target = None,
     machine: common.MachineFile = None,
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Make up a session: readings as a technician would write them down, as CSV.
+    """Simulate readings as a technician would write them, as CSV.
 
     --output FILE.yaml and --json give a session.
     """
@@ -99,7 +107,10 @@ def simulate(
     record = None
     if nominal.probes:
         if protocol or gauge_at is not None:
-            raise UsageError("--protocol and --gauge-at are for gauges.", "Leave them out.")
+            raise UsageError(
+                "--protocol and --gauge-at are for machines that are measured with gauges.",
+                "Leave them out.",
+            )
         if json or yaml:
             raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
         bed = bed_plan(LinearDelta.require(nominal), places or 41, height or (0.0,), cycles or 1)
@@ -109,7 +120,7 @@ def simulate(
     else:
         if places or height or more:
             options = "--places, --height and --radius-angles"
-            raise UsageError(f"{options} are of a linear delta.", "Leave them out.")
+            raise UsageError(f"{options} are for a linear delta.", "Leave them out.")
         if protocol == "single":
             plan = single_posture(known.orthoglide, cycles or 3)
         else:
@@ -120,7 +131,7 @@ def simulate(
         record = files.session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target is not None:
         if yaml and record:
-            files.write_session(record, target)
+            files.write_text(target, files.session_text(record))
         else:
             files.write_text(target, text)
         common.tell(f"{len(made)} {what} written to {target}")
@@ -172,7 +183,7 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     except InputError as error:
         what = f"--cause {cause.id}: {error.what} ({error.value!r})"
         raise UsageError(what, error.remedy) from error
-    if len(values) != len(names):
+    if len(values) != len(names) and not (cause.shares and 0 < len(values) < len(names)):
         unit = f" in {cause.unit}" if cause.unit else ""
         wanted = f"={','.join(names)}" if names else ""
         raise UsageError(
@@ -181,6 +192,8 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
         )
     if cause.positive and min(values) < 0.0:
         raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")
+    # The last terms of a shape may be left out.
+    values += [0.0] * (len(names) - len(values))
     hidden = rng.normal(0.0, cause.prior_std(machine)[len(names) :])
     return np.concatenate([np.array(values) * cause.scale, hidden])
 
@@ -203,7 +216,7 @@ def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
         fits = cause.reversible(plan, place)
     if not fits:
         here = f" at {text!r}" if text else ""
-        one = "12 (a touch)" if machine.probes else "12 (a reading) or x (a leg)"
+        one = "12 (a reading) or x (a leg, a tower)"
         example = {0: "no place", 1: one, 2: "x,y (leg, direction) or 12"}
         raise UsageError(
             f"{cause.id} cannot act{here} in this session.",

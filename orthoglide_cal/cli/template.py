@@ -1,4 +1,4 @@
-"""`orthocal template`: a filled-in example of a file, to be written over with one's own numbers."""
+"""`orthocal template`: an example file, to be overwritten with your own numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def template(
         argument("KIND", "readings, differences, machine, touches or gcode."),
     ],
 ) -> None:
-    """Write a filled-in example of a file to standard output."""
+    """Print an example file to fill in with your own numbers."""
     from importlib.resources import files
 
     from orthoglide_cal.files import new_machine

@@ -13,14 +13,14 @@ def validate(
     json: common.AsJson = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Check files of readings, differences, sessions and machines; name every fault."""
+    """Check files; name every fault with its place and remedy."""
     from orthoglide_cal import estimation
     from orthoglide_cal.files import check_file
     from orthoglide_cal.model import Source
     from orthoglide_cal.report.documents.checks import check_document
 
     def judge(path: str) -> int:
-        check, given = check_file(path, common.given_machine(machine), common.folder_machine, data)
+        check, given = check_file(path, common.known_machine(machine), common.folder_machine, data)
         source = given.measured.source if given else Source(path, check.input.sha256 or "")
         if check.valid:
             common.require_printer(source, data)

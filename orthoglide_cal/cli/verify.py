@@ -10,18 +10,21 @@ from orthoglide_cal.cli.common import MEASURED, argument
 
 def verify(
     before: Annotated[str, argument("BEFORE", f"Measured before the correction. {MEASURED}.")],
-    after: Annotated[str, argument("AFTER", "Measured after it, with the same protocol.")],
+    after: Annotated[
+        str, argument("AFTER", "Measured after the correction, with the same protocol.")
+    ],
     applied: common.Applied = None,
     limit: common.Limit = None,
     machine: common.MachineFile = None,
     data: common.Data = None,
     html: common.HtmlFile = None,
     markdown: common.MarkdownFile = None,
+    details: common.WithDetails = False,
     json: common.AsJson = False,
     overwrite: common.Overwrite = False,
     no_colour: common.NoColour = False,
 ) -> None:
-    """Compare what a correction promised with what came true."""
+    """Compare the predicted effect of a correction with the real one."""
     from orthoglide_cal.report.documents.verification import verification_document
     from orthoglide_cal.results import identify
     from orthoglide_cal.results.verification import verify as verified
@@ -30,6 +33,13 @@ def verify(
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         found = verified(*inputs, applied, limit)
         document = verification_document(found, identify(found.inputs, *found.options))
-        common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
+        common.deliver(
+            document,
+            as_json=json,
+            html=html,
+            markdown=markdown,
+            overwrite=overwrite,
+            details=details,
+        )
 
     common.for_each([before], judge, as_json=json)

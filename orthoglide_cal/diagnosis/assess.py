@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.candidates import Candidates, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
-from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
+from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations, log_evidence
 from orthoglide_cal.diagnosis.result import Verdict
 from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
+from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.model import Floats, Stage
@@ -22,20 +25,28 @@ from orthoglide_cal.model import Floats, Stage
 # Something is wrong only if that is this many times likelier than that nothing is. Of 1,200 healthy
 # sessions of two cycles 9 get that far; at 2.5 half of them, but more real causes are passed over.
 ODDS_TO_NAME = 1.5
-# A rival this unlikely beside the best answer is dismissed. Of 2,067 blind sessions of one cause
+# A rival this unlikely against the best answer is dismissed. Of 2,067 blind sessions of one cause
 # 1,840 are named then, one of them wrongly; two of 1,905 at 0.03, eight of 1,956 at 0.1. A wrong
 # name costs a part, an open one a reading.
 DISMISSED = 0.01
 # A second fault without size, such as an exchange, is dismissed below half of what data that say
 # nothing of it leave it.
 WITHOUT_SIZE = 0.02
-# Something beyond the list is dismissed like a rival beside one cause. Beside two it must be far
+# By so many times likelier data must speak for a further fault before it is an open question: less
+# is what they cannot show. Then it is told, and changes no verdict.
+SPEAKS = 3.0
+# But where the causes alone are this unlikely against it, what speaks for it is their size.
+PART_COUNTS = 0.03
+TINY = 1e-300  # a probability, for its logarithm
+# Something beyond the list is dismissed like a rival of one cause. Against two it must be far
 # less likely: they have so many parameters that they follow nearly any pattern of the postures.
-BEYOND_TWO = 0.003
-# A cause this unlikely beside "nothing is wrong" would have been seen at plausible sizes.
+BEYOND_TWO = 0.0015
+# A cause this unlikely relative to "nothing is wrong" would have been seen at plausible sizes.
 WOULD_BE_SEEN = 0.001
 # The best listed explanation must leave no more than noise, at this chance of a false refusal.
 MISFIT = 2e-4
+# A cause that many times its plausible size is beyond it; for the search for one of any size.
+BEYOND, ANY_SIZE = 3.0, 1e3
 # Explanations within this much log evidence of the best are fitted nonlinearly, the best few.
 WORTH_A_FIT = 8.0
 FITS = 3
@@ -43,20 +54,27 @@ FITS = 3
 FAR_BELOW = 0.03
 # A place this unlikely for a fault that is left open is not looked at, and no more than so many.
 PLACE_COUNTS, PLACES = 0.002, 6
-# A cause this probable beside "nothing is wrong" widens the offsets' uncertainty.
+# One this unlikely is not told as a place of a fault that would not show.
+PLACE_LIKELY = 0.05
+# A cause this probable relative to "nothing is wrong" widens the offsets' uncertainty.
 WEIGHS = 0.01
 
 
 def bound(ids: Ids, best: Ids) -> float:
-    """From which probability beside the best answer on a set of causes is left open.
+    """From which probability relative to the best answer a set of causes is left open.
 
     A set that adds to the best one does not contradict it while little speaks for it: what it adds
     may be too small to be seen. Only a fault without size cannot.
     """
     if not set(best) < set(ids):
         return DISMISSED
-    more = set(ids) - set(best)
-    return 1.0 / ODDS_TO_NAME if any(CAUSES[id].unknowns for id in more) else WITHOUT_SIZE
+    return WITHOUT_SIZE if sizeless(ids, best) else 1.0 / ODDS_TO_NAME
+
+
+def sizeless(ids: Ids, part: Ids) -> bool:
+    """Whether what a set adds to a part of it are faults without size, such as an exchange."""
+    more = set(ids) - set(part)
+    return set(part) < set(ids) and not any(CAUSES[id].unknowns for id in more)
 
 
 @dataclass(frozen=True)
@@ -68,12 +86,20 @@ class Posterior:
         unlisted: pattern in words → probability.
         remedies: set of ids → what it asks of a technician, where it is not fixing these causes.
         odds: how many times likelier something must be than nothing, or two causes than one.
+        shape: id of the cause that stands for any shape where nothing tells what makes it, or "".
+        doubted: ids of causes that the controller's own values make likely.
+        log_prior: set of ids → ln of its prior weight.
+        log_fit: set of ids → ln of the likelihood where it fits best, of those that were fitted.
     """
 
     listed: Mapping[Ids, float]
     unlisted: Mapping[str, float]
     remedies: Mapping[Ids, Hashable] = field(default_factory=dict)
     odds: float = ODDS_TO_NAME
+    shape: str = ""
+    doubted: Ids = ()
+    log_prior: Mapping[Ids, float] = field(default_factory=dict)
+    log_fit: Mapping[Ids, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -83,6 +109,9 @@ class Posterior:
         unlisted: Mapping[str, float],
         remedies: Mapping[Ids, Hashable],
         odds: float,
+        shape: str = "",
+        doubted: Ids = (),
+        log_fit: Mapping[Ids, float] = MappingProxyType({}),
     ) -> Posterior:
         """Bayes' rule; `unlisted` holds evidence and prior weight together."""
         logs = {ids: value + log_prior[ids] for ids, value in log_evidence.items()}
@@ -92,6 +121,10 @@ class Posterior:
             {what: float(np.exp(value - total)) for what, value in unlisted.items()},
             remedies,
             odds,
+            shape,
+            doubted,
+            log_prior,
+            log_fit,
         )
 
     @cached_property
@@ -123,7 +156,14 @@ class Posterior:
         most = max(map(self._name, self._answers.values()), key=self._share, default=())
         parts = [ids for ids in self.listed if ids and set(ids) < set(most)]
         enough = [ids for ids in parts if self._adds_little(most, ids)]
-        return max(enough, key=self.listed.__getitem__, default=most)
+        best = max(enough, key=self.listed.__getitem__, default=most)
+        return self.as_shape(best) if self.shape in best else best
+
+    def as_shape(self, ids: Ids) -> Ids:
+        """A set with the shape in place of all that might make it; itself without one."""
+        makers = {id for id in ids if CAUSES[id].repeats}
+        found = tuple(sorted({self.shape} | set(ids) - makers))
+        return found if self.shape and makers and found in self.listed else ids
 
     def _name(self, answer: tuple[Ids, ...]) -> Ids:
         """Of the sets of an answer the most probable, or one of the record that is nearly so.
@@ -140,19 +180,55 @@ class Posterior:
         A set that holds another rival and adds to it says nothing new, unless it is the likelier.
         """
         share, same = self._share(self.best), self.same_answer(self.best)
+        held = {self.as_shape(self.best), *self._with_doubted()}
         found = [
             ids
             for ids, value in self.listed.items()
-            if ids not in ((), self.best, *same) and value >= bound(ids, self.best) * share
+            if ids not in ((), self.best, *same)
+            if ids in held or value >= bound(ids, self.best) * share
         ]
         kept = [
             ids
             for ids in found
-            if not any(
+            if ids in held
+            or not any(
                 set(other) < set(ids) and self._adds_little(ids, other) for other in (*found, *same)
             )
         ]
         return tuple(sorted(kept, key=lambda ids: -self.listed[ids]))
+
+    def _with_doubted(self) -> Iterator[Ids]:
+        """Where the best set leaves open what makes a shape: the likeliest with each such cause."""
+        if not self.shape or not any(CAUSES[id].repeats for id in self.best):
+            return
+        for doubted in set(self.doubted) - set(self.best):
+            sets = (ids for ids in self.listed if doubted in ids)
+            yield from sorted(sets, key=self.listed.__getitem__)[-1:]
+
+    def silent(self, ids: Ids, part: Ids) -> bool:
+        """Whether the data say nothing of what a set adds to a part of it.
+
+        Neither in the mean over plausible sizes nor, of a fault without size, where both fit best:
+        that the other causes are then of more usual size is no word of the data.
+        """
+        if not set(part) < set(ids) or not self.listed[part] or ids not in self.log_prior:
+            return False
+        gain = math.log(max(self.listed[ids], TINY)) - math.log(self.listed[part])
+        gain -= self.log_prior[ids] - self.log_prior[part]
+        if sizeless(ids, part) and {ids, part} <= self.log_fit.keys():
+            gain = min(gain, self.log_fit[ids] - self.log_fit[part])
+        return gain < math.log(SPEAKS)
+
+    def unshown(self, best: Ids | None = None) -> tuple[Ids, ...]:
+        """Faults without size besides an answer, the best by default, of which data say nothing,
+        however likely they are."""
+        best = self.best if best is None else best
+        share = self._share(best)
+        return tuple(
+            ids
+            for ids, value in self.listed.items()
+            if sizeless(ids, best) and value >= WITHOUT_SIZE * share and self.silent(ids, best)
+        )
 
     def nearly_dismissed(self, ids: Ids) -> bool:
         """Whether a set contradicts the best one, and is below the bound but not far below."""
@@ -161,6 +237,9 @@ class Posterior:
 
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Whether a set is not so much likelier than a part of it that it were to be accepted."""
+        counts = self.listed[part] >= PART_COUNTS * self.listed[ids]
+        if part and counts and sizeless(ids, part) and self.silent(ids, part):
+            return True
         return self._share(ids) < self.odds * self._share(part)
 
     def unseen(self) -> Ids:
@@ -180,11 +259,12 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict with the accepted set and the ids that cannot be told from it."""
+    """A verdict, the accepted set, the ids that cannot be told from it, and hidden ones."""
 
     verdict: Verdict
     accepted: Ids = ()
     ambiguous_with: Ids = ()
+    not_excluded: Ids = ()
 
 
 def judge(posterior: Posterior, misfit: float) -> Judgement:
@@ -200,11 +280,15 @@ def judge(posterior: Posterior, misfit: float) -> Judgement:
     if beyond > nothing + something:
         return Judgement(Verdict.UNEXPLAINED)
     if something < posterior.odds * nothing:
-        return Judgement(Verdict.CONSISTENT, (), posterior.unseen())
+        return Judgement(Verdict.CONSISTENT, not_excluded=posterior.unseen())
     if misfit < MISFIT:
         return Judgement(Verdict.UNEXPLAINED)
-    others = dict.fromkeys(id for rival in posterior.rivals() for id in rival if id not in best)
-    # An ambiguous cause is not claimed to be the one; a second beside it is.
+    rivals = posterior.rivals()
+    unshown = posterior.unshown()
+    if beyond <= DISMISSED * something and all(each in unshown for each in rivals):
+        rivals = ()
+    others = dict.fromkeys(id for rival in rivals for id in rival if id not in best)
+    # An ambiguous cause is not claimed to be the one; a second in addition to it is.
     claimed = len(best) > 1 or not others
     if claimed and beyond > (BEYOND_TWO if len(best) > 1 else DISMISSED) * something:
         return Judgement(Verdict.UNEXPLAINED)
@@ -235,6 +319,18 @@ class Assessment:
         """The same data with the sizes of all causes multiplied, to see what depends on them."""
         return weigh(replace(self.at, white=self.at.white.scaled(factor)), self.unlisted)
 
+    def repeated(self) -> Assessment:
+        """The same where the maps of several dates repeat: what is left is no noise, but a shape.
+
+        Only the shape is claimed where nothing else was.
+        """
+        shape = self.posterior.shape
+        if self.judgement.verdict is not Verdict.CONSISTENT or (shape,) not in self.scores:
+            return self
+        listed = {(): 0.0, (shape,): 1.0}
+        posterior = replace(self.posterior, listed=listed, unlisted={})
+        return replace(self, posterior=posterior, judgement=Judgement(Verdict.NAMED, (shape,)))
+
     def fit(self, ids: Ids) -> Fitted:
         """The nonlinear fit of a set of causes; made when first asked for."""
         return self.fit_all([ids])[0]
@@ -255,7 +351,7 @@ class Assessment:
 
     @cached_property
     def alone(self) -> Fitted:
-        """The calibrated parameters alone, beside a local shape as large as the answer has it."""
+        """The calibrated parameters alone, with a local shape as large as the answer has it."""
         nothing, unexplained = self.fit(()), self.judgement.verdict is Verdict.UNEXPLAINED
         factor = 1.0 if unexplained else self.accepted.scale_factor
         if factor == nothing.scale_factor:
@@ -266,6 +362,21 @@ class Assessment:
     def accepted(self) -> Fitted:
         """The fit of the accepted set; of the offsets alone if there is none."""
         return self.fit(self.judgement.accepted)
+
+    @property
+    def carried(self) -> Fitted:
+        """What lasts, to be carried to other days.
+
+        Of readings of one plane a smooth shape, whatever makes it, and the motions that they show.
+        """
+        posterior, ids = self.posterior, self.judgement.accepted
+        if self.judgement.verdict is Verdict.UNEXPLAINED:
+            ids = posterior.best
+        if not posterior.shape or (posterior.shape,) not in self.scores:
+            return self.accepted
+        beside = (id for id in ids if not CAUSES[id].repeats)
+        with_shape = tuple(sorted((posterior.shape, *beside)))
+        return self.fit(with_shape if with_shape in self.scores else (posterior.shape,))
 
     @cached_property
     def left_open(self) -> tuple[tuple[float, Fitted], ...]:
@@ -286,6 +397,42 @@ class Assessment:
         weights /= weights.sum()
         return tuple(zip(weights.tolist(), self.fit_all(open_), strict=True))
 
+    @cached_property
+    def unshown(self) -> tuple[tuple[str, float, Fitted], ...]:
+        """Faults of the record, besides the named causes that these data would not show, where they
+        may be: each with its share next to what is left open, and the fit that holds it."""
+        if self.judgement.verdict is not Verdict.NAMED:
+            return ()
+        best, posterior = self.judgement.accepted, self.posterior
+        total = sum(posterior.listed[ids] for ids in (best, *posterior.same_answer(best)))
+        found = []
+        for ids in posterior.unshown(best):
+            (more,) = set(ids) - set(best)
+            places = self.scores[ids].at_places(PLACE_LIKELY, PLACES)
+            fits = fit_explanations([score for _, score in places])
+            share = posterior.listed[ids] / total
+            found += [(more, share * own, fit) for (own, _), fit in zip(places, fits, strict=True)]
+        return tuple(found)
+
+    @cached_property
+    def beyond(self) -> tuple[tuple[str, float], ...]:
+        """Of what is unexplained: causes that would explain it, how many times their size."""
+        if self.judgement.verdict is not Verdict.UNEXPLAINED:
+            return ()
+        white, broad = self.at.white, self.at.candidates.broad
+        found = []
+        for cause in broad:
+            try:
+                (fit,) = fit_explanations([replace(self.scores[ids_of(cause)], scale=ANY_SIZE)])
+            except PostureError:  # no machine of any size is like that
+                continue
+            square, spare = float(fit.residual @ fit.residual), len(white) - fit.unknowns
+            noise = fit.sigma if self.at.local.any() else self.at.noise.stated
+            times = fit.effects[0].times(white.machine)
+            if times > BEYOND and chance_of_residual(square, spare, noise) >= MISFIT:
+                found.append((square, cause.id, times))
+        return tuple((id, times) for _, id, times in sorted(found))
+
     @property
     def by_place(self) -> tuple[tuple[float, Fitted], ...]:
         """Where several are left open: the same, each fault at every place where it may be."""
@@ -294,7 +441,9 @@ class Assessment:
         found = []
         for share, fit in self.left_open:
             ids = ids_of(*(effect.cause for effect in fit.effects))
-            best, *others = self.scores[ids].at_places(PLACE_COUNTS / share, PLACES)
+            best, *others = self.scores[ids].at_places(
+                PLACE_COUNTS / max(share, PLACE_COUNTS), PLACES
+            )
             found.append((share * best[0], fit))
             fits = fit_explanations([score for _, score in others])
             found += [(share * own, fit) for (own, _), fit in zip(others, fits, strict=True)]
@@ -358,25 +507,47 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     remedies = {ids: score.remedy for ids, score in scores.items()}
     patterns = {found.what: found.log_evidence + found.log_prior for found in unlisted}
     odds = ODDS_TO_NAME * white.problem.model.machine.caution
+    shape = white.machine.shape if white.plan.flat else ""
+    doubted = tuple(white.machine.doubted)
     fits: dict[Ids, Fitted] = {}
+    log_fit: dict[Ids, float] = {}
 
     def weighed(chosen: Iterable[Ids]) -> Posterior:
         new = list(chosen)
         found = fit_explanations([scores[ids] for ids in new])
         fits.update(zip(new, found, strict=True))
         evidence.update((ids, log_evidence(scores[ids], fits[ids])) for ids in new)
-        return Posterior.of(evidence, candidates.log_prior, patterns, remedies, odds)
+        comparable = [ids for ids in new if unit_of(fits[ids].effects) == 1.0]
+        log_fit.update((ids, fits[ids].log_likelihood(at.noise.stated)) for ids in comparable)
+        return Posterior.of(
+            evidence, candidates.log_prior, patterns, remedies, odds, shape, doubted, log_fit
+        )
 
     posterior = weighed(ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
     if at.local.any():
-        # Of printers the causes are large beside what linear scores can follow.
+        # Of printers the causes are large against what linear scores can follow.
         again = [ids for ids in order if ids not in fits and posterior.nearly_dismissed(ids)]
         posterior = weighed(again[:FITS])
     best = posterior.best
+    # What has no size is judged by the fits, too.
+    likely = [ids for ids in posterior.listed if any(sizeless(ids, (id,)) for id in ids)]
+    likely = [
+        ids for ids in likely if posterior.listed[ids] >= WITHOUT_SIZE * posterior.listed[best]
+    ]
+    parts = [(id,) for ids in likely for id in ids if sizeless(ids, (id,))]
+    # Linear scores know no bounds: what is left open is so by its fit.
+    first = dict.fromkeys((*likely, *parts, best, *posterior.rivals()))
+    missing = [ids for ids in first if ids not in fits]
+    for _ in range(FITS):
+        if not missing:
+            break
+        posterior = weighed(missing)
+        best = posterior.best
+        missing = [ids for ids in (best, *posterior.rivals()) if ids not in fits]
     if best not in fits:
-        (fits[best],) = fit_explanations([scores[best]])
+        posterior = weighed([best])
     left = fits[best].residual
-    # Beside a local shape that is found to be larger or smaller, the noise is found, too.
+    # With a local shape that is found to be larger or smaller, the noise is found, too.
     noise_found = bool(at.local.any())
     noise = max(at.noise.stated, fits[best].sigma if noise_found else 0.0)
     misfit = chance_of_residual(float(left @ left), len(white) - fits[best].unknowns, noise)

@@ -54,7 +54,7 @@ class Candidates:
         of all on that kind of machine; two others of the machine at once are left to "unlisted".
 
         Args:
-            model: tolerances, gauge, and the causes that are known already.
+            model: tolerances, gauge, and the causes that are known already or ruled out.
             ordered: whether the time order of the readings is known.
         """
         known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
@@ -62,7 +62,9 @@ class Candidates:
             cause
             for cause in tried
             if cause.possible(model.machine) and (ordered or not cause.timed)
-            if cause.id not in known
+            if cause.id not in known and cause.id not in model.ruled_out
+            # What such readings hold of themselves.
+            if not (cause.timed and cause.id in model.machine.unobservable)
         ]
         extras: tuple[PatternCause | RelabelCause, ...] = (
             *(cause for cause in usable if isinstance(cause, PatternCause)),

@@ -11,28 +11,29 @@ import numpy as np
 from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
-from orthoglide_cal.diagnosis.assess import DISMISSED, Assessment, assess
+from orthoglide_cal.diagnosis.assess import BEYOND, DISMISSED, Assessment, assess
+from orthoglide_cal.diagnosis.baselines import REPEATS, baselines, repeats
 from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import Whitened, unit_of
-from orthoglide_cal.diagnosis.fit import HeldOut, leave_out_cells, predict_later
+from orthoglide_cal.diagnosis.fit import HeldOut, leave_out_cells, moved_origin, predict_later
 from orthoglide_cal.diagnosis.result import (
+    CauseParameter,
     Diagnosis,
     Explanation,
+    FoundCause,
     LackOfFit,
-    NamedCause,
+    Otherwise,
+    TimesStated,
+    UnshownFault,
     Verdict,
+    estimated,
 )
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.accuracy import scatter_of_repeats
+from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
 from orthoglide_cal.model import Effect, Floats, Measured, Model
 
 # A held-out error counts as lower if it falls below this share of the one before.
 LOWER = 0.98
-RECALIBRATED = (
-    "The machine was calibrated anew before the held-out readings: with and without the extension"
-    " its calibrated parameters are fitted to them, and the extension is carried over unchanged."
-    " A hold-out with the calibrated parameters left free is what a recalibrated machine allows."
-)
 
 
 def diagnose(
@@ -42,6 +43,7 @@ def diagnose(
     applied: Floats | None = None,
     then: Model | None = None,
     sensitivity: bool = False,
+    recalibrated: bool | None = None,
 ) -> Diagnosis:
     """Say what the offsets-only model gets wrong, if anything.
 
@@ -53,6 +55,8 @@ def diagnose(
         then: the model at the time of the held-out data; None for the same.
         sensitivity: also judge with all tolerances halved and doubled; of healthy data these say
             nothing, and that is left out.
+        recalibrated: whether the machine was calibrated anew before the held-out data; None if the
+            models say so.
 
     Raises:
         RankDeficientError: the data do not determine the offsets.
@@ -60,58 +64,75 @@ def diagnose(
     """
     with _weighable(model):
         white = Whitened.of(measured, model)
-        anew = then is not None and model.machine.recalibrated(then.machine)
+        changed = model.machine.differing(then.machine) if then is not None else ()
+        anew = bool(changed)
         known = then if then is not None and anew else model
+        anew = anew if recalibrated is None else recalibrated
         later = None if holdout is None else Whitened.of(holdout, known)
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
-        found = assess(white)
+        probes = model.machine.probes
+        found, again = _assessed(white, later)
         nothing, accepted = found.fit(()), found.accepted
-        causes: tuple[NamedCause, ...] = ()
-        if found.judgement.accepted:
+        causes: tuple[FoundCause, ...] = ()
+        shift, free, beside = None, len(entered) * anew, None
+        if later is not None and not anew:
+            shift = moved_origin(later, found.carried, entered)
+            free = 0 if shift is None else len(shift)
+        if accepted.effects or (probes and (sensitivity or later is not None)):
             before, after = (
-                predict_later(later, fit, entered, anew)
+                predict_later(later, fit, entered, free, model.machine)
                 if later is not None
                 else leave_out_cells(white, fit, accepted)
-                for fit in (nothing, accepted)
+                for fit in (nothing, found.carried)
             )
             # Without the cause the errors are in the unit that was written down, too.
             unit = 1.0 if later is not None else unit_of(accepted.effects)
-            causes = _named(found, replace(before, rms_mm=before.rms_mm * unit), after)
-        changes: dict[str, tuple[Verdict, Ids]] = {}
+            before = replace(before, rms_mm=before.rms_mm * unit)
+            causes = _named(found, before, after)
+            if probes:
+                own = before.rms_mm, after.rms_mm
+                beside = baselines(white, later, entered, free, *own).changed(repeats=again)
+        changes: dict[str, Otherwise] = {}
         if sensitivity and found.judgement.verdict is not Verdict.CONSISTENT:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
                 other = found.scaled(factor).judgement
-                changes[name] = other.verdict, other.accepted
+                changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
         offsets, covariance = found.offsets
-        posterior = found.posterior
-        tried = {Explanation(ids): value for ids, value in posterior.listed.items()}
-        tried |= {Explanation(pattern=what): value for what, value in posterior.unlisted.items()}
+        unshown = _unshown(found)
+        matter = {fault.id for fault in unshown if fault.matters}
+        nominal = _predicted(white, measured, found.at.residuals[0])
         return Diagnosis(
             measured=measured,
             model=model,
             verdict=found.judgement.verdict,
-            lack_of_fit=_lack_of_fit(found, measured),
+            lack_of_fit=_lack_of_fit(found, measured, nominal),
             causes=causes,
+            baselines=beside,
             ambiguous_with=found.judgement.ambiguous_with,
+            not_excluded=found.judgement.not_excluded,
             left_open=found.left_open,
-            by_place=found.by_place,
+            by_place=(
+                *found.by_place,
+                *((share, fit) for id, share, fit in found.unshown if id in matter),
+            ),
             offsets_mm=offsets,
             covariance_mm2=covariance,
             alone_mm=found.at.offsets[0],
-            nominal_mm=_predicted(white, measured, found.at.residuals[0]),
-            explained_mm=_predicted(
-                white,
-                measured,
-                accepted.left if accepted.effects else found.at.residuals[0],
-                accepted.effects,
-            ),
+            nominal_mm=nominal,
+            explained_mm=_predicted(white, measured, accepted.left, accepted.effects)
+            if accepted.effects
+            else nominal,
             sensitivity=changes,
-            ranking=dict(sorted(tried.items(), key=lambda item: -item[1])),
+            explanations=_explanations(found),
+            unshown=unshown,
+            beyond_tolerance=tuple(TimesStated(id=id, times=times) for id, times in found.beyond),
             notes=(
                 *_notes(found, measured),
-                *((RECALIBRATED,) if anew else ()),
+                *(_recalibrated(changed) if anew and later is not None else ()),
+                *(() if shift is None else (_moved(model, shift),)),
+                *(() if again is None else _again(again)),
                 *_of_local_shape(found),
             ),
         )
@@ -145,18 +166,18 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
-        found = assess(Whitened.of(measured, model))
+        found, _ = _assessed(Whitened.of(measured, model))
         verdict, accepted = found.judgement.verdict, found.judgement.accepted
         if not accepted:
             raise UnusableResultError(
                 f"These data are {verdict}: they do not support {id} as an extension.",
-                "See what diagnose says of them.",
+                "See what diagnose says about them.",
             )
         doubtful = _doubtful(found, id) if verdict is Verdict.AMBIGUOUS else []
         if doubtful:
             raise UnusableResultError(
-                f"These data cannot tell what lies in the machine from {', '.join(doubtful)},"
-                " which lies in the measurement.",
+                f"These data do not distinguish what lies in the machine from"
+                f" {', '.join(doubtful)}, which lies in the measurement.",
                 "Take the reading that diagnose names, then accept.",
             )
         listed = found.posterior.listed
@@ -167,6 +188,13 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             )
         (effect,) = (effect for effect in found.fit(best).effects if effect.cause is cause)
         return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
+
+
+def _assessed(white: Whitened, later: Whitened | None = None) -> tuple[Assessment, float | None]:
+    """What the data say, and how far the maps of several dates of a printer repeat."""
+    found = assess(white)
+    again = repeats(white, later) if white.machine.probes else None
+    return (found.repeated() if again is not None and again > REPEATS else found), again
 
 
 @contextmanager
@@ -193,37 +221,91 @@ def _doubtful(found: Assessment, id: str) -> list[str]:
     return [
         other
         for other in dict.fromkeys(other for ids in sets for other in ids)
-        if id not in shared and other not in shared and not CAUSES[other].in_machine
+        if id not in shared and other not in (id, *shared) and not CAUSES[other].in_machine
     ]
 
 
-def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[NamedCause, ...]:
+def _explanations(found: Assessment) -> tuple[Explanation, ...]:
+    """All that were tried, best first, with the parameters of those that are left open."""
+    machine = found.at.white.problem.model.machine
+    fits = {frozenset(effect.cause.id for effect in fit.effects): fit for _, fit in found.left_open}
+
+    def told(ids: Ids, probability: float) -> Explanation:
+        fit = fits.get(frozenset(ids))
+        if fit is None:
+            return Explanation(ids=ids, probability=probability)
+        std = np.sqrt(np.diag(fit.joint_covariance()))
+        return Explanation(
+            ids=ids,
+            probability=probability,
+            rms_mm=found.at.white.rms(fit.left) if ids else None,
+            parameters=estimated(machine.parameter_names, fit.offsets, std),
+        )
+
+    tried = [told(ids, value) for ids, value in found.posterior.listed.items()]
+    for pattern, value in found.posterior.unlisted.items():
+        tried.append(Explanation(pattern=pattern, probability=value))
+    return tuple(sorted(tried, key=lambda each: -each.probability))
+
+
+def _unshown(found: Assessment) -> tuple[UnshownFault, ...]:
+    """Each fault that would not show, with all places where it may be."""
+    white, (offsets, covariance) = found.at.white, found.offsets
+    machine, u = white.machine, half_width(np.inf) * np.sqrt(np.diag(covariance))
+    wheres: dict[str, list[str]] = {}
+    moved: dict[str, Floats] = {}
+    for id, _, fit in found.unshown:
+        place = next(effect.place for effect in fit.effects if effect.cause.id == id)
+        wheres.setdefault(id, []).append(CAUSES[id].label(place, white.plan, machine))
+        moved[id] = np.maximum(moved.get(id, 0.0 * u), np.abs(fit.offsets - offsets))
+    return tuple(
+        UnshownFault(
+            id=id,
+            where=" or ".join(filter(None, wheres[id])),
+            check=CAUSES[id].words(machine).instrument,
+            change=float(change[largest]),
+            unit=machine.parameter_units[largest],
+            matters=bool(np.any(change > u)),
+        )
+        for id, change in moved.items()
+        for largest in (int(np.argmax(change / u)),)
+    )
+
+
+def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[FoundCause, ...]:
     """The accepted causes; the one without which the data are hardest to explain comes first.
 
-    What acts beside any other comes behind it.
+    What can act together with any other comes after it.
     """
     machine = found.at.white.problem.model.machine
     white, accepted = found.at.white, found.accepted
     falls = after.rms_mm < LOWER * before.rms_mm
     named = [
-        NamedCause(
-            effect=effect,
-            parameters=white.problem.model.called(effect),
-            where=where,
-            advice=effect.cause.words(machine).advice.format(where=where),
+        FoundCause(
+            id=effect.cause.id,
             probability=found.posterior.listed[found.judgement.accepted],
+            where=where,
+            parameters=tuple(
+                CauseParameter(name=name, **each._asdict(), expanded=half_width(np.inf) * each.std)
+                for name, each in parameters.items()
+            ),
             rms_before_mm=white.rms(found.at.residuals[0]) * unit_of(accepted.effects),
             rms_after_mm=white.rms(accepted.left),
             heldout_before_mm=before.rms_mm,
             heldout_after_mm=after.rms_mm,
             heldout_ratio=after.ratio,
             aliases=_aliases(found, effect),
+            times_stated=times if times > BEYOND else None,
+            remedy=effect.cause.words(machine).advice.format(where=where),
             recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
             and falls
-            and _sure(found, effect),
+            and (effect.cause.id == found.posterior.shape or _sure(found, effect)),
+            in_machine=effect.cause.in_machine,
         )
         for effect in accepted.effects
         for where in (effect.cause.label(effect.place, white.plan, machine),)
+        for parameters in (white.problem.model.called(effect),)
+        for times in (effect.times(machine),)
     ]
     return tuple(
         sorted(
@@ -252,7 +334,33 @@ def _aliases(found: Assessment, effect: Effect) -> Ids:
     return tuple(dict.fromkeys(other for ids in rivals for other in ids if other not in beside))
 
 
-def _lack_of_fit(found: Assessment, measured: Measured) -> LackOfFit:
+def _moved(model: Model, shift: Floats) -> str:
+    named = zip(model.machine.parameter_names, shift.tolist(), strict=False)
+    told = ", ".join(f"{name} by {value:+.3f}" for name, value in named)
+    return (
+        f"Between the two measurements the origin of the endstops has moved: {told} mm. Nothing of"
+        " it was entered. They are fitted to the held-out readings; all else is carried over."
+    )
+
+
+def _recalibrated(changed: Sequence[str]) -> Iterator[str]:
+    other = f" (other {', '.join(changed)} in force)" if changed else ""
+    yield (
+        f"The machine was recalibrated before the held-out readings{other}: with and without the"
+        " extension its calibrated parameters are left free and fitted to them, and the extension"
+        " is carried over unchanged."
+    )
+
+
+def _again(correlation: float) -> Iterator[str]:
+    if correlation > REPEATS:
+        yield (
+            f"The residual maps of these dates repeat (r = {correlation:.2f}): what the parameters"
+            " leave is a shape that lasts, not noise."
+        )
+
+
+def _lack_of_fit(found: Assessment, measured: Measured, nominal: Floats) -> LackOfFit:
     white, nothing = found.at.white, found.alone
     noise, dof = white.machine.instrument.noise_mm, len(white) - nothing.offsets.size
     total = nothing.sum_of_squares(noise)
@@ -263,14 +371,19 @@ def _lack_of_fit(found: Assessment, measured: Measured) -> LackOfFit:
         pure = repeats.dof * repeats.sigma_mm**2
         lack = max(total - pure, 0.0) / (dof - repeats.dof)
         chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))
+    left = rms(measured.weight * (measured.value - nominal))
+    residual = float(np.sqrt(total / dof)) if dof else 0.0
     return LackOfFit(
         statistic=total / noise**2,
         dof=dof,
         p_value=found.chance,
-        noise_mm=noise,
-        residual_mm=float(np.sqrt(total / dof)) if dof else 0.0,
-        repeats_mm=None if repeats is None else repeats.sigma_mm,
         repeats_p_value=chance,
+        repeats_mm=None if repeats is None else repeats.sigma_mm,
+        left_mm=left,
+        # The fit takes a part of the noise away, too.
+        expected_mm=left * noise / residual if residual else noise,
+        noise_mm=noise,
+        residual_mm=residual,
     )
 
 
@@ -297,26 +410,27 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
         return
     companions = white.problem.model.machine.companions
     yield from (companions[e.cause.id] for e in accepted.effects if e.cause.id in companions)
-    unknowns = accepted.offsets.size + sum(e.cause.unknowns for e in accepted.effects)
+    unknowns = accepted.offsets.size + sum(e.cause.freedom for e in accepted.effects)
     if len(white) <= unknowns:
         return  # the answer follows anything
     noise = white.machine.instrument.noise_mm
     left = white.rms(accepted.left)
     beyond = np.sqrt(max(left**2 - noise**2, 0.0))
     yield (
-        f"Unexplained stay {1e3 * left:.0f} µm r.m.s., of which {1e3 * min(noise, left):.0f} µm are"
+        f"Unexplained: {1e3 * left:.0f} µm r.m.s., of which {1e3 * min(noise, left):.0f} µm are"
         f" the probe's noise: {1e3 * beyond:.0f} µm are local, shared by neighbouring places, and"
         " no evidence for any cause."
     )
 
 
 def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
-    notes, raw = list(measured.remarks), found.at.white.raw
+    doubted = found.at.white.machine.doubted.values()
+    notes, raw = [*measured.remarks, *(doubt.words for doubt in doubted)], found.at.white.raw
     vocabulary = found.at.white.problem.model.machine.vocabulary
     judgement, causes = found.judgement, [effect.cause for effect in found.accepted.effects]
     listed, unlisted = found.posterior.listed, found.posterior.unlisted
-    if judgement.verdict is Verdict.CONSISTENT and judgement.ambiguous_with:
-        notes.append(f"Not excluded: {', '.join(judgement.ambiguous_with)}.")
+    if judgement.not_excluded:
+        notes.append(f"Not excluded, too small to show: {', '.join(judgement.not_excluded)}.")
     if judgement.verdict is Verdict.UNEXPLAINED:
         pattern = max(unlisted, key=unlisted.__getitem__)
         notes.append(f"No listed cause explains the residuals. Their pattern: {pattern}.")
@@ -328,7 +442,7 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
                 f" pattern. To check them, repeat with {vocabulary.further}."
             )
     for more in (ids for ids in found.posterior.rivals() if set(judgement.accepted) < set(ids)):
-        if judgement.accepted:
+        if judgement.verdict is Verdict.AMBIGUOUS:
             rest = "+".join(id for id in more if id not in judgement.accepted)
             notes.append(f"These readings cannot show whether {rest} is also present.")
     for part in (ids for ids in listed if ids and set(ids) < set(judgement.accepted)):
@@ -346,5 +460,7 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
             " not on the data alone. Raw readings, with more postures, carry more."
         )
     if raw and any(isinstance(c, PatternCause) for c in causes):
-        notes.append("Correct a fault of the measurement by measuring anew, not in the controller.")
+        notes.append(
+            "Correct a fault of the measurement by measuring again, not in the controller."
+        )
     return tuple(notes)

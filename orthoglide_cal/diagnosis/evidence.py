@@ -12,6 +12,7 @@ different size comparable.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +39,7 @@ class NoiseGrid(ReadOnly):
     Attributes:
         sigma: of noise that no two readings share [mm].
         log_weight: of each.
-        spectrum: variance that each datum has beside, where neighbours share a local shape of
+        spectrum: additional variance of each datum, where neighbours share a local shape of
             the size that is stated, (k,) [mm²]; the data are those in which it is independent.
         scale_factor: how many times as large that shape is, (g,).
     """
@@ -144,6 +145,13 @@ class Gaussian:
         share = np.asarray(log_share)[..., None] + noise.log_weight
         self._log_share = share - 0.5 * log_det
 
+    def first(self, count: int, log_total: float) -> Gaussian:
+        """The same at the first sizes only, of which e^`log_total` is the whole share."""
+        few = copy.copy(self)
+        few._left, few._shrink = self._left[..., :count, :, :], self._shrink[..., :count, :, :]
+        few._log_share = self._log_share[..., :count, :] - log_total
+        return few
+
     def log_density(self, residuals: Floats) -> Floats:
         """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""
         quadratic = self._quadratic(residuals, self._inside(residuals))
@@ -198,6 +206,13 @@ class Patchy(Gaussian):
         log_det = 2.0 * np.log(np.einsum("...ii->...i", root)).sum(axis=-1)
         share = np.asarray(log_share)[..., None] + noise.log_weight
         self._log_share = share - 0.5 * (log_det + np.log(variance).sum(axis=-1))
+
+    def first(self, count: int, log_total: float) -> Gaussian:
+        """As of `Gaussian`."""
+        few = copy.copy(self)
+        few._sizes, few._root = self._sizes[..., :count, :, :, :], self._root[..., :count, :, :, :]
+        few._log_share = self._log_share[..., :count, :] - log_total
+        return few
 
     def log_density(self, residuals: Floats) -> Floats:
         """As of `Gaussian`."""

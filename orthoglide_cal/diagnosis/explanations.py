@@ -45,9 +45,10 @@ from orthoglide_cal.model import (
     ideal_plan,
     other_unit,
     reduction,
+    simulate,
     zero_free,
 )
-from orthoglide_cal.model.influence import Influence
+from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.plan import Bools, read_only
 
 # Between a quick session and a slow one: factor on the pace where no times were written down.
@@ -55,6 +56,8 @@ UNKNOWN_PACE = 3.0
 PER_HOUR = "mm/h"
 # Of one standard deviation of a reading: what changes the data by less changes no evidence.
 UNSEEN = 0.1
+# No larger, in plausible sizes, is tried together with another fault; scales grow.
+BESIDE = 12.0
 # Offsets are not judged by their size: one standard deviation of their prior [mm].
 OFFSETS_MM = 10.0
 
@@ -66,7 +69,7 @@ class Whitened(ReadOnly):
     Attributes:
         problem: the model, the plan of n readings, and W, shape (k, n).
         data: d, shape (k,) [mm].
-        root: un-whitens, shape (k, k): the identity for raw readings with zeros.
+        root: un-whitens, shape (n, k); the identity (k, k) for readings of gauges.
         raw: True for raw readings, whose order in time is known; False for differences.
         in_file: where each entry of the file stands in the data as read, shape (m,).
         unit_mm: the only other unit that the readings may be in [mm]; None without one.
@@ -139,12 +142,12 @@ class Whitened(ReadOnly):
 
     def plain(self, residual: Floats) -> Floats:
         """A whitened residual (k,) in each reading, or difference, shape (m,) [mm]."""
-        zeros = self.raw and self.plan.setups
+        zeros = self.raw and self.plan.setups and self.spectrum is None
         return np.asarray(self.matrix.T @ residual if zeros else self.root @ residual)
 
     @property
     def weight(self) -> Floats:
-        """How much an error of each reading, or difference, counts beside a common one, (m,)."""
+        """How much an error of each reading, or difference, counts against a common one, (m,)."""
         return self.plan.precision if self.raw else np.ones(len(self.in_file))
 
     def rms(self, residual: Floats) -> float:
@@ -160,9 +163,21 @@ class Whitened(ReadOnly):
         return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index]))
 
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
-        """What is uncertain of the data beside noise, for offsets (3,) [mm]."""
+        """What is uncertain of the data in addition to noise, for offsets (3,) [mm]."""
         found = influences(self.problem.model, offsets, self.plan)
         return tuple(each.reduced(self.matrix) for each in found)
+
+    def with_effects(
+        self, uncertain: tuple[Influence, ...], offsets: Floats, effects: Sequence[Effect]
+    ) -> tuple[Influence, ...]:
+        """The same on a machine with some effects: what a stand's place does to the readings
+        depends on how the touched surface lies."""
+        if all(each.source != Origin.GAUGE_PLACEMENT for each in uncertain):
+            return uncertain
+        known, plan = self.problem.model.extended(effects), self.plan
+        gauges = self.machine.uncertain(plan, lambda other: simulate(known, offsets, other))
+        anew = {each.source: each.reduced(self.matrix) for each in gauges}
+        return tuple(anew.get(each.source, each) for each in uncertain)
 
     def inverted(self, cause: RelabelCause, place: Place) -> Floats | None:
         """The data with a fault of the record put right, shape (k,) [mm].
@@ -197,8 +212,7 @@ def _of_readings(plan: Plan, model: Model, timed: bool) -> Whitened:
         shared = matrix @ local.columns
         spectrum, independent = np.linalg.eigh(shared @ shared.T)
         spectrum = np.maximum(spectrum, 0.0)
-        # No zero is unknown then: the data are as many as the readings.
-        root = np.linalg.solve(matrix, independent)
+        root = np.linalg.pinv(matrix) @ independent
         matrix = independent.T @ matrix
     return Whitened(
         Problem(model, plan, matrix),
@@ -215,7 +229,7 @@ def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
     """The model with the plausible sizes of these causes multiplied."""
     machine = model.machine
     own = (cause for cause in causes if type(machine) in cause.sizes)
-    sizes = {cause.id: factor * cause.size(machine) for cause in own}
+    sizes = {cause.id: factor * cause.stated(machine) for cause in own}
     return replace(model, machine=machine.changed(tolerances={**machine.tolerances, **sizes}))
 
 
@@ -236,7 +250,7 @@ def unit_of(effects: Sequence[Effect]) -> float:
 
 @dataclass(frozen=True)
 class Extra:
-    """One cause at one place, beside a base.
+    """One cause at one place, with a base.
 
     Attributes:
         cause: a pattern cause or a relabelling one.
@@ -328,7 +342,7 @@ class Linearised:
         jacobian: derivative of the data by the offsets at the fit to version 0, shape (k, 3).
         jacobians: id of a broad cause → derivative by its parameters there, where it is absent,
             shape (k, p).
-        uncertain: what is uncertain of the data beside noise and causes.
+        uncertain: what is uncertain of the data in addition to noise and causes.
     """
 
     white: Whitened
@@ -391,6 +405,14 @@ class Linearised:
         ((_, columns),) = white.linearised((offsets, absent))
         ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
+        uncertain = white.uncertain(offsets)
+        weighed, bound = {cause.id for cause in broad}, machine.instrument.noise_mm
+        for number, each in enumerate(uncertain):
+            shown = unexplained(jacobian, each.columns) if each.source in weighed else 0.0
+            if np.linalg.norm(shown) > bound:
+                # It has a name of its own for what shows: only what the offsets imitate is carried.
+                hidden = replace(each, columns=each.columns - shown)
+                uncertain = (*uncertain[:number], hidden, *uncertain[number + 1 :])
         return cls(
             white=white,
             candidates=candidates,
@@ -402,7 +424,7 @@ class Linearised:
             patterns=patterns,
             jacobian=jacobian,
             jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
-            uncertain=white.uncertain(offsets),
+            uncertain=uncertain,
         )
 
     @cached_property
@@ -423,18 +445,34 @@ class Linearised:
         return scales
 
     @cached_property
+    def usual(self) -> tuple[int, float]:
+        """Of the scales, how many are tried together with another fault, and ln of their share.
+
+        Two causes follow nearly any pattern, if they may be of any size.
+        """
+        few = [share for scale, share in self.scales.items() if scale <= BESIDE]
+        return len(few), math.log(sum(few))
+
+    @cached_property
     def seen(self) -> Floats:
-        """The part of `carried` that shows, with as few columns as tell it, shape (k, b) [mm].
+        """The part of `carried` that shows, shape (k, b) [mm]."""
+        return self.shown(self.uncertain, self.jacobian)
+
+    def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
+        """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].
 
         A local shape is part of the noise.
 
         What the offsets imitate changes no evidence, and what stays far below the noise none
         that matters.
+
+        Args:
+            uncertain: what is uncertain.
+            jacobian: derivative by the offsets, shape (k, 3).
         """
-        few = [each.columns for each in self.uncertain if not each.local]
+        few = [each.columns for each in uncertain if not each.local]
         carried = np.hstack([np.zeros((len(self.white), 0)), *few])
-        shown = unexplained(self.jacobian, carried)
-        left, size, _ = np.linalg.svd(shown, full_matrices=False)
+        left, size, _ = np.linalg.svd(unexplained(jacobian, carried), full_matrices=False)
         kept = size > UNSEEN * self.noise.stated
         return np.asarray(left[:, kept] * size[kept])
 
@@ -442,10 +480,11 @@ class Linearised:
         """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
         return np.hstack([self.jacobian, *(self.jacobians[cause.id] for cause in base)])
 
-    def sizes(self, base: Sequence[Cause], scale: float = 1.0) -> Floats:
+    def sizes(self, base: Sequence[Cause], scale: float = 1.0, choice: int = 0) -> Floats:
         """Plausible sizes of the same unknowns, shape (3 + p,), internal units.
 
-        Those of the parameters are `scale` times the tolerances.
+        Those of the parameters are `scale` times the tolerances; `choice` is among their shares.
         """
-        own = [scale * cause.prior_std(self.white.machine) for cause in base]
+        machine = self.white.machine
+        own = [scale * cause.prior_std(machine, choice if cause.shares else 0) for cause in base]
         return np.concatenate([np.full(self.jacobian.shape[1], OFFSETS_MM), *own])

@@ -8,14 +8,16 @@ is needed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.diagnosis.candidates import ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.scores import (
@@ -27,16 +29,27 @@ from orthoglide_cal.diagnosis.scores import (
     evidence_by_noise,
     scaled,
 )
+from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import condition, fit_size, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import fit_offsets
-from orthoglide_cal.model import Effect, Floats, Ints, ReadOnly, differentiate
+from orthoglide_cal.model import Effect, Floats, Ints, Machine, ReadOnly, differentiate
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.instrument import Instrument
 
+# Mean and standard deviation of what cannot be negative, of those without that bound.
+HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)
+# A search that has just moved by more than this goes on: what is of second order in less, over the
+# length of a leg, is far below any gauge. No more rounds than so many.
+FAR_MM, ROUNDS = 0.1, 6
+# Causes that move the readings by so many times the noise tilt what the gauges touch so much that
+# it matters where a stand is.
+STEEP = 100.0
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
+# The origin of the endstops has moved where nothing but chance gives as much this seldom.
+MOVED = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +57,22 @@ class Fitted(ReadOnly):
     """An explanation at its best fit.
 
     The unknowns are the offsets, the parameters of each effect in turn, and those of all that is
-    uncertain of the data beside noise.
+    uncertain of the data in addition to noise.
 
     Attributes:
         log_density: ln p of the data if all parameters act, with the prior of places.
+        log_bounds: ln of how much likelier they make it than the prior does that widths are
+            positive, one by one.
         effects: its causes with their best parameters, each with its own covariance.
         offsets: shape (3,) [mm].
         covariance: of all unknowns, shape (q, q), internal units.
         slots: of each effect, its unknowns; none for what has no size or a known one.
         linear: whitened data minus the linearised model at zero unknowns, shape (k,) [mm].
         residual: whitened data minus prediction, shape (k,) [mm].
-        local: what of it is put down to a local shape beside, shape (k,) [mm].
+        local: what of it is attributed to a local shape, shape (k,) [mm].
         columns: whitened derivatives by the unknowns, shape (k, q).
-        sizes: their plausible sizes, shape (q,).
+        centre: what they are before there are data, shape (q,): zero but for widths.
+        sizes: their plausible sizes about that, shape (q,).
         sigma: standard deviation of one reading under this explanation [mm].
         scale_factor: how many times as large as stated a local shape is.
         uncertain: what else is uncertain of the data; its unknowns come last.
@@ -64,6 +80,7 @@ class Fitted(ReadOnly):
     """
 
     log_density: float
+    log_bounds: float
     effects: tuple[Effect, ...]
     offsets: Floats
     covariance: Floats
@@ -72,6 +89,7 @@ class Fitted(ReadOnly):
     residual: Floats
     local: Floats
     columns: Floats
+    centre: Floats
     sizes: Floats
     sigma: float
     scale_factor: float
@@ -88,8 +106,8 @@ class Fitted(ReadOnly):
     def unread(self) -> Fitted:
         """The explanation as it was before there were data: causes of any plausible size."""
         effects = (
-            e if e.covariance is None else replace(e, theta=np.zeros_like(e.theta))
-            for e in self.effects
+            e if e.covariance is None else replace(e, theta=self.centre[slot])
+            for e, slot in zip(self.effects, self.slots, strict=True)
         )
         return replace(self, effects=tuple(effects), covariance=np.diag(self.sizes**2))
 
@@ -121,8 +139,9 @@ class Fitted(ReadOnly):
         columns = np.hstack([white.matrix @ jacobians, self.columns[:, theta.size :] / unit])
         linear = white.data + white.matrix @ (jacobians @ theta - readings)
         # Weighed as the fit was: by the stated noise, however large it turned out to be.
-        found, _ = condition(columns, linear, self.sizes, white.machine.instrument.noise_mm / unit)
-        step = found[: theta.size] - theta
+        noise, linear = white.machine.instrument.noise_mm / unit, linear - columns @ self.centre
+        found, _ = condition(columns, linear, self.sizes, noise)
+        step = (self.centre + found)[: theta.size] - theta
         return float(np.max(np.abs(step) / np.sqrt(np.diag(self.covariance)[: theta.size])))
 
     @property
@@ -142,6 +161,20 @@ class Fitted(ReadOnly):
         stretched = noise * (found / self.sizes)[len(self.offsets) :]
         return float(self.residual @ self.residual + stretched @ stretched)
 
+    def log_likelihood(self, noise: float) -> float:
+        """ln p of the data at the fit, without its constant; the sizes of causes do not count,
+        but that widths are positive does.
+
+        Args:
+            noise: stated σ of one reading [mm].
+        """
+        linear = self.linear - self.columns @ self.centre
+        found, _ = condition(self.columns, linear, self.sizes, noise)
+        carried = len(found) - sum(each.columns.shape[1] for each in self.uncertain)
+        stretched = noise * (found / self.sizes)[carried:]
+        square = float(self.residual @ self.residual + stretched @ stretched)
+        return self.log_bounds - 0.5 * square / noise**2
+
     def budget(self, gauge: Instrument) -> Budget:
         """The uncertainty of its offsets by source; what its causes leave open comes last."""
         width = len(self.offsets)
@@ -158,19 +191,33 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
     """Fit explanations by Gauss–Newton with their priors, then judge each there.
 
     First with the linear model that it was scored with, then with that of the fit this gives, which
-    is enough for ranking.
+    is enough for ranking; of causes far beyond their size again.
 
     Args:
         scores: the explanations.
         scale_factor: as of `Fitted`; as large as these data make it if None.
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
-    # One simulation gives the second linear models of all.
-    for white in dict.fromkeys(each.at.white for each in searches):
-        moving = [each for each in searches if each.at.white is white and each.moves]
-        points = [(each.offsets, each.effects) for each in moving]
-        for each, (predicted, own) in zip(moving, white.linearised(*points), strict=True):
-            each.move(predicted, own)
+    # One simulation gives the next linear models of all; the second is enough but for large causes.
+    moving = [each for each in searches if each.moves]
+    for _ in range(ROUNDS):
+        far: list[_Search] = []
+        for white in dict.fromkeys(each.at.white for each in moving):
+            together = [each for each in moving if each.at.white is white]
+            points = [(each.offsets, each.effects) for each in together]
+            try:
+                models = white.linearised(*points)
+            except PostureError:
+                # No machine is like that: such an explanation stays as it was scored.
+                together = [each for each in together if each.possible]
+                models = white.linearised(*((each.offsets, each.effects) for each in together))
+            for each, (predicted, own) in zip(together, models, strict=True):
+                before, each.moved = each.moved, each.move(predicted, own)
+                if FAR_MM < each.moved < 0.5 * before:
+                    far.append(each)
+        moving = far
+    for each in searches:
+        each.settle()
     found: dict[int, Fitted] = {}
     for at in dict.fromkeys(each.at for each in searches):
         group = [n for n, each in enumerate(searches) if each.at is at]
@@ -178,6 +225,7 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
             [searches[n].score for n in group],
             [searches[n].own for n in group],
             [searches[n].linear + searches[n].added for n in group],
+            [searches[n].seen for n in group],
         )
         found |= {
             n: searches[n].fitted(scores[n], own) for n, own in zip(group, by_noise, strict=True)
@@ -190,7 +238,7 @@ class _Search:
 
     def __init__(self, score: Score, scale_factor: float | None) -> None:
         at, self.base, extra = score.at, score.base, score.extra
-        self.version = 0
+        self.version, self.moved = 0, math.inf
         # What an extra of known size adds, and what one unit of one of unknown size does.
         self.added, self.free = np.zeros(len(at.white)), np.zeros((len(at.white), 0))
         free_size = np.zeros(0)
@@ -207,14 +255,22 @@ class _Search:
             else:
                 self.added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
         self.at, self.score, self.own = at, score, at.columns(self.base)
+        # What is a cause of this explanation is not uncertain besides.
+        ids = ids_of(*self.base)
+        self.uncertain = tuple(each for each in at.uncertain if each.source not in ids)
+        kept = np.repeat(
+            [each.source not in ids for each in at.uncertain],
+            [each.columns.shape[1] for each in at.uncertain],
+        )
+        self.carried, local, self.seen = at.carried[:, kept], at.local[kept], at.seen
         self.width = width = at.offsets.shape[1]
-        own_sizes = at.sizes(self.base, score.scale)
-        self.sizes = np.concatenate([own_sizes, free_size, np.ones(at.local.size)])
+        own_sizes = self._own_sizes(free_size)
+        self.sizes = np.concatenate([own_sizes, free_size, np.ones(local.size)])
         ends = np.cumsum([width, *(cause.unknowns for cause in self.base), free_size.size])
         self.slots = tuple(slice(*pair) for pair in pairwise(ends.tolist()))
         self.offsets = at.offsets[self.version]
         self.linear = at.residuals[self.version] - self.added
-        self.local = np.flatnonzero(at.local) + self.own.shape[1] + free_size.size
+        self.local = np.flatnonzero(local) + self.own.shape[1] + free_size.size
         # Few touches cannot tell a local shape from a fault.
         many = self.local.size >= ENOUGH * width
         if scale_factor is None and many:
@@ -224,6 +280,25 @@ class _Search:
         self.sizes[self.local] = self.scale_factor
         self._solve()
 
+    def _own_sizes(self, beside: Floats) -> Floats:
+        """Plausible sizes of offsets and causes; where a cause leaves them open, the likeliest.
+
+        `beside` is that of an extra of unknown size, shape (1,) or (0,).
+        """
+        at, scale = self.at, self.score.scale
+        choices = max((len(cause.shares) for cause in self.base), default=0)
+        if not choices:
+            return at.sizes(self.base, scale)
+        tried = [(s, n) for s in at.scales for n in range(choices)]
+        sizes = np.stack([at.sizes(self.base, *each) for each in tried])
+        rest = np.concatenate([beside, np.ones(at.seen.shape[1])])
+        every = np.hstack([sizes, np.tile(rest, (len(sizes), 1))])
+        shares = np.log([at.scales[s] for s, _ in tried])
+        density = at.noise.density(np.hstack([self.own, self.free, at.seen]), every, shares)
+        residual = at.residuals[self.version] - self.added
+        likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
+        return np.asarray(sizes[likeliest])
+
     @property
     def moves(self) -> bool:
         """Whether the linear model changes: that of the offsets alone is that of the fit."""
@@ -232,7 +307,7 @@ class _Search:
     @property
     def columns(self) -> Floats:
         """Derivatives of the data by all unknowns, shape (k, q)."""
-        return np.hstack([self.own, self.free, self.at.carried])
+        return np.hstack([self.own, self.free, self.carried])
 
     @property
     def effects(self) -> list[Effect]:
@@ -240,16 +315,45 @@ class _Search:
         pairs = zip(self.base, self.slots, strict=False)
         return [cause.at(self.found[slot]) for cause, slot in pairs]
 
+    @property
+    def possible(self) -> bool:
+        """Whether a machine with its causes can take the postures of the plan."""
+        try:
+            self.at.white.linearised((self.offsets, self.effects))
+        except PostureError:
+            return False
+        return True
+
     def _solve(self) -> None:
         self.found, _ = condition(self.columns, self.linear, self.sizes, self.at.noise.stated)
         self.offsets = self.offsets + self.found[: self.width]
 
-    def move(self, predicted: Floats, own: Floats) -> None:
-        """Solve with the linear model of where it stands: prediction (k,), derivatives."""
+    def move(self, predicted: Floats, own: Floats) -> float:
+        """Solve with the linear model of where it stands: prediction (k,), derivatives.
+
+        Returns:
+            How far this moves the prediction, r.m.s. [mm].
+        """
         self.own, theta = own, self.found[self.width : own.shape[1]]
         self.linear = self.at.versions[self.version] - self.added - predicted
         self.linear += own[:, self.width :] @ theta
         self._solve()
+        step = self.found[: own.shape[1]].copy()
+        step[self.width :] -= theta
+        return rms(own @ step)
+
+    def settle(self) -> None:
+        """Carry what is uncertain of the data as it acts on a machine with these causes."""
+        at, uncertain = self.at, self.uncertain
+        caused = self.own[:, self.width :] @ self.found[self.width : self.own.shape[1]]
+        if rms(caused) > STEEP * at.noise.stated and self.possible:
+            self.uncertain = at.white.with_effects(uncertain, self.offsets, self.effects)
+        if self.uncertain is not uncertain:
+            self.carried = np.hstack([each.columns for each in self.uncertain])
+            self.seen = at.shown(self.uncertain, self.own[:, : self.width])
+            # Once more from where the last step began.
+            self.offsets = self.offsets - self.found[: self.width]
+            self._solve()
 
     def fitted(self, score: Score, by_noise: Floats) -> Fitted:
         """The fit, of this explanation or of one that holds an exchange besides.
@@ -260,8 +364,21 @@ class _Search:
         log = float(log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
         _, covariance = condition(columns, linear, self.sizes, sigma)
+        centre, sizes, found = np.zeros(len(self.sizes)), self.sizes.copy(), self.found
+        bounds = 0.0
+        for cause, slot in zip(self.base, self.slots, strict=False):
+            named = slice(slot.start, slot.start + len(cause.names))
+            if cause.positive:
+                std = np.sqrt(np.diag(covariance)[named])
+                bounds += float((log_ndtr(found[named] / std) - math.log(0.5)).sum())
+                mean, spread = HALF_NORMAL
+                centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
+        if np.any(centre):
+            beyond = linear - columns @ centre
+            found = centre + condition(columns, beyond, sizes, at.noise.stated)[0]
+            _, covariance = condition(columns, beyond, sizes, sigma)
         effects = [
-            Effect(cause, self.found[slot], covariance=covariance[slot, slot])
+            Effect(cause, found[slot], covariance=covariance[slot, slot])
             for cause, slot in zip(self.base, self.slots, strict=False)
         ]
         slots = self.slots[: len(effects)]
@@ -269,24 +386,26 @@ class _Search:
             cause, place, count = score.extra.cause, score.extra.place, score.extra.count
             slot = self.slots[-1]
             if isinstance(cause, PatternCause) and count is None:
-                effects.append(Effect(cause, self.found[slot], place, covariance[slot, slot]))
+                effects.append(Effect(cause, found[slot], place, covariance[slot, slot]))
             else:
                 effects.append(cause.at(np.array([count] if count else [], np.float64), place))
             slots = (*slots, slot)
         return Fitted(
             log_density=log,
+            log_bounds=bounds,
             effects=tuple(effects),
-            offsets=self.offsets,
+            offsets=self.offsets + (found - self.found)[: self.width],
             covariance=covariance,
             slots=slots,
             linear=linear,
-            residual=linear - columns @ self.found,
-            local=columns[:, self.local] @ self.found[self.local],
+            residual=linear - columns @ found,
+            local=columns[:, self.local] @ found[self.local],
             columns=columns,
-            sizes=self.sizes,
+            centre=centre,
+            sizes=sizes,
             sigma=sigma,
             scale_factor=self.scale_factor,
-            uncertain=at.uncertain,
+            uncertain=self.uncertain,
             remedy=score.remedy,
         )
 
@@ -309,12 +428,7 @@ def log_evidence(score: Score, fit: Fitted) -> float:
         (log,) = all_or_one([(base[0], mine, log)], others, fit.linear, at.noise, at.scales)
     elif base:
         log += LOG_ALL
-    for cause, effect in zip(base, fit.effects, strict=False):
-        if cause.positive and effect.covariance is not None:
-            named = len(cause.names)
-            score_ = effect.theta[:named] / np.sqrt(np.diag(effect.covariance)[:named])
-            log += float((log_ndtr(score_) - np.log(0.5)).sum())
-    return log
+    return log + fit.log_bounds
 
 
 @dataclass(frozen=True)
@@ -345,10 +459,10 @@ def leave_out_cells(white: Whitened, fit: Fitted, judged: Fitted) -> HeldOut:
     entries = white.matrix if white.raw else np.asarray(np.linalg.inv(white.root), np.float64)
     scaled = fit.columns * fit.sizes
     covariance = fit.sigma**2 * np.eye(len(white)) + scaled @ scaled.T
-    entries, linear = whiten(covariance, entries, fit.linear)
+    entries, linear = whiten(covariance, entries, fit.linear - fit.columns @ fit.centre)
     precision, weighted = entries.T @ entries, entries.T @ linear
     errors, scaled_errors = [], []
-    for blocks in _left_out(white, judged.wrong_reading):
+    for blocks in left_out(white, judged.wrong_reading):
         own: Floats = precision[blocks[:, :, None], blocks[:, None, :]]
         values: Floats = weighted[blocks][..., None]
         scaled_errors.append(whiten(own, values)[0].reshape(-1))
@@ -357,7 +471,7 @@ def leave_out_cells(white: Whitened, fit: Fitted, judged: Fitted) -> HeldOut:
     return HeldOut(rms(np.concatenate(errors)), rms(np.concatenate(scaled_errors)))
 
 
-def _left_out(white: Whitened, wrong: int | None) -> list[Ints]:
+def left_out(white: Whitened, wrong: int | None) -> list[Ints]:
     """Entries to leave out together; blocks of one size in one array, shape (blocks, size)."""
     cells, kept = np.arange(len(white)), np.full(len(white), True)
     if white.raw:
@@ -374,7 +488,9 @@ def _left_out(white: Whitened, wrong: int | None) -> list[Ints]:
     return [np.stack(blocks) for blocks in by_size.values()]
 
 
-def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = False) -> HeldOut:
+def predict_later(
+    later: Whitened, fit: Fitted, applied: Floats, free: int = 0, before: Machine | None = None
+) -> HeldOut:
     """Predict readings taken after the controller was corrected.
 
     The offsets that remain are those found minus those applied; causes of the contact and the
@@ -384,26 +500,55 @@ def predict_later(later: Whitened, fit: Fitted, applied: Floats, free: bool = Fa
         later: the held-out data.
         fit: from the first data only.
         applied: offsets entered in between, shape (3,) [mm].
-        free: True if the machine was calibrated anew in between: its parameters are unknown and
-            fitted to the later data; nothing else is.
+        free: so many of the parameters, the first ones, are unknown again and fitted to the later
+            data; nothing else is. All of them where the machine was calibrated anew.
+        before: the machine of the first data; None for the same as later.
     """
     lasting = [effect for effect in fit.effects if effect.cause.lasting]
-    offsets = fit.offsets - applied
-    if free:
-        extended = replace(later.problem, model=later.problem.model.extended(lasting))
+    offsets, width = fit.offsets - applied, fit.offsets.size
+    then = [effect.transferred(before or later.machine, later.machine) for effect in lasting]
+    if free == width:
+        extended = replace(later.problem, model=later.problem.model.extended(then))
         offsets = fit_offsets(extended, later.data).offsets_mm
-    ((predicted, jacobian),) = later.linearised((offsets, lasting))
+    ((predicted, jacobian),) = later.linearised((offsets, then))
     columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
-    width, error = offsets.size, later.data - predicted
-    if free:
-        columns, joint = columns[:, width:], joint[width:, width:]
-    spread = fit.sigma**2 * np.eye(len(later)) + columns @ joint @ columns.T
-    by_offsets, scaled_error = whiten(spread, jacobian[:, :width], error)
+    error = later.data - predicted
+    spread = _spread(fit, columns[:, free:], joint[free:, free:])
+    by_offsets, scaled_error = whiten(spread, jacobian[:, :free], error)
     if free:
         # What a fit to these errors leaves, of as many as it leaves free.
-        scaled_error = unexplained(by_offsets, scaled_error)
-        scaled_error *= np.sqrt(error.size / max(error.size - width, 1))
+        error, scaled_error = (
+            unexplained(own, left)
+            for own, left in ((jacobian[:, :free], error), (by_offsets, scaled_error))
+        )
+        scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
     return HeldOut(rms(error if later.raw else later.root @ error), rms(scaled_error))
+
+
+def moved_origin(later: Whitened, fit: Fitted, applied: Floats) -> Floats | None:
+    """By how much the parameters that homing sets differ from what is expected of them later.
+
+    Arguments as of `predict_later`.
+
+    Returns:
+        Shape (h,) [mm]; None where nothing says that they do.
+    """
+    homed = later.machine.homed
+    lasting = [effect for effect in fit.effects if effect.cause.lasting]
+    offsets = fit.offsets - applied
+    ((predicted, jacobian),) = later.linearised((offsets, lasting))
+    columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
+    spread = _spread(fit, columns, joint)
+    by_origin, error = whiten(spread, jacobian[:, :homed], later.data - predicted)
+    left = unexplained(by_origin, error)
+    if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
+        return None
+    return np.asarray(np.linalg.lstsq(by_origin, error)[0])
+
+
+def _spread(fit: Fitted, columns: Floats, joint: Floats) -> Floats:
+    """Covariance of what is predicted, shape (k, k): noise, and unknowns of covariance (u, u)."""
+    return np.asarray(fit.sigma**2 * np.eye(len(columns)) + columns @ joint @ columns.T)
 
 
 def known_then(
@@ -430,7 +575,8 @@ def known_then(
     start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
     ends = start + np.cumsum([0, *(each.columns.shape[1] for each in fit.uncertain)])
     spans = dict(zip((each.source for each in fit.uncertain), pairwise(ends.tolist()), strict=True))
-    for after in uncertain:
+    named = {effect.cause.id for effect in effects}
+    for after in (each for each in uncertain if each.source not in named):
         # What did not act on the first data is as uncertain as it was.
         start, end = spans.get(after.source, (0, 0))
         if after.local:

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis.baselines import Baselines
 from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution
-from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.model import (
     Differences,
     Effect,
-    Estimate,
     Floats,
     Measured,
     Model,
@@ -55,6 +54,8 @@ class NextMeasurement(Schema):
         separates: of each of the two the first cause that the other lacks, or has as well.
         between: of the two likeliest explanations that it distinguishes, the causes that the other
             lacks, or all if one has no more; empty if nothing is open that readings tell.
+        session: what `measure` is told for it if it is a session of its own; None if it continues
+            what was read.
         separation_sigma: expected distance between their predictions; 0 without them [standard
             deviations].
     """
@@ -64,84 +65,124 @@ class NextMeasurement(Schema):
     separates: Ids
     between: tuple[Ids, ...]
     separation_sigma: float
+    session: str | None = None
 
 
-class Explanation(NamedTuple):
-    """What may be behind the data.
+class Estimated(Schema):
+    """A parameter under one explanation."""
 
-    Attributes:
-        causes: ids of listed causes; () for "nothing is wrong" or a pattern.
-        pattern: one that no listed cause makes, in words; None for listed causes.
+    name: str
+    found: float
+    std: float
+
+
+def estimated(names: Sequence[str], values: Floats, std: Floats) -> tuple[Estimated, ...]:
+    """Parameters with their values and standard deviations, shape (p,) each."""
+    columns = zip(names, values.tolist(), std.tolist(), strict=True)
+    return tuple(Estimated(name=name, found=value, std=own) for name, value, own in columns)
+
+
+class Explanation(Schema):
+    """What may be behind the data."""
+
+    ids: Ids = Field((), description="causes that act together; empty: nothing is wrong")
+    pattern: str | None = Field(None, description="that no listed cause makes, in words")
+    probability: float
+    rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
+    parameters: tuple[Estimated, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """True if it is that nothing is wrong."""
+        return not self.ids and self.pattern is None
+
+
+def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
+    """Probability of a sound machine, soundly measured; None where it is not worth saying."""
+    found = next((each.probability for each in explanations if each.sound), 0.0)
+    return found if found >= WORTH_SAYING else None
+
+
+class LackOfFit(Schema):
+    """Do the parameters alone explain the data?
+
+    Repeats in sequence share one gauge set-up and understate the real scatter: no verdict rests on
+    what is judged by them.
     """
 
-    causes: Ids = ()
-    pattern: str | None = None
-
-
-@dataclass(frozen=True)
-class LackOfFit:
-    """Does the offsets-only model explain the data to within this gauge's noise?
-
-    Attributes:
-        statistic: residual sum of squares over noise variance.
-        dof: its degrees of freedom.
-        p_value: probability of a larger one if nothing but noise is left.
-        noise_mm: standard deviation of one reading that it was judged by.
-        residual_mm: root mean square of the residuals per degree of freedom.
-        repeats_mm: scatter of repeated readings; None without repeats. Repeats in sequence share
-            one gauge set-up and understate the real scatter, so the verdict does not rest on it.
-        repeats_p_value: chance that repeats of that scatter leave this residual (F test).
-    """
-
-    statistic: float
+    statistic: float = Field(description="residual sum of squares / noise variance")
     dof: int
     p_value: float
-    noise_mm: float
-    residual_mm: float
-    repeats_mm: float | None
-    repeats_p_value: float | None
+    repeats_p_value: float | None = Field(description="judged by the scatter of repeats")
+    repeats_mm: float | None = Field(description="that scatter")
+    left_mm: float = Field(description="what the parameters alone leave, r.m.s.")
+    expected_mm: float = Field(description="what noise as stated would leave, r.m.s.")
+    noise_mm: float = Field(description="standard deviation of one reading, as stated")
+    residual_mm: float = Field(description="r.m.s. of the residuals per degree of freedom")
 
 
-@dataclass(frozen=True)
-class NamedCause:
-    """A cause that the diagnosis accepts; several act together.
+class CauseParameter(Schema):
+    """A parameter of a cause."""
 
-    Attributes:
-        effect: the cause with its parameters and their covariance, as fitted to these data.
-        parameters: name on this kind of machine → value with standard deviation, in the
-            contract's unit.
-        where: its place in words ("" for the whole machine), e.g. "leg x, direction y".
-        advice: what a technician can do about it, and where.
-        probability: posterior probability among all explanations tried.
-        rms_before_mm, rms_after_mm: residuals of the fit without and with the cause.
-        heldout_before_mm, heldout_after_mm: prediction errors on readings not fitted.
-        heldout_ratio: held-out errors divided by what the extended model states for them, r.m.s.
-        aliases: ids that explain the data as well at plausible sizes.
-        recommended: True if accepting it as an extension of the machine is recommended.
-    """
+    name: str
+    unit: str
+    value: float
+    std: float
+    expanded: float = Field(description="U, of a normal distribution")
 
-    effect: Effect
-    parameters: Mapping[str, Estimate]
-    where: str
-    advice: str
+
+class FoundCause(Schema):
+    """A cause that was found; several act together."""
+
+    id: str
     probability: float
+    where: str = Field(description="empty: the whole machine")
+    parameters: tuple[CauseParameter, ...]
     rms_before_mm: float
     rms_after_mm: float
-    heldout_before_mm: float
-    heldout_after_mm: float
-    heldout_ratio: float
-    aliases: Ids
-    recommended: bool
+    heldout_before_mm: float = Field(description="error on readings not fitted, without it")
+    heldout_after_mm: float = Field(description="and with it")
+    heldout_ratio: float = Field(description="the latter by what is stated for it, r.m.s.")
+    aliases: Ids = Field(description="what would look like it")
+    times_stated: float | None = Field(
+        description="its largest value by its plausible size, where that is beyond three"
+    )
+    remedy: str
+    recommended: bool = Field(description="to be accepted as part of the machine")
+    in_machine: bool = Field(description="false: it lies in the measurement")
 
-    @property
-    def id(self) -> str:
-        """Cause id of the contract."""
-        return self.effect.cause.id
 
-    @property
-    def in_machine(self) -> bool:
-        """True if the cause is in the machine (not in the measurement)."""
-        return self.effect.cause.in_machine
+class UnshownFault(Schema):
+    """A fault of the record, besides the named causes, that these readings would not show."""
+
+    id: str
+    where: str = Field(description="empty: the whole table")
+    check: str = Field(description="what would show it")
+    change: float = Field(description="largest change of a parameter if it is there")
+    unit: str = Field(description="of that parameter")
+    matters: bool = Field(description="a parameter changes by more than U: nothing is released")
+
+
+class TimesStated(Schema):
+    """A cause that would explain everything, but only far beyond its plausible size."""
+
+    id: str
+    times: float = Field(description="its largest value by its plausible size")
+
+
+class AssumedSize(Schema):
+    """The plausible size of a cause that the machine file does not state."""
+
+    id: str
+    size: float
+    unit: str
+
+
+class Otherwise(Schema):
+    """The answer with all plausible sizes changed."""
+
+    verdict: Verdict
+    ids: Ids
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,19 +195,23 @@ class Diagnosis(ReadOnly):
         verdict: in one word.
         lack_of_fit: of the offsets-only model.
         causes: accepted ones, best first; empty if none is.
+        baselines: of a printer, what the extension is compared with; None where it was not asked.
         ambiguous_with: ids that these data cannot separate from the answer.
+        not_excluded: ids that may be there where nothing shows.
         left_open: fits of the explanations that the data leave open, each after its share; the
             accepted one comes first.
-        by_place: the same, each fault at every place where it may be if the verdict is ambiguous.
+        by_place: the same, each fault at every place where it may be if the verdict is ambiguous;
+            after a named answer, faults that would not show but matter.
         offsets_mm: their mean, shape (3,).
         covariance_mm2: of the offsets, shape (3, 3); carries the choice within an alias class.
         alone_mm: offsets where the offsets-only model fits these data best, all readings alike,
             shape (3,).
         nominal_mm: prediction of the offsets-only model with fitted zeros, shape (n,).
         explained_mm: prediction of the accepted model, shape (n,).
-        sensitivity: with all tolerances "halved" and "doubled" → verdict and accepted ids; empty
-            if it was not asked for.
-        ranking: every explanation tried → posterior probability, best first.
+        sensitivity: with all tolerances "halved" and "doubled"; empty if it was not asked for.
+        explanations: every one tried, best first, those that are left open with their parameters.
+        unshown: faults of the record that would not show besides the named causes.
+        beyond_tolerance: causes that would explain what is unexplained, far beyond their size.
         notes: sentences for the user.
     """
 
@@ -174,8 +219,10 @@ class Diagnosis(ReadOnly):
     model: Model
     verdict: Verdict
     lack_of_fit: LackOfFit
-    causes: tuple[NamedCause, ...]
+    causes: tuple[FoundCause, ...]
+    baselines: Baselines | None
     ambiguous_with: Ids
+    not_excluded: Ids
     left_open: tuple[tuple[float, Fitted], ...]
     by_place: tuple[tuple[float, Fitted], ...]
     offsets_mm: Floats
@@ -183,14 +230,26 @@ class Diagnosis(ReadOnly):
     alone_mm: Floats
     nominal_mm: Floats
     explained_mm: Floats
-    sensitivity: Mapping[str, tuple[Verdict, Ids]]
-    ranking: Mapping[Explanation, float]
+    sensitivity: Mapping[str, Otherwise]
+    explanations: tuple[Explanation, ...]
+    unshown: tuple[UnshownFault, ...] = ()
+    beyond_tolerance: tuple[TimesStated, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("sensitivity", "ranking"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        object.__setattr__(self, "sensitivity", MappingProxyType(dict(self.sensitivity)))
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The accepted causes as fitted to these data, in the order of `causes`."""
+        found = {effect.cause.id: effect for effect in self.left_open[0][1].effects}
+        return tuple(found[cause.id] for cause in self.causes)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the offsets depend on what these data leave open, or would not show."""
+        return self.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in self.unshown)
 
     @property
     def put_right(self) -> Measured:
@@ -202,7 +261,7 @@ class Diagnosis(ReadOnly):
         if isinstance(measured, Differences) or self.verdict is not Verdict.NAMED:
             return measured
         value, machine = measured.value, self.model.machine
-        for effect in (cause.effect for cause in self.causes):
+        for effect in self.effects:
             if not effect.cause.lasting:
                 value = effect.cause.inverted(value, effect, measured.plan, machine)
         return replace(measured, value=value)
@@ -214,19 +273,19 @@ class Diagnosis(ReadOnly):
             UnusableResultError: with what to do instead.
         """
         for cause in self.causes:
-            if cause.id == id and cause.effect.cause.lasting and not cause.recommended:
+            if cause.id == id and CAUSES[id].lasting and not cause.recommended:
                 many = self.model.machine.vocabulary.many
                 raise UnusableResultError(
                     f"Making {id} part of the machine's model is not recommended: it does not"
                     f" last as it is, does not predict better than {many} only, or something else"
                     " explains these data as well.",
-                    cause.advice,
+                    cause.remedy,
                 )
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
         """What it adds to the uncertainty of the solution's offsets, by cause.
 
-        Each explanation beside the offsets alone by the probability that the data leave it: how
+        Each explanation, besides the offsets alone, by the probability that the data leave it: how
         far it would move the offsets, and how much less sure of them it is.
 
         Args:
@@ -261,7 +320,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def rivals(self) -> tuple[Ids, ...]:
-        """What is open in place of the answer or beside it, in the order of `ambiguous_with`.
+        """What is open in place of the answer or besides it, in the order of `ambiguous_with`.
 
         Causes that act together are one, unless each of them is open alone, too.
         """
@@ -279,55 +338,32 @@ class Diagnosis(ReadOnly):
         return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
 
     @property
-    def left_mm(self) -> float:
-        """What the calibrated parameters alone leave, r.m.s. as the pages show it."""
-        return rms(self.measured.weight * (self.measured.value - self.nominal_mm))
-
-    @property
-    def expected_mm(self) -> float:
-        """What noise as stated would leave, r.m.s.: the fit takes a part of it away, too."""
-        lack = self.lack_of_fit
-        if not lack.residual_mm:
-            return lack.noise_mm
-        return self.left_mm * lack.noise_mm / lack.residual_mm
-
-    @property
-    def nothing_wrong(self) -> float | None:
-        """Probability of a sound machine, soundly measured; None where it is not worth saying."""
-        found = self.ranking.get(Explanation(), 0.0)
-        return found if found >= WORTH_SAYING else None
-
-    @property
     def spare(self) -> int:
         """How many readings there are beyond the unknowns of the answer."""
-        return self.lack_of_fit.dof - sum(cause.effect.cause.unknowns for cause in self.causes)
+        return self.lack_of_fit.dof - sum(effect.cause.freedom for effect in self.effects)
 
     @property
-    def assumed_tolerances(self) -> Mapping[str, float]:
-        """Id → size of each cause that was tried at its default: the machine file gives none."""
+    def assumed_sizes(self) -> tuple[AssumedSize, ...]:
+        """Of each cause that was tried at its default: the machine file gives none."""
         machine = self.model.machine
-        tried = {id for explanation in self.ranking for id in explanation.causes}
-        return {
-            id: cause.size(machine)
+        tried = {id for explanation in self.explanations for id in explanation.ids}
+        return tuple(
+            AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
             for id, cause in CAUSES.items()
             if id in tried and cause.assumed(machine)
-        }
+        )
 
     @cached_property
     def remaining(self) -> float:
         """How far it is from its optimum, recomputed from the data [standard deviations].
 
-        The largest of what each open explanation lacks, with the parameters of the named causes,
-        and of how far the offsets are from the explanations' mean.
+        The largest of what each open explanation lacks, and of how far the offsets are from the
+        explanations' mean.
         """
         white = Whitened.of(self.measured, self.model)
-        (_, accepted), *others = self.left_open
-        named = {cause.id: cause.effect for cause in self.causes}
-        effects = tuple(named[effect.cause.id] for effect in accepted.effects)
-        fits = (replace(accepted, effects=effects), *(fit for _, fit in others))
         mean = sum(share * fit.offsets for share, fit in self.left_open)
         apart = np.abs(self.offsets_mm - mean) / self.std_mm
-        return float(np.max([*apart, *(fit.remaining(white) for fit in fits)]))
+        return float(np.max([*apart, *(fit.remaining(white) for _, fit in self.left_open)]))
 
     @property
     def converged(self) -> bool:

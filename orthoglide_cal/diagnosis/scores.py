@@ -2,7 +2,7 @@
 
 Of a cause with several parameters often one acts alone: one bar is skewed, the other five are not.
 Priced for all its parameters such a cause loses to one with fewer; so its evidence is the mean over
-both readings of its name. Beside another fault only the first is tried, which is a lower bound.
+both readings of its name. With another fault only the first is tried, which is a lower bound.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class Score:
         return (base, again) if again else (_mended(*self.base, extra.cause), ())
 
 
-# The same beside every base.
+# The same with every base.
 @functools.lru_cache(maxsize=64)
 def _to_read_again(cause: PatternCause | RelabelCause, plan: Plan, place: Place) -> tuple[int, ...]:
     return cause.to_read_again(plan, place)
@@ -127,6 +127,7 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         either = all_or_one(together, scaled(at, at.jacobian, ()), residual, at.noise, at.scales)
         for cause, mean in zip(broad, either, strict=True):
             scores[ids_of(cause)] = replace(scores[ids_of(cause)], log_evidence=mean)
+    density, by_noise = density.first(*at.usual), by_noise[:, : at.usual[0]] - at.usual[1]
     power, match = density.against(at.patterns, residual)
     for placed in at.extras.values():
         cause, here = placed.cause, placed.own
@@ -137,13 +138,13 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         if placed.tried:
             scores |= _at_best_place(at, placed, log.reshape(*by_noise.shape, -1))
     if pairs:
-        both = density_of(at, [at.columns(pair) for pair in pairs], pairs)
+        both = density_of(at, [at.columns(pair) for pair in pairs], pairs).first(*at.usual)
         scores |= _alone(at, pairs, both.by_noise(residual) + LOG_ALL)
     return scores
 
 
 def _replanned(at: Linearised) -> Iterator[tuple[Ids, Score]]:
-    """Faults of the record that cannot be undone in the data, beside bases of at most one cause.
+    """Faults of the record that cannot be undone in the data, with bases of at most one cause.
 
     Where a reading lacks its counterpart, the same data are read under another plan instead, with
     a linear model of its own.
@@ -181,21 +182,25 @@ def scaled(at: Linearised, columns: Floats, base: Sequence[Cause], scale: float 
     return np.hstack([columns * at.sizes(base, scale), at.seen])
 
 
-def density_of(at: Linearised, columns: Sequence[Floats], bases: Bases) -> Gaussian:
+def density_of(
+    at: Linearised, columns: Sequence[Floats], bases: Bases, seen: Sequence[Floats] = ()
+) -> Gaussian:
     """Densities under many bases at every scale, leading axes (b, s).
 
     Args:
         at: the linear model.
         columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p).
         bases: padded with columns of zeros to one width.
+        seen: what is uncertain of the data and shows, with each base; as of `at` without.
     """
-    width = max(own.shape[1] for own in columns) + at.seen.shape[1]
+    seen = seen or [at.seen] * len(bases)
+    width = max(own.shape[1] + more.shape[1] for own, more in zip(columns, seen, strict=True))
     padded = np.zeros((len(bases), len(at.white), width))
     sizes = np.ones((len(bases), len(at.scales), width))
-    for number, (own, base) in enumerate(zip(columns, bases, strict=True)):
+    for number, (own, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
         end = own.shape[1]
         padded[number, :, :end] = own
-        padded[number, :, end : end + at.seen.shape[1]] = at.seen
+        padded[number, :, end : end + more.shape[1]] = more
         sizes[number, :, :end] = [at.sizes(base, scale) for scale in at.scales]
     return at.noise.density(padded, sizes, np.log(list(at.scales.values())))
 
@@ -212,7 +217,7 @@ def all_or_one(
     Args:
         together: each cause, its columns scaled by their plausible sizes, shape (k, p) [mm], and
             its log evidence if all its parameters act.
-        others: scaled columns of all that is beside it, shape (k, r) [mm].
+        others: scaled columns of everything else, shape (k, r) [mm].
         residual: data minus the model without the cause, shape (k,) [mm].
         noise: the grid.
         scales: of their sizes, and the share of each.
@@ -239,7 +244,7 @@ def all_or_one(
 
 
 def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Score]:
-    """Scores of an extra beside every base of at most one cause.
+    """Scores of an extra with every base of at most one cause.
 
     `log` is the log density for each base, scale, σ, size and then place, shape
     (bases, scales, g, sizes·places).
@@ -265,7 +270,10 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
 
 
 def evidence_by_noise(
-    scores: Sequence[Score], columns: Sequence[Floats], residuals: Sequence[Floats]
+    scores: Sequence[Score],
+    columns: Sequence[Floats],
+    residuals: Sequence[Floats],
+    seen: Sequence[Floats],
 ) -> Iterator[Floats]:
     """Log evidence of explanations by scale and σ, each of shape (s, g).
 
@@ -275,12 +283,16 @@ def evidence_by_noise(
         columns: derivatives by the offsets and the parameters of each base, (k, 3 + p), wherever
             it was linearised.
         residuals: data (relabelling undone) minus each linearised base at zero parameters, (k,).
+        seen: what is uncertain of the data and shows, with each base, shape (k, b) [mm].
     """
     at, bases = scores[0].at, [score.base for score in scores]
-    density = density_of(at, columns, bases)
+    density = density_of(at, columns, bases, seen)
     every = density.log_density(np.stack(residuals)[:, None, :, None])[..., 0]
+    few, share = at.usual
     for number, (score, by_noise) in enumerate(zip(scores, every, strict=True)):
         extra = score.extra
+        if extra is not None or len(score.base) > 1:
+            by_noise = by_noise[:few] - share
         if extra is None:
             yield by_noise
             continue
@@ -288,7 +300,7 @@ def evidence_by_noise(
         if isinstance(extra.cause, RelabelCause):
             yield by_noise + placed.log_weight[extra.place]
             continue
-        own = density_of(at, [columns[number]], [score.base])
+        own = density_of(at, [columns[number]], [score.base], [seen[number]]).first(*at.usual)
         power, match = own.against(at.patterns[:, placed.own], residuals[number])
         log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
         yield log_sum(log[0] + placed.weights, (-2, -1))
@@ -353,7 +365,7 @@ class Unlisted:
 
 
 def score_unlisted(at: Linearised) -> list[Unlisted]:
-    """Every unlisted pattern, beside the offsets."""
+    """Every unlisted pattern, in addition to the offsets."""
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
     offsets = scaled(at, at.jacobian, ())
     patterns = [
@@ -384,7 +396,7 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
 def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Unlisted]:
     """More than one wrong reading, each by itself: the likeliest is added again and again.
 
-    Looked for beside a local shape, which would take up what each of them adds: without one the
+    Looked for with a local shape, which would absorb what each of them adds: without one the
     misfit shows them. It takes nothing from the weight of the others, which are there on all data.
     """
     placed = at.extras.get("misread")

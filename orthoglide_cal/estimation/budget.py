@@ -12,8 +12,10 @@ from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
@@ -30,6 +32,10 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.instrument import Instrument
+from orthoglide_cal.schema import Schema
+
+# What adds less than this share of every standard deviation is summed up in one line.
+MINOR = 0.1
 
 
 class Evaluation(StrEnum):
@@ -65,7 +71,7 @@ class Contribution(ReadOnly):
 
     @classmethod
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Contribution:
-        """What is left of a covariance (3, 3) [mm²] beside other sources; never negative."""
+        """What is left of a covariance (3, 3) [mm²] besides other sources; never negative."""
         root = root_of(covariance)
         return cls(source, Evaluation.B, None, "", False, root @ root.T, possible=possible)
 
@@ -131,7 +137,7 @@ def budget_of(
         estimator: what a small change of each reading does to the offsets, shape (3, n).
         gauge: its resolution, and its stated repeatability where the readings have no scatter.
         scatter: of one reading, as found; None takes what is stated of the gauge.
-        uncertain: what acts on the readings beside noise.
+        uncertain: what acts on the readings in addition to noise.
     """
     unit = estimator @ estimator.T
     rounding2 = gauge.rounding_mm**2
@@ -247,3 +253,51 @@ def _of_causes(
         for cause, own in zip(causes, np.split(jacobian, ends, axis=1)[1:], strict=True)
     ]
     return readings, found
+
+
+class BudgetLine(Schema):
+    """One line of the uncertainty budget."""
+
+    source: str
+    type: Literal["A", "B"]
+    size: float | None = Field(description="its standard uncertainty, in `unit`")
+    unit: str
+    assumed: bool = Field(description="nobody stated its size")
+    possible: bool = Field(description="may be there or not")
+    minor: bool = Field(description="too small for a line of its own on a page")
+    std: tuple[float, ...] = Field(description="what it adds to each parameter's std")
+
+
+class BudgetTotal(Schema):
+    """What the sources of the budget add together."""
+
+    minor: tuple[float, ...] = Field(description="the minor ones; empty without any")
+    std: tuple[float, ...]
+    expanded: tuple[float, ...]
+    k: float
+
+
+def budget_lines(budget: Budget) -> tuple[tuple[BudgetLine, ...], BudgetTotal]:
+    """Every source of an uncertainty, and what they add together."""
+    minor = [np.all(each.std_mm <= MINOR * budget.std_mm) for each in budget.contributions]
+    lines = tuple(
+        BudgetLine(
+            source=each.source,
+            type=each.evaluation.value,
+            size=each.size,
+            unit=each.unit,
+            assumed=each.assumed,
+            possible=each.possible,
+            minor=bool(small),
+            std=tuple(each.std_mm.tolist()),
+        )
+        for each, small in zip(budget.contributions, minor, strict=True)
+    )
+    rest = [np.square(each.std) for each in lines if each.minor]
+    total = BudgetTotal(
+        minor=tuple(np.sqrt(sum(rest)).tolist()) if rest else (),
+        std=tuple(budget.std_mm.tolist()),
+        expanded=tuple(budget.expanded_mm.tolist()),
+        k=budget.k,
+    )
+    return lines, total

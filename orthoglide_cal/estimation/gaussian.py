@@ -82,14 +82,19 @@ def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen:
         columns, data, sizes, sigma: as of `condition`; of the chosen ones the first size is 1.
         chosen: indices of these unknowns.
     """
-    tried, size = sizes.copy(), 1.0
+    others = np.delete(np.arange(len(sizes)), chosen)
+    precision, pull = columns.T @ columns / sigma**2, columns.T @ data / sigma**2
+    # What the others leave of the chosen ones; along its axes these are independent.
+    inner = precision[np.ix_(others, others)] + np.diag(1.0 / sizes[others] ** 2)
+    taken = np.linalg.solve(inner, precision[np.ix_(others, chosen)]).T
+    own, axes = np.linalg.eigh(
+        precision[np.ix_(chosen, chosen)] - taken @ precision[np.ix_(others, chosen)]
+    )
+    along = axes.T @ (pull[chosen] - taken @ pull[others])
+    size = 1.0
     for _ in range(SIZE_ROUNDS):
-        found, covariance = condition(columns, data, tried, sigma)
-        before, size = (
-            size,
-            float(np.sqrt(np.mean(found[chosen] ** 2 + np.diag(covariance)[chosen]))),
-        )
-        tried[chosen] = size
+        variance = 1.0 / (own + 1.0 / size**2)
+        before, size = size, float(np.sqrt(np.mean((along * variance) ** 2 + variance)))
         if abs(size / before - 1.0) < SIZE_WITHIN:
             break
     return size

@@ -138,7 +138,7 @@ def pose(measured: Measured, model: Model, method: Method, *, folded: bool = Fal
         model: the machine and its accepted causes.
         method: the estimator; one that can use these data.
         folded: of raw readings that repeat each other keep the mean only, where no accepted cause
-            can tell them apart; their scatter is not in the data then.
+            can distinguish them; their scatter is not in the data then.
     """
     if isinstance(measured, Differences):
         return pose_differences(measured, model, method.uses)

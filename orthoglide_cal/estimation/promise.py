@@ -6,41 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic import Field
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.methods import pose_differences, table_kind
-from orthoglide_cal.model import DataKind, Difference, Floats, Measured, Model, ReadOnly
+from orthoglide_cal.model import DataKind, Floats, Measured, Model, ReadOnly
 from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.schema import Schema
 
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
 PACE = 0.1
 
 
-@dataclass(frozen=True)
-class PromisedDifference:
-    """One difference of the paper's Table 4, before the offsets are entered and after.
+class PromisedDifference(Schema):
+    """One difference of readings (Table 4 of the paper)."""
 
-    Attributes:
-        difference: which.
-        measured_mm: from the data.
-        modelled_mm: what the model with its offsets gives for it.
-        expected_mm: what is left after the correction: what will be measured once the offsets are
-            entered.
-        expanded_mm: expanded uncertainty U of that, with the noise of the readings that will show
-            it: as many as showed it before.
-    """
-
-    difference: Difference
+    name: str
     measured_mm: float
     modelled_mm: float
-    expected_mm: float
-    expanded_mm: float
-
-    @property
-    def name(self) -> str:
-        """Of the difference."""
-        return self.difference.name
+    expected_mm: float = Field(description="after the parameters are entered")
+    expanded_mm: float = Field(description="U of the expected value, as many new readings included")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +97,12 @@ def promise(
     reach = np.array(factor) * np.sqrt(variance)
     columns = (posed.data, modelled, expected, reach)
     rows = zip(posed.which, *(column.tolist() for column in columns), strict=True)
-    return tuple(PromisedDifference(*row) for row in rows)
+    return tuple(
+        PromisedDifference(
+            name=which.name, measured_mm=was, modelled_mm=own, expected_mm=to_come, expanded_mm=u
+        )
+        for which, was, own, to_come, u in rows
+    )
 
 
 def stays(promised: Sequence[PromisedDifference]) -> bool:

@@ -253,8 +253,7 @@ class Solution(ReadOnly):
         if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
             return (
                 "There are no spare readings: these data cannot show whether the model fits, and"
-                f" the intervals rest on the {noise}'s stated noise"
-                f" ({self.sigma_stated_mm:.2g} mm)."
+                f" U rests on the {noise}'s stated noise ({self.sigma_stated_mm:.2g} mm)."
             )
         sizes = (
             f"one reading scatters by {self.sigma_residuals_mm:.2g} mm against"
@@ -262,17 +261,16 @@ class Solution(ReadOnly):
         )
         if self.suspicious:
             return (
-                f"The residuals are larger than this {noise}'s noise{beside} would give ({sizes}):"
-                " the model leaves something out, and the intervals do not cover it."
+                f"The residuals are larger than the {noise}'s noise{beside} ({sizes}): the model"
+                " leaves something out, and U does not cover it."
             )
         if self.lack_of_fit_p < UNUSUAL:
             return (
-                f"The residuals are larger than usual for this {noise}'s noise{beside}, not large"
+                f"The residuals are larger than usual for the {noise}'s noise{beside}, not large"
                 f" enough to call the model wrong ({sizes}; p < 0.01)."
             )
-        chance = f"p = {self.lack_of_fit_p:.2g}"
         return (
-            f"The residuals are what this {noise}'s noise{beside} would give ({sizes}; {chance})."
+            f"The residuals agree with the {noise}'s noise{beside} (p = {self.lack_of_fit_p:.2g})."
         )
 
 
@@ -281,7 +279,7 @@ def solve(
 ) -> Solution:
     """Identify the joint offsets.
 
-    All readings at once are weighted by what is uncertain of them beside noise, such as where
+    All readings at once are weighted by what is uncertain of them besides noise, such as where
     along its leg each gauge stands; the paper's methods are as the paper has them.
 
     Args:
@@ -317,18 +315,22 @@ def solve(
     _require_plausible(offsets, posed.problem)
     plan, gauge = posed.problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
-    # Causes that were fitted to these very data are not uncertain beside their noise.
+    # Causes that were fitted to these very data are not uncertain in addition to their noise.
     here = _fitted_here(measured, model)
-    columns = np.hstack([each.columns for each in uncertain if each.source not in here])
-    ratio = columns / gauge.noise_mm
+    ratios = [(each, each.columns / gauge.noise_mm) for each in uncertain]
+    ratios = [(each, ratio) for each, ratio in ratios if each.source not in here]
     if chosen is Method.READINGS:
-        posed = posed.weighted(posed.problem.matrix @ ratio)
+        posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         found = _search(posed, start=offsets)
         offsets = found.offsets_mm
     readings, jacobian = simulate_with_jacobian(model, offsets, plan)
     if not chosen.linear:
         residuals, iterations = found.residuals_mm, int(found.iterations)
         estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
+    # What a cause of the machine would explain is no noise.
+    known_causes = {effect.cause.id for effect in model.accepted}
+    hidden = set(model.machine.unobservable) - known_causes
+    ratio = np.hstack([ratio for each, ratio in ratios if each.source not in hidden])
     # What was fitted to these very readings took its part of their noise away.
     known = len(offsets) + sum(here.values())
     scatter = _scatter(measured, plain, readings, jacobian, ratio, known)

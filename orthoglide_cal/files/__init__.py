@@ -8,6 +8,7 @@ from orthoglide_cal.files.input import (
     input_from_document,
     latest_session,
     machine_in_folder,
+    printer_settings,
     printers_in,
     read_input,
     sessions_in,
@@ -20,14 +21,17 @@ from orthoglide_cal.files.machine_file import (
     machine_text,
     machine_values,
     new_machine,
+    new_machine_file,
     read_machine,
     read_machine_file,
     shipped_folder,
     shipped_machine,
     with_history,
 )
-from orthoglide_cal.files.probe_readings import check_same_printer, places_csv, probe_points_csv
+from orthoglide_cal.files.printer_file import PrinterFile
+from orthoglide_cal.files.probe_readings import places_csv, probe_points_csv
 from orthoglide_cal.files.readings import (
+    QUESTIONED,
     Conditions,
     GaugeIdentity,
     reading_rows,
@@ -41,6 +45,6 @@ from orthoglide_cal.files.session_file import (
     session_json,
     session_of_readings,
     session_text,
-    write_session,
 )
 from orthoglide_cal.files.text import FileText, number_text, read_document, write_text
+from orthoglide_cal.files.together import together

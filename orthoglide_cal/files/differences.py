@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from orthoglide_cal.files.rows import (
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import DIFFERENCES, DataKind, Differences, Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.schema import shortened
 
 DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
 
@@ -42,31 +41,12 @@ def differences_from_table(table: Table, machine: Machine) -> Differences:
     )
 
 
-def check_header(table: Table, known: Collection[str]) -> None:
-    """Raises InputError for a file that begins with its first values instead of a header."""
-    named = [cell for cell in table.columns if _reads(difference_name, cell)]
-    if not set(known).isdisjoint(table.columns) or not (
-        named or all(_reads(table.number, cell) for cell in table.columns)
-    ):
-        return
-    readings = "leg,posture,direction,reading_mm over readings."
-    names = "difference,value_mm over differences, with a name such as dx_y in front of each"
-    raise InputError(
-        "The file begins with its values: the header line is missing.",
-        "Write difference,value_mm over them." if named else f"Write {names}; or {readings}",
-        file=table.file.path,
-        line=table.header_line,
-        value=shortened(", ".join(table.columns)),
-    )
-
-
-def _reads(rule: Callable[[str], object], cell: str) -> bool:
-    """Whether a cell obeys a rule."""
+def _name(cell: str) -> str | None:
+    """The name of a difference; None if it is not one."""
     try:
-        rule(cell)
+        return difference_name(cell)
     except InputError:
-        return False
-    return True
+        return None
 
 
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
@@ -74,7 +54,7 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
     cells = [record.cells.get("difference", "") for record in rows.records]
-    names = [difference_name(cell) if _reads(difference_name, cell) else None for cell in cells]
+    names = [_name(cell) for cell in cells]
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names):
         order.insert(0, DataKind.SINGLE)
@@ -85,13 +65,13 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             continue
         if name not in known[kind]:
             what = (
-                f"The name belongs to another kind than the others, which are {kind}"
+                f"The name is of another kind than the others, which are {kind}"
                 f" ({DIFFERENCE_KINDS[kind]})."
             )
             remedy = f"Give one kind in one file. {KNOWN_DIFFERENCES}"
             rows.note(index, "difference", what, remedy)
         elif name in first:
-            what = f"The difference stands in line {first[name]} already."
+            what = f"The difference is already in line {first[name]} already."
             remedy = "Give each difference once; average repeats, or give the raw readings."
             rows.note(index, "difference", what, remedy)
         first.setdefault(name, rows.records[index].line)

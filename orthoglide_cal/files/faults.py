@@ -24,10 +24,10 @@ _WORDS = {
     "too_short": ("The list is too short.", "Add an entry."),
     "too_long": ("The list has too many entries.", "Remove some."),
     "extra_forbidden": ("The key is not known.", "{near}Known here: {known}."),
-    "model_type": ("A group of keys is wanted here.", "Write `name: value` lines, indented."),
-    "list_type": ("A list is wanted here.", "Write [first, second] or `- …` lines."),
-    "number_type": ("A number is wanted here.", "Write a plain number such as 310.25."),
-    "string_type": ("A text is wanted here.", "Write a word or put the text in quotes."),
+    "model_type": ("This must be a group of keys.", "Write `name: value` lines, indented."),
+    "list_type": ("This must be a list.", "Write [first, second] or `- …` lines."),
+    "number_type": ("This must be a number.", "Write a plain number such as 310.25."),
+    "string_type": ("This must be text.", "Write a word or put the text in quotes."),
     "literal_error": ("This {key} is not known.", "{near}Known: {known}."),
     "greater_than": ("The number must be greater than {gt:g}.", _NUMBER),
     "greater_than_zero": ("The number must be greater than zero.", "Give its size."),
@@ -161,7 +161,7 @@ def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
     if not given:
         return []
     hints = "".join(nearest(name, words) for name in given[:10])
-    remark = f"{what} without a meaning here were not used: {listed(given)}. {hints}"
+    remark = f"{what} are not known and were not used: {listed(given)}. {hints}"
     return [remark.strip()]
 
 
@@ -209,7 +209,7 @@ def _worded(
 
 
 def _not_above_zero(value: object, bound: Mapping[str, float]) -> bool:
-    """Whether a number that is too small has the wrong sign, or is none at all."""
+    """Whether a number that is too small has the wrong sign, or is zero."""
     return parse_number(str(value), decimal_comma=True) <= 0.0 <= min(bound.values())
 
 

@@ -24,7 +24,7 @@ _PAUSE = re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+")
 _COMMENT = re.compile(r"\([^)]*\)?|;.*")
 _NUMBER = re.compile(r"\s*/?\s*N0*([0-9]+)", re.IGNORECASE)
 _CODE = re.compile(r"G0*([0-9]+)(?![0-9.])", re.IGNORECASE)
-_PRINT = "orthocal template gcode shows one that is complete."
+_PRINT = "For a complete one: orthocal template gcode"
 # Codes of which the last one holds: that for which the blocks are written, and what others mean.
 _MODES = (
     {"21": "", "71": "", "710": "", "20": "inches", "70": "inches", "700": "inches"},
@@ -51,7 +51,7 @@ def _axes(value: object) -> tuple[str, ...]:
 def _pause(value: str) -> str:
     code = value.upper()
     if not _PAUSE.fullmatch(code):
-        raise InputError("This is no code that waits.", "Write M0, M1, or G4 P20 for 20 s.")
+        raise InputError("This code does not wait.", "Write M0, M1, or G4 P20 for 20 s.")
     return code
 
 
@@ -102,15 +102,17 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
             if name == "blocks" and not colon:
                 markers.append(ours[1] is None)
                 if len(markers) > 1:
-                    faults.add("This is a second place for the blocks.", "Take one out.", line=line)
+                    faults.add(
+                        "The place of the blocks is given twice.", "Take one out.", line=line
+                    )
             elif name in settings:
-                faults.add("This setting stands here twice.", "Take one out.", line=line, value=key)
+                faults.add("This setting is given twice.", "Take one out.", line=line, value=key)
             elif name in known:
                 settings[name] = " ".join(value.split())
                 places[name] = FaultPlace(line, None, value.strip())
             elif name != "note":
                 near = nearest(name, (*known, "note", "blocks"))
-                faults.add("This is no setting.", f"{near}{_PRINT}", line=line, value=name)
+                faults.add("This is not a setting.", f"{near}{_PRINT}", line=line, value=name)
             continue
         parts[bool(markers)].append(text)
         code = _COMMENT.sub("", text)

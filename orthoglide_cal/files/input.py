@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Literal, NamedTuple
 
+import numpy as np
 from pydantic import ConfigDict, Field
 
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
-from orthoglide_cal.files.differences import (
-    DIFFERENCE_COLUMNS,
-    check_header,
-    differences_from_table,
-)
+from orthoglide_cal.files.console import KLIPPY_LOG, PROBED, read_klippy_log, read_probed
+from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
+from orthoglide_cal.files.firmware_codes import SETTINGS, read_codes, read_codes_in
+from orthoglide_cal.files.height_map import HEIGHT_MAP, read_height_map
 from orthoglide_cal.files.machine_file import (
     PRINTER_SECTION,
     StoredMachine,
@@ -24,7 +26,8 @@ from orthoglide_cal.files.machine_file import (
     is_machine_file,
     machine_file_in,
 )
-from orthoglide_cal.files.printer_file import read_printer_file
+from orthoglide_cal.files.marlin_output import MARLIN_OUTPUT, read_marlin
+from orthoglide_cal.files.printer_file import PrinterFile, StoredMesh, read_printer_file
 from orthoglide_cal.files.probe_readings import (
     PLACE_COLUMNS,
     known_printer,
@@ -38,12 +41,15 @@ from orthoglide_cal.files.readings import (
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
-from orthoglide_cal.files.table import read_table
+from orthoglide_cal.files.table import Table, read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Measured, Model, gauge_doubts
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.schema import Schema
+
+# The machine that the user names, or the settings of its firmware.
+Known = Model | PrinterFile
 
 _CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
@@ -108,24 +114,16 @@ class Check(Schema):
     refused: str | None = Field(None, description="why sound data give no offsets")
 
 
-@dataclass(frozen=True, order=True)
-class FoundSession:
-    """A session file; they sort by time.
+class FoundSession(NamedTuple):
+    """A session file; they sort by time."""
 
-    Attributes:
-        moment: when it was finished (else started, else when the file changed) [s since 1970].
-        path: the file.
-        dated: False if the moment is the file's.
-    """
-
-    moment: float
+    moment: float  # when it was finished, else started, else when the file changed [s since 1970]
     path: Path
-    dated: bool
 
 
 def read_input(
     path: str,
-    model: Model | None = None,
+    model: Known | None = None,
     otherwise: Callable[[], Model] = default_machine,
     stored: str | None = None,
 ) -> Input:
@@ -133,11 +131,11 @@ def read_input(
 
     Args:
         path: as the user gave it; "-" is standard input.
-        model: the machine that the user names; it gives the joint limits that postures refer to.
-            None stands for the one in a session.
+        model: the machine that the user names, or the settings of its firmware; it gives the joint
+            limits that postures refer to. None stands for the one in a session.
         otherwise: gives the machine for a table where the user names none.
-        stored: what of a printer.cfg is meant; None for its calibration, or else its mesh. Other
-            files are read whole.
+        stored: what of a printer's file is meant; None for its calibration, or else its mesh.
+            Other files are read whole.
 
     Raises:
         InvalidFileError: everything that is wrong with its content, each with its place.
@@ -148,21 +146,23 @@ def read_input(
 
 def input_from_document(
     document: FileText,
-    model: Model | None = None,
+    model: Known | None = None,
     otherwise: Callable[[], Model] = default_machine,
     stored: str | None = None,
 ) -> Input:
     """As `read_input`, from text that has been read."""
-    if PRINTER_SECTION.search(document.text):
-        return _printer(document, model, stored)
+    file = None if _is_yaml(document) else _firmware_file(document, model, otherwise)
+    if file:
+        return _printer(file, model, stored)
+    judge = _as_model(model)
     if _is_yaml(document):
-        return Input(*session_from_tree(load_tree(document), model), is_session=True)
-    return _table(document, model, otherwise)
+        return Input(*session_from_tree(load_tree(document), judge), is_session=True)
+    return _table(document, judge, otherwise)
 
 
 def check_file(
     path: str,
-    model: Model | None = None,
+    model: Known | None = None,
     otherwise: Callable[[], Model] = default_machine,
     stored: str | None = None,
 ) -> tuple[Check, Input | None]:
@@ -182,13 +182,13 @@ def check_file(
     try:
         file = read_document(path)
         input = input.changed(sha256=file.sha256)
-        if _is_yaml(file) and not PRINTER_SECTION.search(file.text):
+        if _is_yaml(file):
             tree = load_tree(file)
             if is_machine_file(tree):
                 held = machine_file_in(tree)
                 input, name = input.changed(kind="machine"), held.model.machine.name
                 return Check(input=input, machine=name, remarks=held.remarks), None
-            given = Input(*session_from_tree(tree, model), is_session=True)
+            given = Input(*session_from_tree(tree, _as_model(model)), is_session=True)
         else:
             given = input_from_document(file, model, otherwise, stored)
     except UnreadableError:
@@ -252,7 +252,7 @@ def machine_in_folder(folder: Path) -> Path | None:
         names = ", ".join(path.name for path in found)
         raise UsageError(
             f"There are {len(found)} machine files in this folder: {names}.",
-            "Say which one it is: --machine FILE",
+            "Name the one to use: --machine FILE",
         )
     return found[0] if found else None
 
@@ -277,19 +277,24 @@ def _dated(path: Path, keys: Mapping[str, str]) -> FoundSession | None:
     for key in ("finished", "started"):
         try:
             written = keys.get(key, "").strip().strip("'\"")
-            return FoundSession(datetime.fromisoformat(written).timestamp(), path, True)
+            return FoundSession(datetime.fromisoformat(written).timestamp(), path)
         except ValueError:
             continue
-    return FoundSession(path.stat().st_mtime, path, False)
+    return FoundSession(path.stat().st_mtime, path)
 
 
 def _is_yaml(document: FileText) -> bool:
     """Whether the first line that says anything is YAML; the name decides what it leaves open."""
+    if PRINTER_SECTION.search(document.text):
+        return False
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
         return True
     for line in document.text.split("\n", 1000):
         if line.strip() and not line.lstrip().startswith("#"):
-            return bool(_YAML.match(line))
+            # "Recv: …" of a console looks like a key.
+            printed = (KLIPPY_LOG, PROBED, MARLIN_OUTPUT, SETTINGS)
+            text = document.text
+            return bool(_YAML.match(line)) and not any(each.search(text) for each in printed)
     return False
 
 
@@ -298,51 +303,141 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     file tells what was active before; else what is active now."""
     judge = model or otherwise()
     entered = judge.machine.entered_from(document.sha256)
-    if entered:
+    if entered and entered.before:
         judge = judge.holding(entered.before)
     table = read_table(document, _CODED)
     columns = set(table.columns)
     if columns & set(PLACE_COLUMNS) and not columns & {"leg", "difference"}:
-        if not isinstance(judge.machine, LinearDelta):
-            raise InputError(
-                "These are touches of a bed; the machine is no linear delta.",
-                "Give its machine file: --machine FILE, see configs/linear_delta.yaml.",
-                file=table.file.path,
-                line=table.header_line,
-            )
-        touched = probe_readings_from_table(table, judge.machine)
+        with _of_data("touches of a bed", table):
+            delta = LinearDelta.require(judge.machine)
+        touched = probe_readings_from_table(table, delta)
         return Input(touched, judge, conditions_in(touched), is_session=False)
-    check_header(table, _CODED)
-    if isinstance(judge.machine, LinearDelta):
-        raise InputError(
-            "These are readings of gauges; the machine is a linear delta.",
-            "Give the machine file of what was measured: --machine FILE",
-            file=document.path,
-            line=table.header_line,
-        )
+    with _of_data("readings of gauges", table):
+        machine = judge.orthoglide
     if "difference" in table.columns:
-        return Input(
-            differences_from_table(table, judge.machine), judge, Conditions(), is_session=False
-        )
-    readings = readings_from_table(table, judge.orthoglide)
+        differences = differences_from_table(table, machine)
+        return Input(differences, judge, Conditions(), is_session=False)
+    readings = readings_from_table(table, machine)
     return Input(readings, judge, conditions_in(readings), is_session=False)
 
 
-def _printer(document: FileText, model: Model | None, stored: str | None = None) -> Input:
-    """What a printer.cfg stores, on the machine that it describes.
+@contextmanager
+def _of_data(what: str, table: Table) -> Iterator[None]:
+    """A machine of another kind is a fault of the table: what it holds, and where that shows."""
+    try:
+        yield
+    except UsageError as error:
+        raise InputError(
+            f"These are {what}. {error.what}",
+            error.remedy,
+            file=table.file.path,
+            line=table.header_line,
+        ) from error
+
+
+def printer_settings(path: Path) -> PrinterFile | None:
+    """What a firmware's file says of its machine; None for a file of another kind.
+
+    Raises:
+        InputError: it cannot be read, or something in it is wrong.
+    """
+    document = read_document(str(path))
+    if PRINTER_SECTION.search(document.text):
+        return read_printer_file(document)
+    if path.name == "config.g":
+        return read_codes_in(path.parent)
+    return read_codes(document) if SETTINGS.search(document.text) else None
+
+
+def _as_model(known: Known | None) -> Model | None:
+    if not isinstance(known, PrinterFile):
+        return known
+    return Model(_with_bed(known, known.machine.delta_radius_mm).machine)
+
+
+def _with_bed(file: PrinterFile, radius: float) -> PrinterFile:
+    """With a radius of the bed [mm] where its file does not state it."""
+    if not math.isnan(file.machine.bed_radius_mm):
+        return file
+    return replace(file, machine=file.machine.model_copy(update={"bed_radius_mm": radius}))
+
+
+def _firmware_file(
+    document: FileText, known: Known | None, otherwise: Callable[[], Model]
+) -> PrinterFile | None:
+    """What a printer's firmware wrote, or its console printed; None for a file of another kind."""
+    text = document.text
+    if KLIPPY_LOG.search(text):
+        return read_klippy_log(document)
+    if PRINTER_SECTION.search(text):
+        return read_printer_file(document)
+    folder = Path(document.path).parent if document.path != "-" else None
+    beside: PrinterFile | None = None
+    if HEIGHT_MAP.match(text):
+        read, named = read_height_map, "--machine config.g"
+        beside = read_codes_in(folder, document) if folder else None
+    elif PROBED.search(text):
+        read, named = read_probed, "--machine printer.cfg"
+        if folder and (folder / "printer.cfg").is_file():
+            beside = read_printer_file(read_document(str(folder / "printer.cfg")))
+            remark = "The settings are those of printer.cfg in the same folder."
+            beside = replace(beside, remarks=(remark,))
+    elif MARLIN_OUTPUT.search(text):
+        read, named = read_marlin, "--machine FILE, or keep what M503 prints in this file"
+        beside = read_codes(document) if SETTINGS.search(text) else None
+    elif SETTINGS.search(text):
+        what = "The file holds the settings of a printer's firmware, and no readings."
+        remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
+        raise InputError(what, remedy, file=document.path)
+    else:
+        return None
+    settings = _settings(document, beside, known, otherwise)
+    if settings is None:
+        what = "The file does not say which printer it is from."
+        raise InputError(what, f"Name its settings: {named}", file=document.path)
+    return read(document, settings)
+
+
+def _settings(
+    document: FileText,
+    beside: PrinterFile | None,
+    known: Known | None,
+    otherwise: Callable[[], Model],
+) -> PrinterFile | None:
+    """What touches are judged by: the settings that the user names, those beside the touches, or
+    the numbers of a machine file, which do not tell where the probe is."""
+    if isinstance(known, PrinterFile):
+        return replace(known, heights=None, distances=None, mesh=None, remarks=())
+    if beside and known is None:
+        return beside
+    machine = (known or otherwise()).machine
+    if not isinstance(machine, LinearDelta):
+        return beside
+    if beside:
+        return _with_bed(beside, machine.bed_radius_mm)
+    remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
+    nowhere = np.full(3, np.nan)
+    return PrinterFile(machine, nowhere, None, None, None, document.source, (remark,))
+
+
+def _printer(file: PrinterFile, known: Known | None, stored: str | None = None) -> Input:
+    """What a printer's file stores, on the machine that it describes.
 
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
-    file = read_printer_file(document)
-    known = model or Model(file.machine)
-    if not isinstance(known.machine, LinearDelta):
+    for each in (file.mesh, file.heights):
+        if isinstance(each, StoredMesh):
+            file = _with_bed(file, float(np.hypot(each.x, each.y).max()))
+    model = _as_model(known) or Model(file.machine)
+    delta = model.machine
+    if not isinstance(delta, LinearDelta):
         raise UsageError(
-            f"{document.path} is of a linear delta; the machine given is an {known.machine.kind}.",
+            f"{file.source.path} is of a linear delta; the machine given is of kind {delta.kind}.",
             "Leave --machine out, or give a file of kind linear_delta.",
         )
-    machine, remarks = known_printer(file, known.machine)
+    machine, remarks = known_printer(file, delta)
     read = printer_readings(file, stored, machine)
     readings = replace(read, remarks=(*remarks, *read.remarks))
-    judge = replace(known, machine=machine)
+    judge = replace(model, machine=machine)
     return Input(readings, judge, conditions_in(readings), is_session=False)

@@ -102,7 +102,9 @@ class Identified(Schema):
         if id is None:
             return given
         cause, names = CAUSES[id], _kind_in(info).named(CAUSES[id].names).values()
-        if given.keys() != set(names):
+        # A shape that was found with fewer terms is still one.
+        fewer = cause.shares and given.keys() < set(names)
+        if given.keys() != set(names) and not (given and fewer):
             what = f"{id} has the parameters {', '.join(names)}."
             raise InputError(what, "Give each of them once.")
         faults = [
@@ -158,7 +160,7 @@ class Identified(Schema):
 
 def _true(text: str) -> str:
     if text != "true":
-        raise InputError("Only `true` can stand here.", "Write complete: true.")
+        raise InputError("Only `true` is possible here.", "Write complete: true.")
     return text
 
 
@@ -274,7 +276,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
 
     if not isinstance(value, dict):
         here = path[-1] in tree.value if path else True
-        what = "A group of keys is wanted here." if here else "The key is missing."
+        what = "This must be a group of keys." if here else "The key is missing."
         note(what, "Write `name: value` lines, indented." if here else "Add a line `machine: …`.")
         return None
     kind = value.get("kind", kind_of(value))
@@ -376,7 +378,7 @@ def machine_values(model: Model) -> dict[str, Any]:
         **stated,
         "tolerances": common["tolerances"],
         **{key: common[key] for key in ("report", "gauges") if common[key]},
-        "history": common["history"],
+        "history": [each.model_dump(mode="json", exclude_none=True) for each in machine.history],
         "identified": [
             {
                 "cause": effect.cause.id,
@@ -428,16 +430,23 @@ def machine_text(model: Model) -> str:
     return WRITTEN + yaml_text({**machine_values(model), "complete": True})
 
 
-def with_history(file: StoredMachine, offsets_mm: tuple[float, ...], *history: Entered) -> str:
-    """The file's text with other active offsets [mm] and another history.
+def new_machine_file(model: Model) -> StoredMachine:
+    """A file for a machine that has none, not written yet: printer.yaml in this folder."""
+    return machine_file_in(
+        load_tree(document_from_bytes(machine_text(model).encode(), "printer.yaml"))
+    )
+
+
+def with_history(file: StoredMachine, offsets_mm: JointOffsets | None, *history: Entered) -> str:
+    """The file's text with other active offsets [mm] (None: the same) and another history.
 
     Comments, order and blanks stay as they are.
     """
-    held = JointOffsets(*offsets_mm)
-    machine = file.model.machine.changed(offsets_mm=held, history=history)
+    held = {"offsets_mm": offsets_mm} if offsets_mm is not None else {}
+    machine = file.model.machine.changed(**held, history=history)
     model = replace(file.model, machine=machine)
     values = machine_values(model)
-    text = edited(file.document.text, {key: values[key] for key in ("offsets_mm", "history")})
+    text = edited(file.document.text, {key: values[key] for key in (*held, "history")})
     try:
         same = machine_values(machine_from_text(text, file.document.path)) == values
     except InputError:

@@ -10,14 +10,14 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, within
+from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, Value, within
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats, Source
 from orthoglide_cal.model.instrument import Probe
@@ -30,7 +30,10 @@ from orthoglide_cal.model.linear_delta import (
 from orthoglide_cal.model.plan import Bools, Ints, ReadOnly
 
 _TOWERS = ("stepper_a", "stepper_b", "stepper_c")
-_ANGLES = (210.0, 330.0, 90.0)  # of a file that states none
+# Where the towers a, b, c of all firmwares stand before any correction, counter-clockwise from x.
+USUAL_ANGLES_DEG = (210.0, 330.0, 90.0)
+# Probes that read while they move.
+_SCANNING = re.compile("scanner|cartographer|beacon|idm|probe_eddy_current .+")
 # Klipper's own, those of its descendants, and scanners that come with a module of their own.
 _PROBE = re.compile(
     "probe|bltouch|smart_effector|load_cell_probe|dockable_probe|probe_eddy_current .+"
@@ -46,6 +49,10 @@ _ZEROS = ("zero_reference_position", "relative_reference_index")
 # What no printer.cfg states: a probe repeats within a hundredth.
 REPEATABILITY_MM = 0.012
 _AGAIN = "Probe the bed and save the mesh again."
+ZERO_UNKNOWN = (
+    "it cannot show the common height of the three endstops. Set the height of the nozzle again"
+    " after entering them."
+)
 _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
 
 
@@ -95,41 +102,53 @@ class StoredMesh(ReadOnly):
 
 @dataclass(frozen=True)
 class PrinterFile(ReadOnly):
-    """What a printer.cfg states and stores of a linear delta.
+    """What files of a firmware state and store of a linear delta.
 
     Attributes:
         machine: with the parameters in force, and what is usual else.
         probe: what is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and
-            the nozzle's height when the probe triggers.
-        heights, distances, mesh: what is stored; None where there is nothing.
+            the nozzle's height when the probe triggers. NaN where it is not known.
+        heights, distances, mesh: what is stored; None where there is nothing. Heights whose
+            places are known, as of a mesh, are stored as one.
         source: the file.
         remarks: what to know about it, but for its mesh.
+        firmware: as an export names it.
     """
 
     machine: LinearDelta
     probe: Floats
-    heights: StoredCalibration | None
+    heights: StoredCalibration | StoredMesh | None
     distances: StoredCalibration | None
     mesh: StoredMesh | None
     source: Source
     remarks: tuple[str, ...]
+    firmware: str = "klipper"
 
 
-def read_printer_file(document: FileText) -> PrinterFile:
+def read_printer_file(
+    document: FileText, calibration: Mapping[str, Value] | None = None
+) -> PrinterFile:
     """What a printer.cfg says.
+
+    Args:
+        calibration: options that are stored instead of those of its [delta_calibrate].
 
     Raises:
         InvalidFileError: with everything that is wrong in the lines that matter here.
     """
     settings = Settings(document, _matters)
     settings.faults.check()  # what follows from a broken line is no fault of its own
+    if calibration is not None:
+        kept = {key: value for key, value in settings.options.items() if key[0] != _CALIBRATION}
+        named = {(_CALIBRATION, option): value for option, value in calibration.items()}
+        settings.options = {**kept, **named}
     _check_kind(settings)
     radius = settings.number("printer", "delta_radius", low=0.0)
     arms = _each(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
     endstops = _each(settings, "position_endstop", -LARGEST_MM)
     angles = [
         settings.number(tower, "angle", default, low=-720.0)
-        for tower, default in zip(_TOWERS, _ANGLES, strict=True)
+        for tower, default in zip(_TOWERS, USUAL_ANGLES_DEG, strict=True)
     ]
     _check_towers(settings, angles)
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
@@ -151,7 +170,11 @@ def read_printer_file(document: FileText) -> PrinterFile:
             tower_angles_deg=(angles[0], angles[1], angles[2]),
             endstops_mm=Endstops(*endstops),
             bed_radius_mm=print_radius,
-            probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
+            probe=Probe(
+                resolution_mm=0.0,
+                repeatability_mm=REPEATABILITY_MM,
+                scanning=_SCANNING.fullmatch(sensor) is not None,
+            ),
         ),
         probe=np.array(probe),
         heights=heights,
@@ -189,7 +212,7 @@ def _check_kind(settings: Settings) -> None:
         settings.note("printer", "kinematics", what, "Give a delta's file.")
         raise settings.faults.error()
     if not kind and not {"printer", *_TOWERS} & set(settings.sections):
-        what = "The file holds no linear delta: there is no [printer] and no [stepper_a]."
+        what = "The file does not describe a linear delta: it has no [printer] and no [stepper_a]."
         remedy = "Give the printer.cfg of a delta."
         if settings.included:
             remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
@@ -263,7 +286,7 @@ def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | N
         return None
     section = next((name for name in profiles if name == f"{_PROFILE}default"), profiles[0])
     profile = section.removeprefix(_PROFILE).strip()
-    remarks = list(_mesh_remarks(settings, sensor))
+    remarks = [*_mesh_remarks(settings, sensor), *_mesh_age(settings, section)]
     if len(profiles) > 1:
         remarks.append(
             f"Of {len(profiles)} stored meshes, {profile!r} was taken. To take another, name it"
@@ -279,14 +302,12 @@ def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | N
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
     stored = (section, "x_offset") in settings.options
     across, along = (0.0, 0.0) if stored else probe[:2]
-    turn = np.arange(rows.size).reshape(rows.shape)
-    turn[1::2] = turn[1::2, ::-1].copy()
     return StoredMesh(
         profile=profile,
         x=places[0][probed] - across,
         y=places[1][probed] - along,
         height=rows[probed],
-        order=np.argsort(np.argsort(turn[probed])),
+        order=in_turn(probed),
         line=np.repeat(lines, len(x)).reshape(rows.shape)[probed],
         padded=int(np.sum(~probed)),
         remarks=tuple(remarks),
@@ -305,9 +326,24 @@ def _mesh_remarks(settings: Settings, sensor: str) -> Iterator[str]:
         if ("bed_mesh", option) in settings.options:
             yield (
                 f"By line {settings.options['bed_mesh', option].line}, {option}, the mesh counts"
-                " from one of its own places: what the three endstops have in common is not to be"
-                " had from it. Set the height of the nozzle anew after entering them."
+                f" from one of its own places: {ZERO_UNKNOWN}"
             )
+
+
+def _mesh_age(settings: Settings, section: str) -> Iterator[str]:
+    """SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place."""
+    mesh = settings.options.get((section, "points"))
+    stored = [
+        value.line
+        for (name, option), value in settings.options.items()
+        if name == _CALIBRATION and _STORED.match(option)
+    ]
+    if mesh and stored and min(stored) > mesh.line:
+        yield (
+            f"The calibration (line {min(stored)}) was stored after this mesh was saved first (line"
+            f" {mesh.line}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
+            " than the calibration in force: the result is wrong."
+        )
 
 
 def _grid(settings: Settings, section: str, axis: str) -> Floats:
@@ -357,6 +393,13 @@ def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
     inside = away <= (stated if fits else width) + _ROUNDED
     repeats = all(_repeats(row, kept) for row, kept in zip(height, inside, strict=True))
     return inside if fits or repeats else np.ones_like(inside)
+
+
+def in_turn(probed: Bools) -> Ints:
+    """When each probed point of a grid was probed: row by row, every other row backwards."""
+    turn = np.arange(probed.size).reshape(probed.shape)
+    turn[1::2] = turn[1::2, ::-1].copy()
+    return np.argsort(np.argsort(turn[probed]))
 
 
 def _repeats(row: Floats, kept: Bools) -> bool:

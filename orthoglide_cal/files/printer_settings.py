@@ -1,8 +1,8 @@
 """Lines of Klipper's printer.cfg to the options in force, each with its line.
 
 A value goes on in lines that are indented more than its option. "#" begins a remark anywhere, ";"
-after a blank. The lines that SAVE_CONFIG wrote ("#*# …") win over those above them. Sections that
-do not matter may hold anything; nothing in them is interpreted.
+after a blank. The file's own lines win over those that SAVE_CONFIG wrote ("#*# …"), as in Klipper.
+Sections that do not matter may hold anything; nothing in them is interpreted.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from orthoglide_cal.schema import parse_count, parse_number, shortened
 
 T = TypeVar("T")
 
-_SAVED = "#*#"
+SAVED = "#*#"
 _SECTION = re.compile(r"\[(.+)\]")  # what follows the bracket is passed over
 _OPTION = re.compile(r"([^:=]+?)\s*[:=]\s*(.*)")
 _COMMENT = re.compile(r"#.*$|(?:^|(?<=\s));.*$")
@@ -92,23 +92,23 @@ class Settings:
         sections: name → line.
         options: (section, option) → value.
         included: whether it includes other files, which are not read.
-        remarks: options that SAVE_CONFIG overrules.
+        remarks: options that SAVE_CONFIG wrote in vain.
     """
 
     def __init__(self, document: FileText, matters: Callable[[str], bool]) -> None:
         self.faults = Faults(document.path)
         own, saved = _Part(), _Part()
         for line, text in enumerate(document.text.split("\n"), start=1):
-            part = saved if text.startswith(_SAVED) else own
-            part.take(line, text.removeprefix(_SAVED), matters, self.faults)
-        self.sections: Mapping[str, int] = {**own.sections, **saved.sections}
-        self.options: Mapping[tuple[str, str], Value] = {**own.options, **saved.options}
+            part = saved if text.startswith(SAVED) else own
+            part.take(line, text.removeprefix(SAVED), matters, self.faults)
+        self.sections: Mapping[str, int] = {**saved.sections, **own.sections}
+        self.options: Mapping[tuple[str, str], Value] = {**saved.options, **own.options}
         self.included = any(name.startswith("include ") for name in own.sections)
         self._cut_off = not saved.sections
         self.remarks = [
-            f"Line {own.options[key].line}, {key[1]} of [{key[0]}], was not used: line"
-            f" {value.line}, which SAVE_CONFIG wrote, says otherwise. Klipper itself obeys the line"
-            " above: delete one of the two."
+            f"Line {value.line}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
+            f" force: line {own.options[key].line} says otherwise, and Klipper obeys that one."
+            " Delete one of the two."
             for key, value in saved.options.items()
             if key in own.options and own.options[key].text != value.text and matters(key[0])
         ]

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.printer_file import PrinterFile, StoredCalibration, StoredMesh
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
-from orthoglide_cal.model import Excerpt, Floats, Ints, Machine, Readings
+from orthoglide_cal.model import Excerpt, Floats, Ints, Readings
 from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import MINUTES_PER_TOUCH, ProbePlan
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = tuple(ProbeRow.model_fields)
-# A place farther out than so many radii of the bed is none of it.
+# A place farther out than so many radii of the bed is not on it.
 BEYOND = 1.2
 # A printer that was calibrated knows its heights to tenths, a calliper is read to hundredths: what
 # is farther off was not stored with the settings that are in force now.
@@ -38,7 +39,7 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     faults.check()
     if table.rows and not any("reading_mm" in row.cells for row in table.rows):
         faults.add(
-            "No reading is filled in.",
+            "No reading was filled in.",
             "Probe the places in this order, and write the height at which the probe triggers.",
             line=table.rows[0].line,
             column="reading_mm",
@@ -62,7 +63,10 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
                 f"Check it, or bed_radius_mm ({machine.bed_radius_mm:g}) in the machine file.",
             )
     rows = checking.checked()
-    timed = rows[0].minutes is not None
+    times = {row.minutes for row in rows}
+    timed = None not in times and (len(rows) == 1 or len(times) > 1)
+    if not timed and None not in times:
+        remarks.append("All minutes are the same: they were not used.")
     seq = [-1 if row.seq is None else row.seq for row in rows]
     plan = _plan(
         machine,
@@ -120,7 +124,7 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     """
     in_force = (*known.geometry_keys, "bed_radius_mm")
     machine = known.changed(**{key: getattr(file.machine, key) for key in in_force})
-    check_same_printer(known, machine)
+    known.check_same(machine)
     arms = np.array((known.arm_length_mm, machine.arm_length_mm))
     apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[_ARMS].size(known)
     if apart <= size:
@@ -133,21 +137,6 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     )
     sizes = {**known.tolerances, _ARMS: round(math.hypot(size, apart), 3)}
     return machine.changed(tolerances=sizes), (remark,)
-
-
-def check_same_printer(before: Machine, after: Machine) -> None:
-    """Raises UsageError for two linear deltas that no calibration makes one of the other."""
-    if not (isinstance(before, LinearDelta) and isinstance(after, LinearDelta)):
-        return
-    sizes = np.array([(*each.arm_length_mm, each.delta_radius_mm) for each in (before, after)])
-    if np.abs(sizes[1] - sizes[0]).max() > LinearDelta.radius_mm:
-        arms, radii = sizes[:, :-1].mean(axis=1), sizes[:, -1]
-        raise UsageError(
-            f"These are two machines: arms {arms[0]:.0f} and {arms[1]:.0f} mm long, delta radius"
-            f" {radii[0]:.0f} and {radii[1]:.0f} mm.",
-            "Name two files of the same one; a machine file has its arm_length_mm and"
-            " delta_radius_mm.",
-        )
 
 
 def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta) -> Readings:
@@ -163,31 +152,42 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
         InputError: it does not store that.
     """
     chosen = stored or ("mesh" if file.heights is None else "calibration")
+    also: tuple[Literal["mesh"], ...] = ("mesh",) if file.mesh else ()
     if chosen == "mesh" and file.mesh:
-        return _mesh(file, file.mesh, machine)
+        words = f"{len(file.mesh.x)} points of a mesh"
+        return _mesh(file, file.mesh, machine, Excerpt("mesh", words, (), file.firmware))
     if chosen == "calibration" and file.heights:
-        return _calibration(file, file.heights, machine)
+        if isinstance(file.heights, StoredCalibration):
+            return _calibration(file, file.heights, machine, also)
+        words = f"{len(file.heights.x)} heights"
+        return _mesh(file, file.heights, machine, Excerpt(chosen, words, also, file.firmware))
+    what, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
     if file.heights is None and file.mesh is None:
-        wanted, remedy = (
-            "neither probed heights nor a mesh",
-            "Run DELTA_CALIBRATE or BED_MESH_CALIBRATE",
-        )
-    elif chosen == "mesh":
-        wanted, remedy = "no mesh", "Take --data calibration, or run BED_MESH_CALIBRATE"
-    else:
-        wanted, remedy = "no probed heights", "Take --data mesh, or run DELTA_CALIBRATE"
-    what = f"The file stores {wanted}."
-    raise InputError(what, f"{remedy} and SAVE_CONFIG.", file=file.source.path)
+        what, remedy = "The file stores neither probed heights nor a mesh.", "Run"
+    again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
+    probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
+    remedy += f" {probing[file.firmware]}."
+    raise InputError(what, remedy, file=file.source.path)
 
 
-def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta) -> Readings:
+def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta, excerpt: Excerpt) -> Readings:
     n, height = len(mesh.x), file.probe[2]
+    if n > 1 and np.ptp(mesh.height) == 0.0:
+        raise InputError(
+            f"All {n} heights of the mesh {mesh.profile!r} are {mesh.height[0]:g}: a placeholder,"
+            " not a measurement.",
+            "Probe the bed, and save the mesh.",
+            file=file.source.path,
+            line=int(mesh.line[0]),
+        )
+    remedy = "Check it, and probe the bed again."
+    _check_stored(file, mesh.line, mesh.height, "A height of the mesh", remedy)
     away = np.hypot(mesh.x, mesh.y)
     if away.max() > BEYOND * machine.bed_radius_mm:
         raise InputError(
             f"The mesh {mesh.profile!r} reaches {away.max():.0f} mm from the middle of the bed.",
-            f"Check min_x … max_y there, and print_radius of [printer] ({machine.bed_radius_mm:g}"
-            " mm, unless stated the delta_radius).",
+            f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
+            "print_radius of [printer], unless stated the delta_radius; or B of M665.",
             file=file.source.path,
             line=int(mesh.line[np.argmax(away)]),
         )
@@ -201,12 +201,17 @@ def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta) -> Readings
         mesh.height,
         mesh.line,
         False,
-        replace(file.source, excerpt=Excerpt("mesh", f"{n} points of a mesh")),
+        replace(file.source, excerpt=excerpt),
         remarks=(*file.remarks, *mesh.remarks, *([left_out] if mesh.padded else [])),
     )
 
 
-def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearDelta) -> Readings:
+def _calibration(
+    file: PrinterFile,
+    heights: StoredCalibration,
+    machine: LinearDelta,
+    also: tuple[Literal["mesh"], ...],
+) -> Readings:
     """Heights and distances, at the places where the machine's parameters put the nozzle."""
     rails, distances = machine.nominal_rails, file.distances
 
@@ -229,8 +234,8 @@ def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearD
         remarks += (
             f"The settings in force put the nozzle {abs(trimmed):.3f} mm"
             f" {'higher' if trimmed > 0.0 else 'lower'} than it was stored at. If the endstops"
-            " were changed after DELTA_CALIBRATE, as for a first layer, what is found takes that"
-            " back: set the height of the nozzle anew after entering it.",
+            " were changed after DELTA_CALIBRATE, as for a first layer, entering the result"
+            " removes that: set the height of the nozzle again afterwards.",
         )
     if distances is not None:
         first, second = reached(distances.first), reached(distances.second)
@@ -248,7 +253,7 @@ def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearD
     words = f"{len(surface)} heights"
     if distances is not None:
         words += f" and {len(distances.value)} distances"
-    source = replace(file.source, excerpt=Excerpt("calibration", words))
+    source = replace(file.source, excerpt=Excerpt("calibration", words, also, file.firmware))
     plan = _plan(machine, place, surface, np.arange(len(place)), None, other)
     return Readings(plan, value, line, False, source, remarks=remarks)
 

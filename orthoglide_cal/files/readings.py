@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,6 +47,9 @@ READING_COLUMNS = (
     VALUE_COLUMNS[1],
 )
 CODED_COLUMNS = tuple(name for name in READING_COLUMNS if name not in ("gauge", "note"))
+# The note of a reading that was questioned and kept, with its step.
+QUESTIONED = "kept although questioned (r {}): {}"
+_QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
 _MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
 
 
@@ -92,6 +96,7 @@ class Conditions(Circumstances):
     Attributes:
         environment: name, and what is said of it.
         temperature_c: lowest and highest reading of the thermometer.
+        first_and_last_c: its first and last reading in time.
         retaken: number of readings that were replaced.
         skipped: number of steps left out.
         notes: (line of the file, remark).
@@ -99,19 +104,48 @@ class Conditions(Circumstances):
 
     environment: tuple[tuple[str, str], ...] = ()
     temperature_c: tuple[float, float] | None = None
+    first_and_last_c: tuple[float, float] | None = None
     retaken: int = 0
     skipped: int = 0
     notes: tuple[tuple[int, str], ...] = ()
 
     @property
-    def mean_temperature_c(self) -> float | None:
-        """Of the thermometer, else what the environment's `temperature_c` says; None if neither."""
-        if self.temperature_c is not None:
-            return sum(self.temperature_c) / 2.0
+    def questioned(self) -> tuple[tuple[str, str], ...]:
+        """Step and question of each reading of a session that was questioned and kept."""
+        found = (_QUESTIONED.match(note) for _, note in self.notes)
+        return tuple((each[1], each[2]) for each in found if each)
+
+    def _stated_c(self, name: str) -> float | None:
+        """A temperature that the environment states; None where it is not given as a number."""
         try:
-            return parse_number(dict(self.environment).get("temperature_c", ""))
+            return parse_number(dict(self.environment).get(name, ""))
         except InputError:
             return None
+
+    @property
+    def temperature_start_c(self) -> float | None:
+        """As the environment states it, else of the thermometer; None if neither."""
+        read = self.first_and_last_c[0] if self.first_and_last_c else None
+        stated = (self._stated_c(name) for name in ("temperature_start_c", "temperature_c"))
+        return next((each for each in (*stated, read) if each is not None), None)
+
+    @property
+    def temperature_end_c(self) -> float | None:
+        """As the environment states it, else of the thermometer; None if neither."""
+        stated = self._stated_c("temperature_end_c")
+        return self.first_and_last_c[1] if stated is None and self.first_and_last_c else stated
+
+    @property
+    def temperatures_c(self) -> tuple[float, ...]:
+        """Every temperature that is known; empty if none is."""
+        ends = (self.temperature_start_c, self.temperature_end_c)
+        return (*(self.temperature_c or ()), *(each for each in ends if each is not None))
+
+    @property
+    def mean_temperature_c(self) -> float | None:
+        """Of the thermometer, else of what the environment states; None if neither."""
+        known = self.temperature_c or self.temperatures_c
+        return sum(known) / len(known) if known else None
 
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
@@ -166,10 +200,9 @@ def readings_from_records(
     clock = _clock(checking, started)
     check_order(checking, clock)
     _check_parts(checking)
-    _check_bars(checking)
     lines = [record.line for record in records]
     readings = readings_of(checking.checked(), machine, source, lines, clock)
-    further = _remarks(readings, records, reading.marks, machine)
+    further = _remarks(readings, records, machine)
     return replace(readings, remarks=(*remarks, *further))
 
 
@@ -190,9 +223,11 @@ def readings_of(
         clock: minutes of each row; None for its own, if it has any.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
-    timed = clock is not None or first.minutes is not None
     seq = [-1 if row.seq is None else row.seq for row in rows]
     minutes = clock or [row.minutes or 0.0 for row in rows]
+    # The same time for all means no times.
+    told = clock is not None or first.minutes is not None
+    timed = told and (len(rows) == 1 or len(set(minutes)) > 1)
     in_time = np.argsort(seq, kind="stable")
     order = np.argsort(in_time)
     contact = np.array([Contact[(row.end or "fixed").upper()] for row in rows], dtype=np.intp)
@@ -244,11 +279,12 @@ def readings_of(
 
 def conditions_in(readings: Readings) -> Conditions:
     """What the readings alone say of the circumstances."""
-    known = [t for t in readings.temperature.tolist() if t == t]
+    known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)
     return Conditions(
         temperature_c=(min(known), max(known)) if known else None,
+        first_and_last_c=(known[0], known[-1]) if known else None,
         gauges=tuple(GaugeIdentity(id=label) for label in labels),
         notes=tuple((line, note) for line, note in notes if note),
     )
@@ -343,24 +379,6 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
         last = max(last, part)
 
 
-def _check_bars(rows: Rows[ReadingRow]) -> None:
-    """A bar is turned for both gauges that touch it."""
-    alike: dict[tuple[int, str], list[tuple[int, ReadingRow]]] = {}
-    for index, row in rows.sound:
-        alike.setdefault((row.part or 1, row.leg), []).append((index, row))
-    for (_, leg), group in sorted(alike.items()):
-        turned = {row.direction for _, row in group if row.bar}
-        others = [index for index, row in group if row.direction not in turned]
-        if turned and others:
-            rows.note(
-                others[0], "bar",
-                f"The bar of leg {leg} is turned for direction {' and '.join(sorted(turned))}"
-                " alone; it is one bar.",
-                "Write turned in all rows of that leg that were read so, or give these a part of"
-                " their own.",
-            )  # fmt: skip
-
-
 def _cycles(plan: GaugePlan) -> Ints:
     """Repeats counted in time within each part, leg, direction, posture and end, shape (n,)."""
     alike = list(zip(plan.part, plan.cells, strict=True))
@@ -372,11 +390,9 @@ def _cycles(plan: GaugePlan) -> Ints:
     return cycles
 
 
-def _remarks(
-    readings: Readings, records: Sequence[Record], marks: set[str], machine: Orthoglide
-) -> list[str]:
+def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide) -> list[str]:
     """What the user should know although nothing is wrong."""
-    remarks, plan = [], GaugePlan.require(readings.plan)
+    remarks = []
     travel = machine.gauge.range_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
     if beyond.size:
@@ -386,15 +402,11 @@ def _remarks(
             f" {travel:g} mm (first: line {readings.line[first]}, {readings.value[first]:g} mm):"
             " check the unit, and the gauge in the machine file."
         )
-    if len(marks) > 1:
-        remarks.append("Decimal points and decimal commas are mixed; both were accepted.")
     if not readings.timed:
         remarks.append(
-            f"Times were not given; {_MINUTES_PER_READING:g} minutes per reading were assumed."
+            "Times were not given, or are all the same;"
+            f" {_MINUTES_PER_READING:g} minutes per reading were assumed."
         )
-    ends = np.flatnonzero(plan.contact != Contact.FIXED).tolist()
-    if any("gauge_at" in records[index].cells for index in ends):
-        remarks.append("gauge_at was not used: `end` says where the gauge stood.")
     if readings.timed or "cycle" in records[0].cells:
         # Cycle or minutes should tell repeats apart.
         lines: dict[frozenset[tuple[str, str]], int] = {}
@@ -404,10 +416,4 @@ def _remarks(
                 repeats = f"Line {row.line} repeats line {lines[content]} word for word"
                 remarks.append(f"{repeats}; both were used.")
             lines.setdefault(content, row.line)
-    anew = plan.setups - len(set(zip(plan.places, readings.gauge, strict=True)))
-    if anew:
-        remarks.append(
-            f"Labelled gauges came back to a place {anew} times after use elsewhere; each return"
-            " has its own unknown zero."
-        )
     return remarks

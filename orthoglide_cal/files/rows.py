@@ -74,20 +74,12 @@ class Reading:
             larger.
         travel: lowest and highest displacement of a carriage [mm].
         wanted: whether each row has its reading; one that was skipped has none.
-        marks: decimal marks seen.
     """
 
     number: Callable[[str], float] = yaml_number
     longest: Mapping[str, tuple[float, str, str]] = field(default_factory=dict)
     travel: tuple[float, float] = (-math.inf, math.inf)
     wanted: bool = True
-    marks: set[str] = field(default_factory=set)
-
-    def read(self, text: str) -> float:
-        """The number that a text writes; remembers its decimal mark."""
-        value = self.number(text)
-        self.marks |= {mark for mark in ".," if mark in text}
-        return value
 
 
 class _Inches(str):
@@ -96,7 +88,7 @@ class _Inches(str):
 
 def _number(value: object, info: ValidationInfo) -> float:
     if info.context is not None and isinstance(value, str):
-        read: float = info.context.read(value)
+        read: float = info.context.number(value)
         return read
     return yaml_number(value)
 
@@ -139,7 +131,7 @@ def _posture(text: str, info: ValidationInfo) -> str:
     if low > -math.inf:
         remedy = f"Write iso, max, min or a displacement from {low:g} to {high:g} mm."
     try:
-        displacement: float = info.context.read(text)
+        displacement: float = info.context.number(text)
     except InputError:
         raise InputError("This is not a posture.", remedy) from None
     if not low <= displacement <= high:
@@ -153,7 +145,7 @@ def _entered(value: object, info: ValidationInfo) -> object:
     offsets = tuple(_length(each, info) for each in value.split())
     if len(offsets) != len(AXES):
         raise InputError(
-            f"Three numbers are wanted, of x, y and z; here are {len(offsets)}.",
+            f"Three numbers are needed, for x, y and z, not {len(offsets)}.",
             "Write mm with blanks between them, such as 0.5 0 0.",
         )
     return offsets
@@ -192,7 +184,7 @@ Bar = Annotated[
     _one_of(
         (TURNED,),
         "This does not say how the bar was.",
-        f"Write {TURNED} where it was turned half round, else leave the cell empty.",
+        f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
     ),
 ]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
@@ -270,7 +262,7 @@ class ReadingRow(Row):
         if direction == info.data.get("leg"):
             other = " or ".join(name for name in AXES if name != direction)
             raise InputError(
-                "A gauge along the leg's own axis says nothing of the leg.",
+                "A gauge along the leg's own axis does not measure the leg.",
                 f"Give the direction across the leg: {other}; or correct the leg.",
             )
         return direction
@@ -401,7 +393,7 @@ def check_order(rows: Rows[Timed], minutes: Sequence[float] | None = None) -> No
     first: dict[int, int] = {}
     for index, row in rows.sound:
         if row.seq is not None and first.setdefault(row.seq, index) != index:
-            what = f"The same number stands in line {lines[first[row.seq]]}."
+            what = f"The same number is in line {lines[first[row.seq]]}."
             remedy = "Number the readings in the order in which they were taken."
             rows.note(index, "seq", what, remedy)
     in_time = sorted(rows.sound, key=lambda each: -1 if each[1].seq is None else each[1].seq)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated
 
-from pydantic import BeforeValidator, ConfigDict, InstanceOf, PlainSerializer, ValidationError
+from pydantic import ConfigDict, InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Steps, unused
@@ -26,19 +25,11 @@ from orthoglide_cal.files.readings import (
     readings_from_records,
 )
 from orthoglide_cal.files.rows import Reading, ReadingRow, Record, Rows
-from orthoglide_cal.files.text import write_text
 from orthoglide_cal.files.yaml_tree import Tree, yaml_text
 from orthoglide_cal.model import Model, Readings
 from orthoglide_cal.schema import Version
 
 _COLUMNS = (*READING_COLUMNS, "timestamp")
-
-
-def _said(value: object) -> object:
-    """What is said of the surroundings; a text instead of a group is one remark."""
-    if isinstance(value, str):
-        return {"note": value} if value else None
-    return value
 
 
 class Session(Circumstances):
@@ -55,7 +46,7 @@ class Session(Circumstances):
     schema_version: Version = 1
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_values)]
     protocol: str | None = ""
-    environment: Annotated[Mapping[str, str | None] | None, BeforeValidator(_said)] = None
+    environment: Mapping[str, str | None] | None = None
     readings: tuple[ReadingRow, ...] = ()
     retaken: tuple[ReadingRow, ...] = ()
     skipped: tuple[ReadingRow, ...] = ()
@@ -87,6 +78,12 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
             " session has `readings:`.",
             file=tree.file.path,
             line=1,
+        )
+    if model and model.machine.probes:
+        raise InputError(
+            f"The session was read with gauges; a machine of kind {model.machine.kind} has none.",
+            "Leave --machine out.",
+            file=tree.file.path,
         )
     recorded = machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
@@ -141,16 +138,6 @@ def session_text(session: Session) -> str:
     return yaml_text(session_json(session))
 
 
-def write_session(session: Session, path: Path | str, *, overwrite: bool = False) -> None:
-    """Write a session file, as `write_text` does.
-
-    Raises:
-        UsageError: the file exists and `overwrite` is False.
-        InputError: the file cannot be written.
-    """
-    write_text(Path(path), session_text(session), overwrite=overwrite)
-
-
 def session_of_readings(
     readings: Readings, model: Model, environment: Mapping[str, str]
 ) -> Session:
@@ -195,17 +182,17 @@ def _records(tree: Tree, key: str) -> list[Record]:
     entries = tree.value.get(key)
     if not isinstance(entries, list):
         if entries is not None:
-            note((key,), "A list is wanted here.", "Write [first, second] or `- …` lines.")
+            note((key,), "This must be a list.", "Write [first, second] or `- …` lines.")
         return []
     records = []
     for index, entry in enumerate(entries):
         path: Steps = (key, index)
         if not isinstance(entry, dict):
-            note(path, "A group of keys is wanted here.", "Write `name: value` lines, indented.")
+            note(path, "This must be a group of keys.", "Write `name: value` lines, indented.")
             continue
         inner = [name for name, value in entry.items() if isinstance(value, dict | list)]
         for name in inner:
-            note((*path, name), "One value is wanted here.", "Write `name: value`.")
+            note((*path, name), "This must be one value.", "Write `name: value`.")
         if not inner:
             lines = {name: tree.place((*path, name)).line for name in entry}
             cells = {name: value.strip() for name, value in entry.items() if value}

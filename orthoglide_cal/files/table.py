@@ -71,15 +71,9 @@ class Table:
             close = get_close_matches(name, others, n=1)
             remedy = f"Add it; the header has: {listed(present)}."
             if close:
-                remedy = f"Rename the column {close[0]!r}."
-            stem, _, mm = name.rpartition("_")
-            for other in others:
-                one = MM.get(other.removeprefix(f"{stem}_"))
-                if one and mm == "mm" and other.startswith(stem):
-                    remedy = (
-                        f"{name} is wanted: multiply the numbers in {other!r} by {short(one, 6)}"
-                        " and rename the column."
-                    )
+                unit = MM.get(close[0].rpartition("_")[2])
+                factor = f"multiply the numbers by {short(unit, 6)} and " if unit else ""
+                remedy = f"{factor}rename the column {close[0]!r}.".capitalize()
             what = "The column is missing."
             self.faults.add(what, remedy, line=self.header_line, column=name)
         if {columns[-1], inches} <= set(present):
@@ -108,7 +102,7 @@ class Table:
         whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
         if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
             self.faults.add(
-                f"Every reading is a whole number with digits in the column {beside!r} beside it:"
+                f"Every reading is a whole number with digits in the next column, {beside!r}:"
                 " decimal commas?",
                 "Write decimal points, or separate the columns with semicolons.",
                 line=self.rows[0].line,

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import re
+import stat
 import sys
+import time
 import uuid
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.files import moonraker
 from orthoglide_cal.model import Source
 from orthoglide_cal.system import SYSTEM
 
@@ -19,6 +24,9 @@ YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
 
 # They would reach the terminal with the next message (escape sequences).
 _CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
+# A temporary file of `write_text`, and the age at which it was left behind [s].
+_LEFT = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
+_ABANDONED_S = 3600.0
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
 
 
@@ -58,6 +66,18 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
         UnreadableError: no such file, a folder, no permission.
         InputError: too large, empty, or not UTF-8 text.
     """
+    return document_from_bytes(read_bytes(path, limit), path, limit)
+
+
+def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
+    """The bytes of a file, of standard input ("-"), or of the printer.cfg of a Moonraker server.
+
+    Raises:
+        UnreadableError: as `read_document`.
+        InputError: the server cannot be reached.
+    """
+    if moonraker.is_address(path):
+        return moonraker.printer_cfg(moonraker.base(path))
     try:
         if path == "-":
             data = sys.stdin.buffer.read(limit + 1)
@@ -72,7 +92,7 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
         elif isinstance(error, IsADirectoryError):
             what, remedy = "This is a folder.", "Name a file inside it."
         raise UnreadableError(what, remedy, file=path) from error
-    return document_from_bytes(data, path, limit)
+    return data
 
 
 def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> FileText:
@@ -95,11 +115,18 @@ def check_size(size: int, path: str, limit: int) -> None:
 
 
 def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
-    """Write UTF-8 text to `path` through a temporary file beside it, synchronised to the disk.
+    """Write UTF-8 text as `write_bytes` does."""
+    write_bytes(path, text.encode(), overwrite=overwrite)
+
+
+def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
+    """Write `path` through a temporary file beside it, synchronised to the disk.
+
+    A file that is replaced keeps its mode.
 
     Args:
         path: the file's final place.
-        text: its content.
+        data: its content.
         overwrite: replace an existing file; otherwise it is left alone.
 
     Raises:
@@ -107,13 +134,19 @@ def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
         InputError: the file cannot be written (no such folder, no permission, disk full).
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
+    _sweep(path.parent)
     try:
         if not overwrite and path.exists():
             raise FileExistsError
-        with temporary.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        mode = path.stat().st_mode if path.exists() else None
+        if mode is not None and not mode & stat.S_IWUSR:
+            raise PermissionError(errno.EACCES, "it is read-only")
+        with temporary.open("xb") as file:
+            file.write(data)
             file.flush()
             os.fsync(file.fileno())
+        if mode is not None:
+            temporary.chmod(stat.S_IMODE(mode))
         if overwrite:
             temporary.replace(path)
         else:
@@ -130,7 +163,16 @@ def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
             file=str(path),
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # a folder that cannot be written to says so above
+            temporary.unlink(missing_ok=True)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what writes that were killed left in a folder, once nobody can be writing it."""
+    for path in folder.glob(".*.tmp"):
+        with suppress(OSError):
+            if _LEFT.fullmatch(path.name) and time.time() - path.stat().st_mtime > _ABANDONED_S:
+                path.unlink()
 
 
 def has_control(text: str) -> bool:

@@ -114,7 +114,7 @@ def load_tree(file: FileText) -> Tree:
                 continue
             value = read(Tree(file, Faults(file.path)), next(events), key, line)
             tree.faults.add(
-                f"The key stands twice (first in line {tree.lines[key]}).",
+                f"The key is given twice (first in line {tree.lines[key]}).",
                 "Remove one of them.",
                 line=line,
                 column=dotted(key),

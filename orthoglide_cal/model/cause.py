@@ -8,6 +8,7 @@ file that keeps it and back.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -72,6 +73,8 @@ class Cause:
     names: tuple[str, ...] = ()  # of its parameters
     # Further parameters, not reported, behind the named ones: plausible size in sizes of the cause.
     nuisance: tuple[tuple[str, float], ...] = ()
+    # Plausible sizes of the named parameters, in sizes of the cause; a fit chooses one of these.
+    shares: tuple[tuple[float, ...], ...] = ()
     positive: bool = False  # its parameters cannot be negative
     lasting: bool = False  # the same machine still has it in the next session
     compensable: bool = False  # a controller can compensate it
@@ -80,6 +83,8 @@ class Cause:
     same_remedy_as: str | None = None  # id of another cause: they are one answer
     instrument: str  # what shows it where these readings leave no trace of it
     advice: str  # what a technician can do about it; "{where}" stands for its place in words
+    # Kind of machine → key of the machine file whose wrong number would look like it.
+    number: Mapping[type[Machine], str] = MappingProxyType({})
     # Kind of machine → those of title, instrument and advice that are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
 
@@ -88,13 +93,27 @@ class Cause:
         usual = CauseWords(self.title, self.instrument, self.advice)
         return usual._replace(**self.elsewhere.get(type(machine), {}))
 
-    def size(self, machine: Machine) -> float:
+    def stated(self, machine: Machine) -> float:
         """Plausible size of a parameter (one standard deviation), in `unit`; 0 rules it out."""
         return machine.tolerances.get(self.id, self.sizes.get(type(machine), 0.0))
+
+    def size(self, machine: Machine) -> float:
+        """The same, wider where the controller's own values are doubted."""
+        stated, doubt = self.stated(machine), machine.doubted.get(self.id)
+        return math.hypot(stated, doubt.size) if stated > 0.0 and doubt else stated
 
     def assumed(self, machine: Machine) -> bool:
         """Whether that size is the default of its kind: the machine file gives none."""
         return type(machine) in self.sizes and self.id not in machine.tolerances
+
+    def beyond_words(self, machine: Machine, times: float) -> str:
+        """How many times the plausible one its size is, and what to look at."""
+        stated = "usual" if self.assumed(machine) else "stated"
+        key = self.number.get(type(machine), f"{self.id} under tolerances")
+        return (
+            f"{times:.0f} times its {stated} size: check {key} in the machine file, or the damage"
+            " is real."
+        )
 
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
@@ -119,6 +138,11 @@ class Cause:
         """Number of its parameters, nuisance ones included."""
         return len(self.names) + len(self.nuisance)
 
+    @property
+    def freedom(self) -> int:
+        """The same without those that are smaller than the first."""
+        return self.shares[0].count(1.0) if self.shares else self.unknowns
+
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         """Where it may act on these readings; the whole machine by default."""
         return (EVERYWHERE,)
@@ -135,12 +159,13 @@ class Cause:
         """Indices of the readings that taking again would correct; () if that corrects nothing."""
         return ()
 
-    def prior_std(self, machine: Machine) -> Floats:
+    def prior_std(self, machine: Machine, choice: int = 0) -> Floats:
         """Plausible size (one standard deviation) of each parameter, in internal units.
 
-        Shape (p,), the named parameters and then the nuisance ones.
+        Shape (p,), the named parameters and then the nuisance ones; `choice` is among `shares`.
         """
-        shares = [1.0] * len(self.names) + [share for _, share in self.nuisance]
+        own = self.shares[choice] if self.shares else (1.0,) * len(self.names)
+        shares = (*own, *(share for _, share in self.nuisance))
         return np.asarray(shares) * self.scale * self.size(machine)
 
     def at(self, theta: Numbers, place: Place = EVERYWHERE) -> Effect:
@@ -148,19 +173,22 @@ class Cause:
         return Effect(self, np.asarray(theta), place)
 
     def estimated(self, estimates: Mapping[str, Estimate], correlation: Floats) -> Effect:
-        """The effect of estimated parameters; nuisance ones are zero and sure.
+        """The effect of estimated parameters; the others are zero and sure.
 
         Args:
             estimates: each parameter by its name, in the contract's unit.
             correlation: of the parameters in the order of `estimates`, shape (p, p).
         """
-        order = [list(estimates).index(name) for name in self.names]
-        named, every = len(self.names), self.unknowns
-        theta, covariance = np.zeros(every), np.zeros((every, every))
-        stds = np.array([estimates[name].std for name in self.names])
-        theta[:named] = [estimates[name].value * self.scale for name in self.names]
-        covariance[:named, :named] = np.outer(stds, stds) * correlation[np.ix_(order, order)]
+        own = [self.names.index(name) for name in estimates]
+        theta, covariance = np.zeros(self.unknowns), np.zeros((self.unknowns,) * 2)
+        stds = np.array([each.std for each in estimates.values()])
+        theta[own] = [each.value * self.scale for each in estimates.values()]
+        covariance[np.ix_(own, own)] = np.outer(stds, stds) * correlation
         return Effect(self, theta, covariance=covariance * self.scale**2)
+
+    def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:
+        """The same parameters (p,) of the same machine, with other values in its controller."""
+        return theta
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Rails and legs as they really are."""
@@ -215,6 +243,12 @@ class Effect(ReadOnly):
             return np.zeros(self.theta.shape[-1])
         return np.sqrt(np.diag(self.covariance))
 
+    def times(self, machine: Machine) -> float:
+        """The largest of its named parameters, of theta (p,), by its plausible size."""
+        named = self.theta[: len(self.cause.names)]
+        size = self.cause.scale * self.cause.size(machine)
+        return float(np.abs(named).max(initial=0.0)) / size if size else 0.0
+
     @property
     def estimates(self) -> Mapping[str, Estimate]:
         """Name → value and standard deviation of each parameter, of theta (p,), in its `unit`."""
@@ -257,6 +291,10 @@ class Effect(ReadOnly):
             date=date,
             data_sha256=data_sha256,
         )
+
+    def transferred(self, before: Machine, after: Machine) -> Effect:
+        """`Cause.transferred` of this effect."""
+        return replace(self, theta=self.cause.transferred(self.theta, before, after))
 
     def moved(self) -> tuple[Effect, ...]:
         """This effect, moved by one standard deviation along each independent uncertainty."""

@@ -83,7 +83,7 @@ def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...
     """
     if not isinstance(measured, Readings):
         return tuple(_finer_differences(measured.value, gauge))
-    if not measured.plan.setups:
+    if not isinstance(measured.plan, GaugePlan):
         return ()  # a probe without a dial
     unit = other_unit(measured, gauge)
     if unit is None:
@@ -249,7 +249,7 @@ def off_scale(value: Floats, step: float) -> np.ndarray:
 
 
 def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]:
-    """Decimals that no difference of readings has, nor one of means of up to ten."""
+    """Decimals that neither differences of readings nor of means of up to ten have."""
     step = gauge.resolution_mm
     if step <= 0.0:
         return
@@ -261,7 +261,7 @@ def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]
             return
     yield GaugeDoubt(
         f"The differences have more decimals than a gauge with divisions of {step:g} mm gives,"
-        " nor are they of its means.",
+        " and their means cannot have them either.",
         "Check the unit, and resolution_mm in the machine file.",
     )
 
@@ -275,7 +275,7 @@ def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
 
     None if they are in mm, or in no unit; of differences nobody can say.
     """
-    if not isinstance(measured, Readings) or not measured.plan.setups:
+    if not isinstance(measured, Readings) or not isinstance(measured.plan, GaugePlan):
         return None
     if _ordinary(measured, measured.value, gauge):
         return None

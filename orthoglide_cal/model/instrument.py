@@ -88,6 +88,7 @@ class Probe(Instrument):
 
     Attributes:
         texture_mm: standard deviation of the local shape of the bed; None if nobody stated it.
+        scanning: it reads while it moves.
     """
 
     resolution_mm: Annotated[Step, told("Probe: resolution", "the smallest step that it resolves")]
@@ -100,6 +101,7 @@ class Probe(Instrument):
         told("Calliper", "standard deviation of a distance on a printed object"),
     ] = CALLIPER_MM
     texture_mm: Step | None = None
+    scanning: bool = False
 
     @property
     def texture_std_mm(self) -> float:

@@ -29,7 +29,7 @@ from pydantic import (
     field_validator,
 )
 
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.instrument import Probe
 from orthoglide_cal.model.kinematics import (
@@ -38,8 +38,9 @@ from orthoglide_cal.model.kinematics import (
     batch_of,
     behind_batch,
     components,
+    trilaterate,
 )
-from orthoglide_cal.model.machine import Length, Machine, Named
+from orthoglide_cal.model.machine import DoubtedValue, Length, Machine, Named
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
 from orthoglide_cal.model.probe_plan import (
     BLOCKS_MM,
@@ -57,6 +58,10 @@ from orthoglide_cal.schema import Number, told
 TOWERS = ("a", "b", "c")
 # To be touched once more: so many places, on blocks.
 FEW = 13
+# Stored arms that differ by more than this are doubted [mm].
+UNEQUAL_MM = 0.5
+# A printer whose arms or radius differ by a larger share is another one.
+ANOTHER = 0.05
 TOWERS_TURN = "The towers a, b, c must follow each other counter-clockwise, seen from above."
 
 Height = Annotated[Number, Field(ge=-1e4, le=1e4)]
@@ -125,10 +130,11 @@ class LinearDelta(Machine):
     linearization_points = read_only(np.zeros((1, 6)))
     # On a flat bed these look alike.
     rivals = ("tower_lean", "bed_shape")
+    shape = "bed_shape"
     fixed_parameters = ("leg_length",)
     # Frames and beds of printers are good or bad by a factor of ten: a plausible size is right
     # within a factor of three, and hardly decides between causes.
-    tolerance_scales = _shares((0.25, 0.5, 1.0, 2.0, 4.0, 8.0), math.log(3.0))
+    tolerance_scales = _shares((0.25, 0.7, 2.0, 5.0, 12.0, 30.0), math.log(3.0))
     # On one height several causes draw nearly the same picture, and their chances add up: of 960
     # sound machines 6 are called faulty, of 192 without it 4.
     caution = 1.5
@@ -146,7 +152,7 @@ class LinearDelta(Machine):
     # machine, and readings that know a parameter no better than this do not determine it.
     radius_mm: ClassVar[float] = 5.0
     angle_deg: ClassVar[float] = 2.0
-    may_be_settled, probes = True, True
+    may_be_settled, homed = True, len(TOWERS)
     keeps_itself = "The firmware of a printer keeps what it is given; nothing is recorded here."
     decimals = 4
     has_cube = False
@@ -186,6 +192,26 @@ class LinearDelta(Machine):
     @property
     def instrument(self) -> Probe:
         return self.probe
+
+    @property
+    def unobservable(self) -> tuple[str, ...]:
+        """What depends on the approach is not lost motion where the probe reads on its way."""
+        return ("backlash",) if self.probe.scanning else ()
+
+    @property
+    def doubted(self) -> Mapping[str, DoubtedValue]:
+        """Arms of one printer are cut alike; what a calibration made of them need not be."""
+        arms = self.arm_length_mm
+        spread = max(arms) - min(arms)
+        if spread <= UNEQUAL_MM:
+            return super().doubted
+        first, second, third = (f"{arm:.1f}" for arm in arms)
+        words = (
+            f"Arms of {first}, {second} and {third} mm are stored; printers of this kind have equal"
+            f" arms. They are taken to be off by as much as they differ, {spread:.1f} mm: measure"
+            " them from joint centre to joint centre."
+        )
+        return MappingProxyType({"leg_length": DoubtedValue(spread, words)})
 
     @property
     def active(self) -> tuple[float, ...]:
@@ -258,9 +284,44 @@ class LinearDelta(Machine):
         real = Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
         return real, parameters[..., :3] + raised
 
-    def recalibrated(self, after: Machine) -> bool:
-        parameters = ("endstops_mm", "delta_radius_mm", "tower_angles_deg", "arm_length_mm")
-        return any(getattr(self, name) != getattr(after, name) for name in parameters)
+    def differing(self, after: Machine) -> tuple[str, ...]:
+        words = ("endstops", "delta radius", "tower angles", "arm lengths")
+        names = ("endstops_mm", "delta_radius_mm", "tower_angles_deg", "arm_length_mm")
+        named = zip(words, names, strict=True)
+        return tuple(word for word, name in named if getattr(self, name) != getattr(after, name))
+
+    def believed(self, other: LinearDelta, place: Floats) -> Floats:
+        """Where this controller believes the nozzle to be, shape (n, 3) [mm].
+
+        Args:
+            other: the controller of the same printer on another date.
+            place: where that one believed it to be then, shape (n, 3) [mm].
+        """
+        ends, others = (
+            each.endstops_mm + each._above(each.delta_radius_mm) for each in (self, other)
+        )
+        carriages = self.nominal_rails.carriages(other.joints_for(place) + ends - others)
+        return np.asarray(trilaterate(carriages, self.nominal_rails.lengths))
+
+    def check_guided(self) -> None:
+        raise UsageError("A printer measures itself.", self.vocabulary.probing)
+
+    def check_same(self, later: Machine) -> None:
+        sizes = np.array(
+            [
+                (*each.arm_length_mm, each.delta_radius_mm)
+                for each in (self, LinearDelta.require(later))
+            ]
+        )
+        # Endstops, rods and stored arms may be changed from date to date.
+        if np.abs(sizes[1] / sizes[0] - 1.0).max() > ANOTHER:
+            arms, radii = sizes[:, :-1].mean(axis=1), sizes[:, -1]
+            raise UsageError(
+                f"These are two machines: arms {arms[0]:.0f} and {arms[1]:.0f} mm long, delta"
+                f" radius {radii[0]:.0f} and {radii[1]:.0f} mm.",
+                "Name two files of the same one; a machine file has its arm_length_mm and"
+                " delta_radius_mm.",
+            )
 
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
@@ -274,7 +335,7 @@ class LinearDelta(Machine):
         first, second = tool[..., : len(plan), :], tool[..., len(plan) :, :]
         readings = plan.place[:, 2] - first[..., 2]
         if plan.distance.any():
-            # Beside a touch a length of one, whose derivative is finite.
+            # In addition to a touch a length of one, whose derivative is finite.
             apart = np.sqrt(((second - first) ** 2).sum(axis=-1) + ~plan.distance)
             wanted = np.sqrt(((plan.other - plan.place) ** 2).sum(axis=-1) + ~plan.distance)
             readings = np.where(plan.distance, apart - wanted, readings)

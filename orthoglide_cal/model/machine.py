@@ -54,19 +54,48 @@ class JointOffsets(NamedTuple):
 Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 
+class WrittenValue(Schema):
+    """One value of a controller's file that was replaced; the rest of its line stays."""
+
+    line: Annotated[int, Field(ge=1)]
+    key: Word
+    before: Word
+    after: Word
+
+
+class Written(Schema):
+    """What was written to a controller, so that it can be restored exactly.
+
+    Attributes:
+        target: path of its file, or address of its server.
+        sha256_before, sha256_after: digests of the whole file.
+        values: what was replaced there.
+        live: whether the running controller was told, too.
+    """
+
+    target: Word
+    sha256_before: Digest
+    sha256_after: Digest
+    values: tuple[WrittenValue, ...] = ()
+    live: bool = False
+
+
 class Entered(Schema):
-    """Offsets that were entered in the controller.
+    """Parameters that were entered in the controller.
 
     Attributes:
         date: when, ISO 8601.
-        before, after: active before and from then on [mm].
+        before, after: active before and from then on [mm]; None for a printer, whose own file has
+            them.
         data_sha256: digest of the measurement that they came from.
+        written: what was written to the controller; None if it was typed in by hand.
     """
 
     date: Day
-    before: Named[JointOffsets]
-    after: Named[JointOffsets]
+    before: Named[JointOffsets] | None = None
+    after: Named[JointOffsets] | None = None
     data_sha256: Digest
+    written: Written | None = None
 
 
 class OwnGauge(Schema):
@@ -100,6 +129,18 @@ class Details(Schema):
     gauge_due: Day | None = None
 
 
+class DoubtedValue(NamedTuple):
+    """Values of the controller that can hardly be right.
+
+    Attributes:
+        size: how far they may be off, one standard deviation, in the unit of the cause.
+        words: why, in a sentence.
+    """
+
+    size: float
+    words: str
+
+
 class Machine(Schema):
     """The nominal machine: three actuated rails, three legs, one tool centre point.
 
@@ -126,13 +167,14 @@ class Machine(Schema):
     linearization_points: ClassVar[Floats]  # offsets at which readings are foreseen, (k, p)
     # Ids of two causes that hide behind each other in the usual measurement; or ().
     rivals: ClassVar[tuple[str, ...]] = ()
-    unobservable: ClassVar[tuple[str, ...]] = ()  # ids that no reading tells from the parameters
+    shape: ClassVar[str] = ""  # id of the cause that stands for whatever readings of one plane show
     # Ids of causes for which the controller's value is taken as it stands; the calibrated
     # parameters make up for its error, and are as uncertain as it is.
     fixed_parameters: ClassVar[tuple[str, ...]] = ()
     # A tolerance is a standard deviation, yet some faults are several times as large: scale of the
     # sizes of a fault → its share.
     tolerance_scales: ClassVar[Mapping[float, float]]
+    homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set anew
     caution: ClassVar[float] = 1.0  # how many times more must speak for a fault before it is named
     # Id of a cause that may act together with any other one → what is not claimed with it.
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -140,7 +182,6 @@ class Machine(Schema):
     recommended: ClassVar[tuple[str, ...]] = ()
     may_be_settled: ClassVar[bool]  # nothing is entered where readings agree with the controller
     keeps_itself: ClassVar[str] = ""  # why the machine file does not record what was entered
-    probes: ClassVar[bool]  # it measures itself
     decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for
     has_cube: ClassVar[bool]  # the error of its tool is shown over a cube of its workspace
     controller_formats: ClassVar[tuple[str, ...]]
@@ -173,8 +214,9 @@ class Machine(Schema):
         """
         if not isinstance(machine, cls):
             raise UsageError(
-                f"{machine.name} is of kind {machine.kind}, which cannot do this.",
-                f"Give the machine file of a machine of kind {cls.model_fields['kind'].default}.",
+                f"{machine.name} is of kind {machine.kind}.",
+                f"Give the file of a machine of kind {cls.model_fields['kind'].default}:"
+                " --machine FILE",
             )
         return machine
 
@@ -192,6 +234,11 @@ class Machine(Schema):
         return next((each for each in self.history if each.data_sha256 == sha256), None)
 
     @property
+    def probes(self) -> bool:
+        """Whether it measures itself."""
+        return bool(self.vocabulary.probing)
+
+    @property
     def homing_std_mm(self) -> float:
         """`homing_mm`, or what is usual."""
         return HOMING_MM if self.homing_mm is None else self.homing_mm
@@ -200,6 +247,16 @@ class Machine(Schema):
     def instrument(self) -> Instrument:
         """What reads it."""
         raise NotImplementedError
+
+    @property
+    def unobservable(self) -> tuple[str, ...]:
+        """Ids of causes that its readings do not tell from the parameters, or from themselves."""
+        return ()
+
+    @property
+    def doubted(self) -> Mapping[str, DoubtedValue]:
+        """Id of a cause → why the controller's own values make it likely."""
+        return MappingProxyType({})
 
     @property
     def active(self) -> tuple[float, ...]:
@@ -274,10 +331,18 @@ class Machine(Schema):
         """One reading of a plan in words."""
         raise NotImplementedError
 
-    def recalibrated(self, after: Machine) -> bool:
-        """Whether the controller of the same machine has other parameters later, under which it
-        was homed anew: what the real ones exceed them by is then unknown again."""
-        return False
+    def differing(self, after: Machine) -> tuple[str, ...]:
+        """Which settings the controller of the same machine has otherwise later, in words.
+
+        It was homed anew under them: what the real ones exceed them by is then unknown again.
+        """
+        return ()
+
+    def check_guided(self) -> None:
+        """Raises UsageError for a machine that nobody measures by hand."""
+
+    def check_same(self, later: Machine) -> None:
+        """Raises UsageError for a machine that no calibration makes of this one."""
 
     def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
         """What can be measured next besides its protocols: in words, its plan, its minutes."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import product
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -66,10 +66,14 @@ class Excerpt:
     Attributes:
         data: its name: "calibration" or "mesh".
         words: how much of what.
+        also: what else the file stores.
+        firmware: whose the file is, as an export names it.
     """
 
     data: str
     words: str
+    also: tuple[Literal["mesh"], ...] = ()
+    firmware: str = "klipper"
 
 
 @dataclass(frozen=True)
@@ -80,11 +84,13 @@ class Source:
         path: as the user gave it; "-" for standard input.
         sha256: hex digest of the bytes that were read.
         excerpt: what of the file was read; None for all that it holds.
+        earlier: other files that were read together with it, oldest first.
     """
 
     path: str
     sha256: str
     excerpt: Excerpt | None = None
+    earlier: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,10 +35,12 @@ class Model:
     Attributes:
         machine: nominal machine; the controller computes its commands from it.
         accepted: what the nominal machine leaves out, applied in this order in each stage.
+        ruled_out: ids of causes that were looked at by hand and are not there.
     """
 
     machine: Machine
     accepted: tuple[Effect, ...] = ()
+    ruled_out: tuple[str, ...] = ()
 
     @property
     def orthoglide(self) -> Orthoglide:

@@ -65,7 +65,7 @@ class Orthoglide(Machine):
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
     )
-    may_be_settled, probes = False, False
+    may_be_settled = False
     has_cube = True
     controller_formats = ("linuxcnc", "table")
     vocabulary = OFFSETS
@@ -75,11 +75,11 @@ class Orthoglide(Machine):
         "tool_offset_mm",
         "joint_limits_mm",
     )
-    # A longer leg looks like a smaller offset.
-    unobservable = ("leg_length",)
     # One fault in five is several times as large as its tolerance. Priced at the tolerance alone a
     # bar skewed by three of them would be taken for a smaller skew together with a second fault.
-    tolerance_scales: ClassVar[Mapping[float, float]] = MappingProxyType({1.0: 0.8, 3.0: 0.2})
+    tolerance_scales: ClassVar[Mapping[float, float]] = MappingProxyType(
+        {1.0: 0.8, 3.0: 0.17, 30.0: 0.03}
+    )
 
     kind: Literal["orthoglide"] = "orthoglide"
     leg_length_mm: Annotated[Length, told("L, length of a leg", "centre to centre of its joints")]
@@ -105,6 +105,23 @@ class Orthoglide(Machine):
         ),
     ] = NO_OFFSETS
 
+    @field_validator("parallelogram_width_mm")
+    @classmethod
+    def _narrow(cls, width: float, given: ValidationInfo) -> float:
+        if width >= given.data.get("leg_length_mm", math.inf):
+            raise InputError("The leg is wider than it is long.", "Check d and L.")
+        return width
+
+    @field_validator("offsets_mm")
+    @classmethod
+    def _within_travel(cls, offsets: JointOffsets, given: ValidationInfo) -> JointOffsets:
+        low, high = given.data.get("joint_limits_mm", (-math.inf, math.inf))
+        beyond = [name for name, each in offsets._asdict().items() if abs(each) > high - low]
+        if beyond:
+            what = f"The offset is larger than the travel of {high - low:g} mm."
+            raise InputError(what, "Check its unit: mm.", column=beyond[0])
+        return offsets
+
     @field_validator("joint_limits_mm")
     @classmethod
     def _ordered(cls, limits: tuple[float, float], given: ValidationInfo) -> tuple[float, float]:
@@ -126,6 +143,11 @@ class Orthoglide(Machine):
     @property
     def instrument(self) -> Gauge:
         return self.gauge
+
+    @property
+    def unobservable(self) -> tuple[str, ...]:
+        """A longer leg looks like a smaller offset."""
+        return ("leg_length",)
 
     @property
     def active(self) -> tuple[float, ...]:

@@ -43,7 +43,10 @@ class ReadOnly:
 # Of the arrays of a plan; all others hold whole numbers.
 _DTYPES: Mapping[str, type] = MappingProxyType(
     dict.fromkeys(
-        ("displacement", "gauge_at", "hours", "entered", "place", "other", "surface", "weight"),
+        (
+            *("displacement", "gauge_at", "hours", "entered"),
+            *("place", "other", "surface", "weight", "slope"),
+        ),
         np.float64,
     )
     | dict.fromkeys(("turned", "distance"), np.bool_)
@@ -120,6 +123,11 @@ class Plan:
     @property
     def fixed(self) -> bool:
         """Whether they are all of gauges on stands that are fixed in space; not by default."""
+        return False
+
+    @property
+    def flat(self) -> bool:
+        """Whether they show a shape, and not what makes it; not by default."""
         return False
 
     @property
@@ -242,8 +250,8 @@ def cell_contrasts(plan: Plan) -> Floats:
 
 
 def without_zeros(plan: Plan, values: Floats) -> Floats:
-    """Values (..., n) less the mean of their gauge set-up: what no gauge zero can explain."""
+    """Values (..., n) less what gauge zeros can explain: the mean of their set-up."""
     if not plan.setups:
         return values
-    means = values @ (plan.zeros / plan.zeros.sum(axis=0))
-    return np.asarray(values - means @ plan.zeros.T)
+    zeros, _ = np.linalg.qr(plan.zeros)
+    return np.asarray(values - (values @ zeros) @ zeros.T)

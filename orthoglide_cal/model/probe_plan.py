@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple
@@ -36,7 +36,7 @@ PATCH = 1.0 / 3.0
 # Over this distance the local shape of a bed is forgotten: glue, magnets, dirt.
 GRAIN_MM = 20.0
 # Degrees of shapes that are finer than `bed_shape`.
-FINER = (4, 5, 6)
+FINER = (7, 8)
 # Moments at which readings that wander take a step.
 MOMENTS = 24
 
@@ -54,6 +54,8 @@ class ProbePlan(Plan):
         surface: height of the touched surface over the bed, (n,) [mm]; 0 for a distance.
         distance: True for a distance, (n,).
         weight: how precise it is compared to a touch: ratio of the standard deviations, (n,).
+        date: 0 …; on which day, (n,). The calibrated parameters of each have values of their own.
+        slope: derivatives by these, shape (n, 6); zero on the day whose values are looked for.
     """
 
     place: Floats
@@ -61,8 +63,27 @@ class ProbePlan(Plan):
     surface: Floats
     distance: Bools
     weight: Floats
+    date: Ints = field(default_factory=lambda: read_only(0, np.intp))
+    slope: Floats = field(default_factory=lambda: read_only(0.0))
 
-    rows = MappingProxyType({"place": 3, "other": 3})
+    rows = MappingProxyType({"place": 3, "other": 3, "slope": 6})
+
+    @property
+    def setups(self) -> int:
+        return int(self.zeros.shape[1])
+
+    @cached_property
+    def zeros(self) -> Floats:
+        """Of the parameters of each other day, shape (n, 6 for each)."""
+        each = [self.slope * (self.date == day)[:, None] for day in np.unique(self.date)]
+        return read_only(
+            np.hstack([own for own in each if own.any()] or [np.zeros((len(self), 0))])
+        )
+
+    @property
+    def wanted(self) -> Floats:
+        """Commanded distances, shape (n,) [mm]; 0 of a touch."""
+        return np.asarray(np.linalg.norm(self.other - self.place, axis=1))
 
     @property
     def precision(self) -> Floats:
@@ -77,6 +98,11 @@ class ProbePlan(Plan):
         """Whether two readings are touches of one part, shape (n, n)."""
         own = np.where(self.distance, -1 - np.arange(len(self)), self.part)
         return np.asarray(own[:, None] == own)
+
+    @property
+    def flat(self) -> bool:
+        """Whether all are touches of one height: what makes a shape does not show in them."""
+        return not self.distance.any() and len(np.unique(self.surface)) < 2
 
     @cached_property
     def repeats(self) -> Ints:

@@ -78,7 +78,7 @@ def double_posture(
 
 
 def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> GaugePlan:
-    """The same postures for the x-, y- and z-leg in turn, two gauges beside each other.
+    """The same postures for the x-, y- and z-leg in turn, two gauges next to each other.
 
     Args:
         displacements: of the leg's own carriage, in order [mm].

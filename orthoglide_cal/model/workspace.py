@@ -14,40 +14,52 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.kinematics import rail_position, tool_derivative, trilaterate
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.real import Command
+from orthoglide_cal.schema import Schema
 
 SAMPLES = 17  # along each edge of the cube
 MOST_POINTS = 51  # of a compensation table, along each edge
 
 
 @dataclass(frozen=True, eq=False)
-class WorkspaceError(ReadOnly):
-    """Tool-position error over a cube inside the joint limits [mm].
+class WorkspaceMaps(ReadOnly):
+    """Tool-position error in slices of a cube inside the joint limits [mm].
 
     Attributes:
         axis_mm: grid along each edge, shape (n,).
         levels_mm: heights z of the slices, shape (3,).
         before_mm, after_mm: at [slice, y, x], shape (3, n, n).
-        before_max_mm, before_mean_mm, after_max_mm, after_mean_mm: over the whole cube.
-        left_max_mm: what the causes alone leave of it after the offsets are entered.
-        nominal_edge_mm: edge of the workspace as the machine file states it.
     """
 
     axis_mm: Floats
     levels_mm: Floats
     before_mm: Floats
     after_mm: Floats
-    before_max_mm: float
+
+
+class Workspace(Schema):
+    """Largest error of the tool position over the cube that the joint limits allow."""
+
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+
+    before_mm: float
+    after_mm: float
     before_mean_mm: float
-    after_max_mm: float
     after_mean_mm: float
-    left_max_mm: float
-    nominal_edge_mm: float
+    worst_before_mm: tuple[float, ...] = Field(description="tool position where it is largest")
+    worst_after_mm: tuple[float, ...]
+    limit_mm: float | None = None
+    left_mm: float = Field(description="what the causes alone leave after entering")
+    cube_mm: tuple[float, float]
+    stated_edge_mm: float = Field(description="of the workspace in the machine file")
+    maps: SkipJsonSchema[WorkspaceMaps | None] = Field(None, exclude=True, repr=False)
 
 
 def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
@@ -94,7 +106,7 @@ def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Flo
     return left, left + k * np.sqrt(spread)
 
 
-def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> WorkspaceError:
+def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> Workspace:
     """Tool-position error before and after the offsets are entered.
 
     Args:
@@ -111,17 +123,22 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     left, after = error_after(model, covariance, k)
     shape = (SAMPLES, SAMPLES, SAMPLES)
     levels = [0, SAMPLES // 2, SAMPLES - 1]
-    return WorkspaceError(
-        axis_mm=axis,
-        levels_mm=axis[levels],
-        before_mm=before.reshape(shape)[levels],
-        after_mm=after.reshape(shape)[levels],
-        before_max_mm=float(before.max()),
+    return Workspace(
+        before_mm=float(before.max()),
+        after_mm=float(after.max()),
         before_mean_mm=float(before.mean()),
-        after_max_mm=float(after.max()),
         after_mean_mm=float(after.mean()),
-        left_max_mm=float(left.max()),
-        nominal_edge_mm=model.orthoglide.workspace_mm,
+        worst_before_mm=tuple(points[np.argmax(before)].tolist()),
+        worst_after_mm=tuple(points[np.argmax(after)].tolist()),
+        left_mm=float(left.max()),
+        cube_mm=(float(axis[0]), float(axis[-1])),
+        stated_edge_mm=model.orthoglide.workspace_mm,
+        maps=WorkspaceMaps(
+            axis_mm=axis,
+            levels_mm=axis[levels],
+            before_mm=before.reshape(shape)[levels],
+            after_mm=after.reshape(shape)[levels],
+        ),
     )
 
 

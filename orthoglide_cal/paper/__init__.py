@@ -1,1 +1,1 @@
-"""The paper's tables, recomputed and held beside what was printed."""
+"""The paper's tables, recomputed, next to what was printed."""

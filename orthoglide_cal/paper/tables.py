@@ -1,4 +1,4 @@
-"""The paper's tables computed again, beside what was printed."""
+"""The paper's tables computed again, next to what was printed."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def experiment(number: int) -> Differences:
 
 
 def table_1(model: Model) -> Reproduction:
-    """Sensitivities as exact derivatives of the forward model, beside T_α and 1."""
+    """Sensitivities as exact derivatives of the forward model, next to T_α and 1."""
     rows = tuple(
         ReproducedRow(
             f"{s.posture} {AXES[s.series.leg]}-leg {s.plane}",

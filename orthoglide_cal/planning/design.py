@@ -46,7 +46,7 @@ NOTHING = 1e-12
 # What it shows less well than the double-posture protocol: with two postures a track that is bent
 # looks like one that leans.
 GIVES_UP = (
-    "rails that do not meet, axes out of square and a skewed bar look alike; a wrong scale, lost"
+    "rails that do not meet, axes out of square and a tilted bar look alike; a wrong scale, lost"
     " motion and a creeping stand show much less, a knocked stand a little less"
 )
 ROUNDING = 1e-9

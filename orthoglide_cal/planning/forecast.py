@@ -53,12 +53,18 @@ def lengths(model: Model, values: Floats) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class ParameterForecast:
-    """What is expected of one calibrated parameter, in its unit; `determined`: well enough."""
+    """What is expected of one calibrated parameter, in its unit; `determined`: well enough.
+
+    Attributes:
+        lessened, fixed: U of what other readings could reduce, and of what is taken as stated.
+    """
 
     unit: str
     noise_std: float
     expanded: float
     determined: bool
+    lessened: float
+    fixed: float
 
 
 class SessionForecast(Schema):
@@ -105,7 +111,16 @@ class SessionForecast(Schema):
         parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
         noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
         known = determined(model, expanded)
-        rows = zip(machine.parameter_units, noise.tolist(), expanded.tolist(), known, strict=True)
+        fixed = tuple(c for c in budget.contributions if c.source in machine.fixed_parameters)
+        reach = [
+            np.zeros_like(noise) if part is None else part.expanded_mm
+            for part in (
+                _without(budget, machine.fixed_parameters),
+                Budget(fixed) if fixed else None,
+            )
+        ]
+        values = (noise, expanded, known, *reach)
+        rows = zip(machine.parameter_units, *(np.asarray(v).tolist() for v in values), strict=True)
         each = [ParameterForecast(*row) for row in rows]
         return cls(
             model=model,
@@ -143,18 +158,19 @@ class SessionForecast(Schema):
 
     @cached_property
     def floor(self) -> Budget | None:
-        """What is left of it beside the scatter of the readings; None if that is nothing."""
-        return self._without(AVERAGED)
+        """What is left of it besides the scatter of the readings; None if that is nothing."""
+        return _without(self.budget, AVERAGED)
 
     @cached_property
     def averaged(self) -> Budget | None:
-        """What other readings could lessen: all but what is taken as the controller has it."""
-        return self._without(self.model.machine.fixed_parameters)
+        """What other readings could reduce: all but what is taken as the controller has it."""
+        return _without(self.budget, self.model.machine.fixed_parameters)
 
-    def _without(self, sources: Collection[str]) -> Budget | None:
-        left = self.budget.without(sources).contributions
-        parts = tuple(each for each in left if np.any(each.std_mm**2 > TINY))
-        return Budget(parts) if parts else None
+
+def _without(budget: Budget, sources: Collection[str]) -> Budget | None:
+    left = budget.without(sources).contributions
+    parts = tuple(each for each in left if np.any(each.std_mm**2 > TINY))
+    return Budget(parts) if parts else None
 
 
 def rivals_sigma(model: Model, plan: Plan) -> float | None:
@@ -216,7 +232,7 @@ def estimator_for(
         model: the machine, its gauge and its accepted causes.
         plan: n readings.
         method: an estimator that they can feed.
-        uncertain: what acts on the readings beside noise.
+        uncertain: what acts on the readings in addition to noise.
 
     Raises:
         RankDeficientError: the readings do not determine the parameters.

@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import Field
 from scipy.special import ndtr
 
-from orthoglide_cal.diagnosis import Diagnosis, NextMeasurement, Verdict
+from orthoglide_cal.diagnosis import Diagnosis, NextMeasurement
 from orthoglide_cal.diagnosis.assess import bound
 from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import UNSEEN, as_read
@@ -126,7 +126,7 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     # Whether two explanations are different answers: other causes, another remedy, (f, f).
     answers = [(frozenset(own), fit.remedy) for fit, own in zip(fits, ids, strict=True)]
     differ = [[all(map(ne, one, other)) for other in answers] for one in answers]
-    others = np.array(differ) & (diagnosis.verdict is Verdict.AMBIGUOUS)
+    others = np.array(differ) & diagnosis.undecided
     if first is not None:
         judged = predictions(model, first, choice, fits)
         odds, known = [_odds(each, each) for each in judged], shares
@@ -138,7 +138,7 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
         odds = [_odds(each.of(seen), each.of(alone)) for each in both]
         # Distances that change the log odds by as much.
         apart = np.stack([np.sqrt(np.maximum(mean + mean.T, 0.0)) for mean, _ in odds])
-    # ln of how far below its bound a rival (second index) is beside the true one; one that may be
+    # ln of how far below its bound a rival (second index) is against the true one; one that may be
     # at several places keeps at each its part of what its name may keep.
     places = Counter(ids)
     bounds = np.array([[bound(other, true) / places[other] for other in ids] for true in ids])
@@ -171,6 +171,7 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
             expanded=reach,
             what=option.what,
             minutes=option.minutes,
+            session=option.session,
             between=lacking,
             # Of each the first cause that the other lacks, or has as well.
             separates=tuple(
@@ -188,8 +189,9 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
 
 
 def best_next(diagnosis: Diagnosis) -> RankedMeasurement | None:
-    """What distinguishes the explanations that are left open; None if nothing is, or can be."""
-    if diagnosis.verdict is not Verdict.AMBIGUOUS:
+    """What distinguishes the explanations that are left open, or that would not show but matter;
+    None if nothing does."""
+    if not diagnosis.undecided:
         return None
     first = ranked(diagnosis)[0]
     return first if first.separates else None
@@ -247,7 +249,7 @@ def _pair(told: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, int] | N
     """The likeliest explanation with a rival that can be distinguished, and its likeliest such one.
 
     Explanations come in the order of their probability, the accepted one first. A rival that is
-    but a part of it is none that a diagnosis states, and comes behind all others.
+    but a diagnosis does not state a part of it, which comes after all others.
     """
     pairs = [tuple(pair) for pair in np.argwhere(told).tolist() if pair[0] < pair[1]]
     pairs.sort(key=lambda pair: {*ids[pair[1]]} < {*ids[pair[0]]})
@@ -292,7 +294,7 @@ def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[i
     """One plan of the first readings and all options, and where each option begins in it.
 
     Every option comes behind the first readings' last travel, as if there were no other: the
-    carriages come to it from where they would.
+    carriages reach it from where they would.
     """
     parts, starts, end = [], [], 0
     if first is not None:

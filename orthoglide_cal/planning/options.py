@@ -1,7 +1,7 @@
-"""What can be measured next, beside readings that there are: each with its minutes.
+"""What can be measured next, given readings: each with its minutes.
 
 Either the stands stay where they are, on the leg that was read last, and what was wrong with them
-and their labels is still wrong; or they are set up afresh, and only what is wrong with the machine
+and their labels is still wrong; or they are set up again, and only what is wrong with the machine
 and its bars is met again.
 """
 
@@ -103,7 +103,7 @@ def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:
 
 
 def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
-    """What the kind of machine has to offer beside gauges on legs; none for an Orthoglide."""
+    """What the kind of machine has to offer other than gauges on legs; none for an Orthoglide."""
     if first is None:
         return ()
     return tuple(
@@ -176,7 +176,7 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
         plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
         how_often = counted(cycles, "cycle")
         what = (
-            f"Measure a session of its own, {protocol}, {how_often} per leg, reading by reading."
+            f"Measure a separate session, {protocol}, {how_often} per leg, reading by reading."
             " It is solved alone: leave the old data as they are."
         )
         told = sequence_options(*session)
@@ -184,7 +184,7 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
 
 
 def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
-    """With the stands set up afresh, labels and + sides of the gauges checked."""
+    """With the stands set up again, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
     usual = walks[0][1]
     fixed = first.gauge_at[first.contact == Contact.FIXED]
@@ -193,7 +193,7 @@ def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     turn = "half round its own axis"
     for times, how_often in TIMES:
         for leg in LEGS:
-            stand = f"et the stands up afresh at leg {AXES[leg]}{half_way}"
+            stand = f"et the stands up again at leg {AXES[leg]}{half_way}"
             for words, stops in walks:
                 what = f"S{stand}, {checked}, and read {how_often}: {words}."
                 yield _sitting(first, machine, (leg,), what, (*stops * times, 0.0))
@@ -201,7 +201,7 @@ def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
             yield _sitting(first, machine, (leg,), what, (*usual * times, 0.0), turned=True)
         repeat = f"epeat the session, {how_often} per leg"
         for words, stops in walks:
-            what = f"R{repeat}{half_way}: {words}; stands set up afresh, {checked}."
+            what = f"R{repeat}{half_way}: {words}; stands set up again, {checked}."
             yield _sitting(first, machine, LEGS, what, (*stops * times, 0.0))
         what = f"Turn every bar {turn}, and r{repeat}{half_way}."
         yield _sitting(first, machine, LEGS, what, (*usual * times, 0.0), turned=True)

@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Self
 
+import numpy as np
 from pydantic import Field
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.estimation.budget import Budget, BudgetLine, BudgetTotal, budget_lines
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.probe_plan import Layout, ProbePlan
-from orthoglide_cal.planning.bar import BarWarning, bar_warning
+from orthoglide_cal.planning.bar import MARGIN, BarWarning, bar_warning
 from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import (
     ARRAYS,
@@ -32,11 +33,16 @@ from orthoglide_cal.planning.forecast import (
     session_of,
 )
 from orthoglide_cal.planning.next_measurement import RankedMeasurement
-from orthoglide_cal.planning.separation import SeparatedPair, Separations, separations
+from orthoglide_cal.planning.separation import (
+    TRACE_SIGMA,
+    SeparatedPair,
+    Separations,
+    separations,
+)
 from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
 
-# Repeats that are shown beside those asked for.
+# Repeats that are shown in addition to those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
 # Every method that can be fed with the readings of a protocol.
 _SINGLE = (Method.SINGLE, Method.SINGLE_SEQUENTIAL)
@@ -95,6 +101,7 @@ class BestDesign(SessionForecast):
         causes: the rivals that it distinguishes; empty for the fewest readings.
         reached: whether it does, `wanted_sigma` apart, or gives the U that was wanted.
         gauge_at, postures_mm: where its gauges stand along the leg, its postures.
+        margin: share of the leg that the plungers keep from its joints.
         share_of_readings: for each of the usual protocol, for the same noise.
         places_mm: where a machine that measures itself goes.
     """
@@ -103,6 +110,7 @@ class BestDesign(SessionForecast):
     wanted_sigma: float | None = None
     reached: bool = True
     gauge_at: float | None = None
+    margin: float | None = None
     postures_mm: tuple[float, ...] = ()
     share_of_readings: float | None = None
     places_mm: tuple[dict[str, float], ...] = ()
@@ -119,18 +127,20 @@ class Target:
 
 @dataclass(frozen=True)
 class Limit:
-    """What no number of readings lessens, and the largest source of it; None if it is nothing."""
+    """What no number of readings reduces, and the largest source of it; None if it is nothing.
+
+    Attributes:
+        cycles: so many stand for any number; None for a layout.
+    """
 
     expanded_mm: dict[str, float] | None
     source: str | None
+    cycles: int | None
 
 
-@dataclass(frozen=True)
-class PlannedContribution:
-    """What one source adds to the standard uncertainty of each length."""
+class PlannedContribution(BudgetLine):
+    """One line of the budget; `std_mm` names what it adds to each length."""
 
-    source: str
-    type: str
     std_mm: dict[str, float]
 
 
@@ -140,8 +150,8 @@ class MeasurementPlan(Schema):
     Attributes:
         model: the machine, its gauge or probe and its accepted causes.
         chosen: the session: as was asked for, or as long as the target takes.
-        floor: what more readings leave beside their scatter; None if that is nothing. It is less
-            than what this session leaves beside it: more readings tell more of what else is
+        floor: what more readings leave besides their scatter; None if that is nothing. It is less
+            than what this session leaves in addition: more readings tell more of what else is
             uncertain.
         apart: which causes its readings, or as many as `MOST_COMPARED` cycles, can distinguish.
         bar_warning: plungers that leave their bar in this session, or nearly; None if all stay.
@@ -150,9 +160,14 @@ class MeasurementPlan(Schema):
         gauges: that are read side by side; None without any.
         target: None if nobody said.
         by_cycles: the session with other numbers of cycles, fewest first, or each layout.
-        budget, limits: what adds to the uncertainty, and what more readings leave of it.
+        noise_mm: by which one reading scatters.
+        assumed_mm: how far each parameter is taken to be off; None where that hardly matters.
+        now_mm: largest U that the data have already; None without any.
+        budget, total, limits: what adds to the uncertainty, and what more readings leave of it.
         compare: every protocol with every method, for the U that this session gives.
         separation: how far causes are apart, nearest first; `invisible`: that leave no trace.
+        trace: how far each of the others is from nothing wrong [standard deviations].
+        pairs, alike: how many these make, and how many of them cannot be distinguished.
         design: the best session; None where nothing is to be gained.
         next: what to measure besides data that there are, best first.
     """
@@ -170,11 +185,18 @@ class MeasurementPlan(Schema):
     cycles: int
     target: Target | None = None
     by_cycles: tuple[SessionForecast, ...]
+    noise_mm: float
+    assumed_mm: float | None
+    now_mm: float | None = None
     budget: tuple[PlannedContribution, ...]
+    total: BudgetTotal
     limits: Limit
     compare: tuple[Alternative, ...] = ()
     separation: tuple[SeparatedPair, ...]
     invisible: tuple[str, ...]
+    trace: dict[str, float]
+    pairs: int
+    alike: int
     design: BestDesign | None
     next: tuple[RankedMeasurement, ...] = ()
 
@@ -184,19 +206,32 @@ class MeasurementPlan(Schema):
     ) -> Self:
         """With what follows from the chosen session; arguments as the attributes."""
         model, largest = chosen.model, None if floor is None else floor.largest.source
+        machine, seen = model.machine, apart.visible
+        size = float(np.sqrt(np.mean(machine.linearization_points**2)))
+        lines, total = budget_lines(chosen.budget)
         return cls(
             model=model,
             chosen=chosen,
             floor=floor,
             apart=apart,
-            machine=model.machine.name,
+            machine=machine.name,
             protocol=chosen.name,
             cycles=chosen.cycles,
             budget=tuple(
-                PlannedContribution(each.source, each.evaluation, lengths(model, each.std_mm))
-                for each in chosen.budget.contributions
+                PlannedContribution(**dict(each), std_mm=lengths(model, np.array(each.std)))
+                for each in lines
             ),
-            limits=Limit(None if floor is None else lengths(model, floor.expanded_mm), largest),
+            total=total,
+            limits=Limit(
+                None if floor is None else lengths(model, floor.expanded_mm),
+                largest,
+                None if machine.layouts() else MOST_CYCLES,
+            ),
+            noise_mm=machine.instrument.noise_mm,
+            assumed_mm=size or None,
+            trace=dict(zip([cause.id for cause in seen.causes], seen.trace.tolist(), strict=True)),
+            pairs=len(seen.pairs),
+            alike=sum(pair.sigma < TRACE_SIGMA for pair in seen.pairs),
             separation=apart.pairs,
             invisible=tuple(cause.id for cause in apart.invisible),
             **more,
@@ -285,6 +320,7 @@ def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
         **_fields(found),
         reached=way.same_expanded is not None,
         gauge_at=design.gauge_at,
+        margin=MARGIN,
         postures_mm=design.displacements_mm,
         share_of_readings=readings_needed(model, best) / readings_needed(model, usual),
     )

@@ -231,7 +231,7 @@ class _Near:
 
 
 def _explained(columns: Floats, left: Floats, cause: Cause) -> Floats:
-    """By how much sizes of one standard deviation each (k, p) lessen the cost of changes (k, r).
+    """By how much sizes of one standard deviation each (k, p) reduce the cost of changes (k, r).
 
     Of named parameters that cannot be negative the best choice acts, the others are zero.
     """
@@ -252,8 +252,10 @@ def _explained(columns: Floats, left: Floats, cause: Cause) -> Floats:
 def _signs(cause: Cause) -> Floats:
     """Parameters of one plausible size each, in every combination of signs, shape (r, p).
 
-    One sign of all of them together changes no square, and is left out.
+    One sign of all of them together changes no square, and is left out. So are terms that are
+    smaller than the first.
     """
     first = 1 if not cause.positive else len(cause.names)
-    others = product((1.0, -1.0), repeat=cause.unknowns - first)
-    return np.array([(*(1.0 for _ in range(first)), *rest) for rest in others])
+    others = product((1.0, -1.0), repeat=cause.freedom - first)
+    small = (0.0,) * (cause.unknowns - cause.freedom)
+    return np.array([(*(1.0 for _ in range(first)), *rest, *small) for rest in others])

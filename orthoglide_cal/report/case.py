@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,21 +12,25 @@ from orthoglide_cal.errors import command
 from orthoglide_cal.files import Conditions, Input
 from orthoglide_cal.model import AXES, Cause, Machine, Source
 from orthoglide_cal.model.vocabulary import Vocabulary
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.results import Answer, CheckReading, Recording, Remedy, recording
-from orthoglide_cal.words import plain, short, with_uncertainty
+from orthoglide_cal.words import decimals_for, plain, short, signed, with_uncertainty
 
 # Instead of "may be entered", where there is nothing to change.
 SETTLED = "Nothing to enter: the firmware has these values, as well as these readings know them"
 _TAKING_METHODS = ("solve", "report", "export")
+_DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
 
 def about(
     verb: str, source: Source, *others: str, machine: Path | None = None, options: str = ""
 ) -> str:
     """A command about what was read of a file, with what was chosen of it, and other files."""
-    chosen = f"--data {source.excerpt.data}" if source.excerpt else ""
-    given = f"{chosen} {options}".strip()
-    return command(verb, source.path, *others, machine=machine, options=given)
+    chosen = [f"--data {source.excerpt.data}"] if source.excerpt and source.excerpt.data else []
+    earlier = source.earlier if verb == "diagnose" else ()
+    given = " ".join(filter(None, (*chosen, *(["--together"] if earlier else []), options)))
+    return command(verb, *earlier, source.path, *others, machine=machine, options=given)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,12 @@ class Case:
         return self.given.model.machine
 
     @property
+    def controller_format(self) -> str:
+        """In which what is found is exported: of the firmware whose file it is."""
+        excerpt = self.source.excerpt
+        return excerpt.firmware if excerpt else self.machine.controller_formats[0]
+
+    @property
     def words(self) -> Vocabulary:
         """What its kind calls things."""
         return self.machine.vocabulary
@@ -72,12 +82,36 @@ class Case:
         lasting = [cause for cause in named if cause.in_machine and cause.lasting]
         return (*(effect.cause for effect in self.given.model.accepted), *lasting)
 
+    @property
+    def about(self) -> str:
+        """Machine, data, and a method that was asked for, at the end of the first line."""
+        answer = self.answer
+        told = [answer.machine.name]
+        told.append(data_words(self.source, answer.input.kind, answer.input.readings))
+        if answer.method not in (None, answer.input.kind):
+            told.append(f"method {answer.method}")
+        return ", ".join(told)
+
     def typed(self, verb: str, options: str = "") -> str:
         """A command about the same input, with what was given for it, and further options."""
         method = self.answer.method
         if verb in _TAKING_METHODS and method not in (None, self.answer.input.kind):
             options = f"--method {method} {options}".strip()
+        ruled = (
+            ""
+            if verb not in _DIAGNOSING
+            else " ".join(f"--rule-out {id}" for id in self.answer.ruled_out)
+        )
+        options = f"{options} {ruled}".strip()
         return about(verb, self.source, machine=self.machine_file, options=options)
+
+    def more(self, verb: str) -> doc.Paragraph:
+        """Where the rest stands."""
+        return doc.Paragraph(("More: ", doc.Typed(self.typed(verb, "--details"))))
+
+    def following(self, session: str | None) -> str | None:
+        """What to type for a measurement that would decide; see `to_follow`."""
+        return to_follow(self.machine, self.source, session, self.machine_file)
 
     def remedied(self, remedy: Remedy) -> str | None:
         """What to type for a remedy; None where there is nothing to type."""
@@ -106,24 +140,22 @@ class Case:
         known = any(effect.cause.compensable for effect in self.given.model.accepted)
         return self.typed("export", "--format table") if known and self.answer.remains else None
 
-    def remedy_lines(self) -> Iterator[str]:
-        """What to do instead of entering, each in one line with what to type."""
-        for remedy in self.answer.release.remedies:
-            yield f"{remedy.sentence} {self.remedied(remedy) or ''}".rstrip()
-
 
 def check_words(check: CheckReading) -> str:
-    """The check posture as an instruction, without the number that is expected."""
+    """The check posture as an instruction, with the number that is expected."""
+    moves = f"{with_uncertainty(check.expected_mm, check.expanded_mm)} mm"
+    today = f"(today {signed(check.before_mm, decimals_for(check.expanded_mm))})"
     if check.ends:
         return (
-            f"Check: drive to {_position(check.first_mm)}. Read the height of leg {check.leg} along"
-            f" {check.direction} at the joint end, then at the tool end. The second reading minus"
-            " the first should be"
+            f"Check leg {check.leg} along {check.direction} at {_position(check.first_mm)}: the"
+            f" tool end reads {moves} more than the joint end {today}."
         )
+    words = [_position(each).split() for each in (check.first_mm, check.second_mm)]
+    still = [one for one, other in zip(*words, strict=True) if one == other]
+    first, second = (" ".join(one for one in each if one not in still) for each in words)
     return (
-        f"Check: put the gauge at the middle of leg {check.leg}, along {check.direction}. Read it"
-        f" at {_position(check.first_mm)}, then at {_position(check.second_mm)}. The second reading"
-        " minus the first should be"
+        f"Check, gauge at the middle of leg {check.leg}, along {check.direction}: from {first} to"
+        f" {second} ({' '.join(still)}) it moves by {moves} {today}."
     )
 
 
@@ -132,13 +164,27 @@ def _position(tool: Sequence[float]) -> str:
     return " ".join(f"{a.upper()}{short(value, 3)}" for a, value in zip(AXES, tool, strict=True))
 
 
-def expected_words(check: CheckReading) -> str:
-    """The number that the check should give, with its tolerance."""
-    return f"{with_uncertainty(check.expected_mm, check.expanded_mm)} mm"
+def to_follow(
+    machine: Machine, source: Source | None, session: str | None, machine_file: Path | None
+) -> str | None:
+    """What to type for a further measurement; a printer has its own ways.
+
+    Args:
+        machine: what is measured.
+        source: of its readings.
+        session: options of a session of its own; None: it goes on from those readings.
+        machine_file: that the user named.
+    """
+    if session is not None:
+        return command("measure", machine=machine_file, options=session)
+    going_on = machine.vocabulary.going_on
+    if not going_on or source is None or source.path == "-":
+        return None
+    return command(going_on, source.path, machine=machine_file)
 
 
-def measure_again(conditions: Conditions | None) -> str:
+def measure_again(conditions: Conditions | None, machine: Path | None = None) -> str:
     """What to type to measure again: a simulated machine comes back with its seed."""
     seed = dict(conditions.environment).get("seed") if conditions else None
     options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
-    return command("measure", options=options)
+    return command("measure", machine=machine, options=options)

@@ -11,9 +11,9 @@ from orthoglide_cal.errors import file_words, visible
 from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model import AXES
 from orthoglide_cal.model.workspace import Compensation
-from orthoglide_cal.report.case import SETTLED, Case, check_words, expected_words
+from orthoglide_cal.report.case import SETTLED, Case, check_words
 from orthoglide_cal.results import Identity
-from orthoglide_cal.words import coverage_words, plain, signed, two_figures
+from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
 FORCED = "FORCED: this result must not be used."
 _COMPENSATION_DECIMALS = 4  # tenths of a micrometre
@@ -54,12 +54,11 @@ class Export:
         yield f"After entering: {restart[0].lower()}{restart[1:]}"
         check = case.answer.check
         if check is not None:
-            before = f"(before: {signed(check.before_mm, 2)} mm)"
-            yield f"{check_words(check)} {expected_words(check)} {before}."
+            yield check_words(check)
         if case.record is not None:
             yield f"Record what was entered: {case.record}"
         if case.table is not None:
-            yield f"What offsets leave, a table of corrections takes out: {case.table}"
+            yield f"Correct what offsets leave with a table of corrections: {case.table}"
         yield f"Then measure again and run: {case.verify}"
 
 
@@ -71,7 +70,7 @@ def as_text(export: Export) -> str:
         (
             each.name if case.unit else f"{each.name}, {each.unit}",
             plain(each.active, digits),
-            signed(each.change(digits), digits) if each.determined else "unknown",
+            typed(each.change(digits), digits) if each.determined else "unknown",
             two_figures(each.expanded),
             plain(each.new(digits), digits),
         )
@@ -120,8 +119,8 @@ def as_linuxcnc(export: Export) -> str:
         lines += [
             "",
             f"[JOINT_{number}]",
-            f"# axis {each.name}: previous {signed(each.active, digits)},"
-            f" change {signed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
+            f"# axis {each.name}: previous {typed(each.active, digits)},"
+            f" change {typed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
             f"HOME_OFFSET = {plain(each.new(digits), digits)}",
         ]
     lines.append("")

@@ -33,11 +33,15 @@ class Strong(_Marked):
     """The words that matter."""
 
 
+class Doubtful(_Marked):
+    """Words to beware of."""
+
+
 class Given(_Marked):
     """A name or note that somebody typed: shown as it is, never obeyed."""
 
 
-Inline = str | Code | Typed | Strong | Given
+Inline = str | Code | Typed | Strong | Doubtful | Given
 Line = Inline | tuple[Inline, ...]
 # None is shown as a line to write on.
 Blank = Line | None
@@ -54,12 +58,13 @@ class Tone(StrEnum):
     GOOD = "good"
     WARN = "warn"
     BAD = "bad"
+    OPEN = "open"
     INFO = "info"
 
     @property
     def sign(self) -> str:
         """One character."""
-        return {"good": "✔", "warn": "!", "bad": "✘", "info": "i"}[self]
+        return {"good": "✔", "warn": "!", "bad": "✘", "open": "?", "info": "i"}[self]
 
 
 @dataclass(frozen=True)
@@ -72,11 +77,12 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Notice:
-    """A coloured box."""
+    """The verdict; on a terminal with what it is about, `aside`, at the end of its line."""
 
     tone: Tone
     title: str
     lines: tuple[Line, ...] = ()
+    aside: str = ""
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,7 @@ class Grid:
     """A table.
 
     Attributes:
-        head: column titles.
+        head: column titles; not shown if all are empty.
         rows: cells.
         words: columns that hold words (left-aligned, may be wrapped); numbers are right-aligned.
         caption: says what it shows.
@@ -114,8 +120,10 @@ class Figure:
         title: what it is; None if its section's title says it.
         finding: what one sees in it, in words.
         panels: SVG parts that are laid out side by side as far as they fit.
-        columns: most panels beside each other, 1 to 3.
+        columns: most panels side by side, 1 to 3; 0: half as wide as a page, beside the
+            other blocks of its section.
         key: explanation of the marks.
+        legend: the scale of colours that all panels share.
         sketch: the same in characters, for a terminal; may be empty.
     """
 
@@ -125,6 +133,7 @@ class Figure:
     columns: int = 3
     key: str | None = None
     sketch: tuple[str, ...] = ()
+    legend: Html | None = None
 
     @property
     def in_words(self) -> str:
@@ -184,6 +193,7 @@ class Page:
         sections: the evidence, from the second page on.
         signatures: lines to sign on, at the end of the first page.
         scope: for what it holds; stands at its end.
+        stamp: one word across the first page; None for what may be relied on.
     """
 
     kind: str
@@ -195,6 +205,7 @@ class Page:
     sections: tuple[Section, ...] = ()
     signatures: tuple[str, ...] = ()
     scope: str | None = None
+    stamp: str | None = None
 
     @property
     def in_characters(self) -> tuple[Section, ...]:
@@ -220,8 +231,10 @@ class Document:
 
     Attributes:
         data: makes the plain values that `--json` prints.
-        page: makes what all other renderers show.
+        page: makes everything that people may want to see.
+        screen: makes what one screen of a terminal shows instead; None: the page is short.
     """
 
     data: Callable[[], Mapping[str, object]]
     page: Callable[[], Page]
+    screen: Callable[[], Page] | None = None

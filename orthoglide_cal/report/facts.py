@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.model import DataKind, Machine, Source
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.words import counted
+from orthoglide_cal.results import Validity
+from orthoglide_cal.results.answer import InputFile
+from orthoglide_cal.words import counted, plain
 
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
@@ -47,7 +49,7 @@ def scope(machine: Machine) -> str:
     return (
         f"This report holds for the machine and the {words.instruments} that it names, as they were"
         f" when they were measured, and for the {words.positions} and conditions stated in it; for"
-        " nothing else. It is valid only with all its pages."
+        " nothing else. It is valid only with all its pages: reproduce it only in full."
     )
 
 
@@ -75,29 +77,75 @@ def owner_facts(machine: Machine) -> tuple[tuple[str, doc.Given], ...]:
     return _written(machine, _OWNED)
 
 
-def method_facts(machine: Machine, measured: str | None = None) -> tuple[tuple[str, doc.Line], ...]:
-    """How and with what it is measured, as far as its file says so.
+def method_facts(machine: Machine) -> tuple[tuple[str, doc.Line], ...]:
+    """How and with what it is measured, as far as its file says so."""
+    due = machine.report.gauge_due
+    return (*_written(machine, _MEASURED), *([("Gauge due", doc.Given(due))] if due else []))
+
+
+def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
+    """The verdict with what a reader has to know before relying on it: never green then."""
+    if not reservations:
+        return notice
+    good = notice.tone is doc.Tone.GOOD
+    return doc.Notice(
+        doc.Tone.WARN if good else notice.tone,
+        f"{notice.title}, with a reservation" if good else notice.title,
+        (*notice.lines, *map(doc.Doubtful, reservations)),
+    )
+
+
+def validity_strip(
+    inputs: Sequence[tuple[InputFile, Validity]], software: str, probing: bool
+) -> doc.Block:
+    """Under which conditions the result holds: of one measurement, or before and after.
 
     Args:
-        machine: its `report` says it.
-        measured: when, ISO 8601: a gauge that was due before is marked.
+        inputs: one or two.
+        software: that made the page.
+        probing: the machine measures itself, without gauges or an operator.
     """
-    due = due_words(machine.report.gauge_due, measured)
-    return (*_written(machine, _MEASURED), *([] if due is None else [("Gauge due", due)]))
+    cells: list[tuple[str, list[doc.Blank]]] = [
+        ("measured", [moment(each.measured) for _, each in inputs])
+    ]
+    if not probing:
+        cells += [
+            ("gauges", [_gauges(each) for _, each in inputs]),
+            ("temperature", [_temperatures(each) for _, each in inputs]),
+            ("operator", [each.operator and doc.Given(each.operator) for _, each in inputs]),
+        ]
+    cells.append(
+        ("data", [(f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12]))
+                  for of, _ in inputs])
+    )  # fmt: skip
+    if len(inputs) == 1:
+        rows = [(name.capitalize(), values[0]) for name, values in cells]
+        return doc.Facts((*rows, ("Software", software)))
+    return doc.Grid(
+        ("conditions", "before", "after"),
+        tuple((name, *values) for name, values in cells),
+        words=(0, 1, 2),
+        caption=f"{software}; data with the first digits of SHA-256.",
+    )
 
 
-def due_words(due: str | None, measured: str | None) -> doc.Blank:
-    """When a gauge is to be calibrated again, marked where that was past on the day; or blank."""
-    if due is None or measured is None or not _past(due, measured):
-        return None if due is None else doc.Given(due)
-    return doc.Given(due), ": ", doc.Strong("past on the day of the measurement")
+def _gauges(each: Validity) -> doc.Blank:
+    """Every gauge with certificate and due date; None without any."""
+    parts: list[doc.Inline] = []
+    for gauge in each.gauges:
+        parts += ["; " if parts else "", doc.Given(gauge.id)]
+        if gauge.certificate:
+            parts += [", certificate ", doc.Given(gauge.certificate)]
+        due = f"due {gauge.due}" if gauge.due else "due date not given"
+        parts += [", ", doc.Doubtful(f"overdue: {due}") if gauge.overdue else due]
+    return tuple(parts) or None
 
 
-def _past(due: str, measured: str) -> bool:
-    try:
-        return datetime.fromisoformat(measured).date() > datetime.fromisoformat(due).date()
-    except ValueError:
-        return False  # a time that somebody wrote in words
+def _temperatures(each: Validity) -> doc.Blank:
+    start, end = each.temperature_start_c, each.temperature_end_c
+    known = ((start, "at the start"), (end, "at the end"))
+    said = [f"{plain(value, 1)} °C {when}" for value, when in known if value is not None]
+    return ", ".join(said) or None
 
 
 def _written(machine: Machine, names: Mapping[str, str]) -> tuple[tuple[str, doc.Given], ...]:

@@ -7,6 +7,7 @@ those of its axes, is one that it was given.
 
 from __future__ import annotations
 
+import itertools
 import math
 import string
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -15,13 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.model import AXES, Floats, Ints, Series
-from orthoglide_cal.model.workspace import WorkspaceError
+from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.model.workspace import Workspace, WorkspaceMaps
 from orthoglide_cal.report.escape import Html, tag
-from orthoglide_cal.words import plain, signed
+from orthoglide_cal.words import plain, signed, unit_words
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
 
 MINUS = "\N{MINUS SIGN}"
+_LETTER = 6.3  # width of a letter or digit
 
 
 @dataclass(frozen=True)
@@ -134,9 +137,27 @@ def _marked(scale: Scale, count: int) -> Iterator[tuple[float, str, str]]:
         yield scale(value), class_, tick_text(value, step)
 
 
+def apart(places: Sequence[float], texts: Sequence[str]) -> list[int]:
+    """Which of the texts along an axis are written so that none overprints its neighbour.
+
+    Args:
+        places: middle of each text, in ascending order.
+        texts: the last is always written, then from it backwards what has room.
+
+    >>> apart([0.0, 10.0, 60.0, 120.0], ["2026-01", "2026-02", "2026-03", "2026-04"])
+    [1, 2, 3]
+    """
+    chosen: list[int] = []
+    for k in reversed(range(len(places))):
+        room = 0.0 if not chosen else _LETTER * (len(texts[k]) + len(texts[chosen[0]])) / 2.0 + 4.0
+        if not chosen or places[chosen[0]] - places[k] >= room:
+            chosen.insert(0, k)
+    return chosen
+
+
 # --- differences ------------------------------------------------------------------------------
 
-_WIDE, _TOP, _ROW, _UNDER = 360.0, 22.0, 26.0, 34.0  # of a picture with a line for each difference
+_WIDE, _TOP, _ROW, _UNDER = 356.0, 24.0, 22.0, 30.0  # of a picture with a line for each difference
 
 
 def deviation_rows(
@@ -147,7 +168,7 @@ def deviation_rows(
     left_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
 ) -> Html:
-    """A line for each difference: as found ○, expected ■, measured afterwards ●, with its U.
+    """A row for each difference: as found ○ → expected ■ → measured ●, with U of the last.
 
     Args:
         names: such as "dx_y": along x on leg y.
@@ -162,28 +183,41 @@ def deviation_rows(
     pairs = list(zip(last, expanded_mm, strict=True))
     ends = [value + side * half for value, half in pairs for side in (-1.0, 1.0)]
     limits = around([*ends, *found_mm, *expected_mm, *edges], 0.02)
-    across, bottom = Scale(*limits, 56.0, _WIDE - 104.0), _TOP + _ROW * len(names)
-    heading = "expected ± U, mm" if left_mm is None else "left ± U, mm"
+    # Right edges of the columns of numbers.
+    columns = [_WIDE - 108.0, _WIDE - 2.0] if left_mm is None else [192.0, 250.0, _WIDE - 2.0]
+    heads = ["found", "expected ± U"] if left_mm is None else ["found", "expected", "measured ± U"]
+    across = Scale(*limits, 42.0, columns[0] - 50.0)
+    top, bottom = _TOP - 4.0, _TOP + _ROW * len(names)
+    marked = list(_marked(across, 3))
+    written = apart([x for x, _, _ in marked], [text for _, _, text in marked])
     parts = [
-        *(line(x, 16.0, x, bottom, kind) for x, kind, _ in _marked(across, 5)),
-        *(words(x, bottom + 14, text, "middle", "tick") for x, _, text in _marked(across, 5)),
-        words((across.start + across.end) / 2, bottom + 29, "mm", "middle", "muted"),
-        words(_WIDE - 4, 12, heading, "end", "muted"),
-        *(line(across(edge), 16.0, across(edge), bottom, "due") for edge in edges),
+        *(
+            rectangle(across(-edge), top, across(edge) - across(-edge), bottom - top, "allowed")
+            for edge in edges[1:]
+        ),
+        *(line(x, top, x, bottom, kind) for x, kind, _ in marked),
+        *(words(marked[k][0], bottom + 14, marked[k][2], "middle", "tick") for k in written),
+        words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
+        *(words(x, 12, head, "end", "muted") for x, head in zip(columns, heads, strict=True)),
     ]
     for k, (name, value, half) in enumerate(zip(names, last, expanded_mm, strict=True)):
         y = _TOP + _ROW * (k + 0.5)
         low, high = across(value - half), across(value + half)
+        start, stop = across(found_mm[k]), across(expected_mm[k])
+        numbers = [signed(found_mm[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
+        if left_mm is not None:
+            numbers.insert(1, signed(expected_mm[k], 3))
         parts += [
-            words(6, y + 4, name, class_="strong"),
-            words(_WIDE - 4, y + 4, f"{signed(value, 3)} ± {plain(half, 3)}", "end"),
+            words(2, y + 4, name, class_="strong"),
+            *(words(x, y + 4, text, "end") for x, text in zip(columns, numbers, strict=True)),
             tag(
                 "g",
+                line(start, y, stop, y, "thread"),
                 line(low, y, high, y, "whisker"),
                 *(line(x, y - 5, x, y + 5, "whisker") for x in (low, high)),
-                mark(across(found_mm[k]), y, 0, "mark open", 5.5),
-                mark(across(expected_mm[k]), y, 2, "mark", 4.5),
-                None if left_mm is None else mark(across(left_mm[k]), y, 0, "mark", 5.5),
+                mark(start, y, 0, "mark open", 5.0),
+                mark(stop, y, 2, "mark", 4.2),
+                None if left_mm is None else mark(across(left_mm[k]), y, 0, "mark", 4.6),
                 class_=f"c-{name.partition('_')[2][:1]}",
             ),
         ]
@@ -213,7 +247,7 @@ def residual_panels(
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
         noise_mm: standard deviation of one reading; the band is twice as high.
     """
-    width, height, band = 240.0, 176.0, 2000.0 * noise_mm
+    width, height, band = 216.0, 168.0, 2000.0 * noise_mm
     microns = [1000.0 * values for values in left_mm.values()]
     largest = max(band, *(float(np.abs(values).max()) for values in microns)) * 1.08
     up = Scale(-largest, largest, height - 32.0, 26.0)
@@ -224,18 +258,20 @@ def residual_panels(
             key=lambda k: (displacement_mm[k], posture[k]),
         )
         postures = list(dict.fromkeys(posture[k] for k in chosen))
-        across = Scale(-0.5, len(postures) - 0.5, 46.0, width - 10.0)
+        across = Scale(-0.5, len(postures) - 0.5, 40.0, width - 6.0)
+        columns = [across(float(k)) for k in range(len(postures))]
+        widest = [max(text.split(), key=len, default="") for text in postures]
         parts = [
-            rectangle(46.0, up(band), width - 56.0, up(-band) - up(band), "band"),
-            *(line(46.0, y, width - 10.0, y, kind) for y, kind, _ in _marked(up, 4)),
-            *(words(41.0, y + 3.5, text, "end", "tick") for y, _, text in _marked(up, 4)),
-            words(2.0, up.end - 8.0, "µm", class_="muted"),
+            rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band"),
+            *(line(40.0, y, width - 6.0, y, kind) for y, kind, _ in _marked(up, 4)),
+            *(words(36.0, y + 3.5, text, "end", "tick") for y, _, text in _marked(up, 4)),
+            words(2.0, 14.0, "µm", class_="muted"),
             *(
-                words(across(float(k)), up.start + 12.0 * (n + 1) + 1.0, word, "middle")
-                for k, text in enumerate(postures)
-                for n, word in enumerate(text.split())
+                words(columns[k], up.start + 12.0 * (n + 1) + 1.0, word, "middle")
+                for k in apart(columns, widest)
+                for n, word in enumerate(postures[k].split())
             ),
-            words(width - 10, 16.0, one.words, "end", "strong"),
+            words(width - 6, 14.0, one.words, "end", "strong"),
         ]
         for number, values in enumerate(microns, start=1):
             for turn in sorted({cycle[k] for k in chosen}):
@@ -262,8 +298,9 @@ def residual_panels(
 # --- maps in colours ----------------------------------------------------------------------------
 
 CLASSES = 7  # colours of a scale
-_SIZE, _LEFT, _ABOVE = 200.0, 40.0, 26.0  # of a map, and its place in the picture
-_STRIP = 48.0  # of the legend below it
+_SIZE, _LEFT, _ABOVE = 168.0, 42.0, 22.0  # of a map, and its place in the picture
+_BED, _BESIDE, _OVER = 232.0, 50.0, 40.0  # the same of a bed
+_RINGED = 4.0  # robust standard deviations, beyond which one touch stands out
 
 
 def class_limits(lowest: float, largest: float) -> Floats:
@@ -285,53 +322,80 @@ def _classes(values: Floats, limits: Floats) -> Ints:
     return np.clip(np.searchsorted(limits, values, "right") - 1, 0, CLASSES - 1)
 
 
-def _map(
-    name: str,
-    title: str,
-    finding: str,
-    ends_mm: tuple[float, float],
-    limits: Floats,
-    unit: str,
-    drawn: Iterator[Html],
-) -> Html:
-    """A square seen from above, with its axes, and the scale of colours below."""
-    bottom, middle, box = _ABOVE + _SIZE, _LEFT + _SIZE / 2.0, _SIZE / CLASSES
+def _axes(left: float, above: float, size: float, ends_mm: tuple[float, float]) -> Iterator[Html]:
+    """Numbers at the ends of both axes of a square, and their names."""
     low, high = (tick_text(end, 1.0) for end in ends_mm)
-    step = float(limits[1] - limits[0])
-    body = tag(
-        "g",
-        *drawn,
-        words(_LEFT, 14, title, class_="strong"),
-        words(_LEFT, bottom + 14, low, class_="tick"),
-        words(middle, bottom + 14, "x, mm", "middle", "muted"),
-        words(_LEFT + _SIZE, bottom + 14, high, "end", "tick"),
-        words(_LEFT - 7, bottom - 2, low, "end", "tick"),
-        words(_LEFT - 7, _ABOVE + _SIZE / 2 + 4, "y, mm", "end", "muted"),
-        words(_LEFT - 7, _ABOVE + 9, high, "end", "tick"),
-        *(rectangle(_LEFT + k * box, bottom + 24, box, 12, f"heat h{k}") for k in range(CLASSES)),
-        words(_LEFT, bottom + _STRIP, tick_text(float(limits[0]), step), "middle", "tick"),
-        words(middle, bottom + _STRIP, unit, "middle", "muted"),
-        words(_LEFT + _SIZE, bottom + _STRIP, tick_text(float(limits[-1]), step), "end", "tick"),
-        class_="map",
-    )
-    return svg(name, _LEFT + _SIZE + 10.0, bottom + _STRIP + 8.0, title, finding, body)
+    bottom = above + size
+    yield words(left, bottom + 14, low, class_="tick")
+    yield words(left + size / 2, bottom + 14, "x, mm", "middle", "muted")
+    yield words(left + size, bottom + 14, high, "end", "tick")
+    yield words(left - 5, bottom - 2, low, "end", "tick")
+    yield words(left - 5, above + size / 2 + 4, "y, mm", "end", "muted")
+    yield words(left - 5, above + 9, high, "end", "tick")
 
 
-def workspace_maps(found: WorkspaceError) -> tuple[Html, ...]:
+def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) -> Iterator[Html]:
+    """The scale of the colours, with the number of every limit that has room."""
+    box = 30.0
+    places = [left + k * box for k in range(CLASSES + 1)]
+    texts = [tick_text(float(limit), float(limits[1] - limits[0])) for limit in limits]
+    for k in range(CLASSES):
+        yield rectangle(places[k], above, box, 12, f"heat {kind}{k}")
+    for k in apart(places, texts):
+        yield words(places[k], above + 26, texts[k], "middle", "tick")
+    yield words(places[-1] + 8, above + 10, unit, class_="muted")
+
+
+def workspace_maps(
+    found: Workspace, after: Workspace | None = None, limit_mm: float | None = None
+) -> tuple[tuple[Html, ...], Html]:
     """Error of the tool position in slices, the highest first: three before, three after.
 
     All have one scale of colours, which begins at zero.
+
+    Args:
+        found: as found, and what is expected; with its maps.
+        after: of the machine as it was measured afterwards; None shows what is expected.
+        limit_mm: drawn as a contour; None for none.
+
+    Returns:
+        The maps, and the legend of all of them.
     """
-    limits = class_limits(0.0, max(float(found.before_mm.max()), float(found.after_mm.max())))
-    ends = float(found.axis_mm[0]), float(found.axis_mm[-1])
-    panels = []
-    for when, error in (("before", found.before_mm), ("after", found.after_mm)):
-        for k in reversed(range(len(found.levels_mm))):
-            title = f"{when.capitalize()}, z = {tick_text(float(found.levels_mm[k]), 1.0)} mm"
-            finding = f"Tool-position error {when} the parameters are entered, in a slice."
-            cells = _cells(_classes(error[k], limits))
-            panels.append(_map(f"workspace-{when}-{k}", title, finding, ends, limits, "mm", cells))
-    return tuple(panels)
+    before, later = _maps(found), _maps(found if after is None else after)
+    last = later.after_mm if after is None else later.before_mm
+    worst = found.worst_after_mm if after is None else after.worst_before_mm
+    word = "expected" if after is None else "measured"
+    limits = class_limits(0.0, max(float(before.before_mm.max()), float(last.max())))
+    ends, panels = (float(before.axis_mm[0]), float(before.axis_mm[-1])), []
+    pictures = (("as found", before.before_mm, found.worst_before_mm), (word, last, worst))
+    for when, error, (x_mm, y_mm, z_mm) in pictures:
+        across, up = (Scale(*ends, 0.0, _SIZE) for _ in range(2))
+        for k in reversed(range(len(before.levels_mm))):
+            level = float(before.levels_mm[k])
+            title = f"{when}, z = {tick_text(level, 1.0)} mm"
+            finding = f"Tool-position error in a slice of the workspace, {when}."
+            body = [
+                *_cells(_classes(error[k], limits)),
+                *([] if limit_mm is None else _contour(error[k] > limit_mm)),
+                words(_LEFT, 14, title, class_="strong"),
+                *_axes(_LEFT, _ABOVE, _SIZE, ends),
+            ]
+            if abs(z_mm - level) < 1e-6:
+                x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - up(y_mm)
+                body.append(tag("circle", cx=x, cy=y, r=5.0, class_="worst"))
+            name = f"workspace-{when.replace(' ', '-')}-{k}"
+            drawn = tag("g", *body, class_="map")
+            panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, drawn))
+    legend = svg(
+        "workspace-colours", 260.0, 30.0, "Colours of the maps", "From zero upwards, in mm.",
+        tag("g", *_colours(14.0, 2.0, limits, "mm", "h"), class_="map"),
+    )  # fmt: skip
+    return tuple(panels), legend
+
+
+def _maps(found: Workspace) -> WorkspaceMaps:
+    assert found.maps is not None
+    return found.maps
 
 
 def _cells(number: Ints) -> Iterator[Html]:
@@ -347,40 +411,79 @@ def _cells(number: Ints) -> Iterator[Html]:
                 first = k
 
 
-def bed_maps(title: str, place_mm: Floats, left_mm: Mapping[str, Floats]) -> tuple[Html, ...]:
-    """What is left of each touch of a bed, one map for each model, all with the same colours.
+def _contour(beyond: Bools) -> Iterator[Html]:
+    """Edges between the squares that are beyond a limit and those that are not, (n, n)."""
+    size = _SIZE / len(beyond)
+    for row, k in np.argwhere(beyond[:, 1:] != beyond[:, :-1]).tolist():
+        x, y = _LEFT + (k + 1) * size, _ABOVE + _SIZE - row * size
+        yield line(x, y, x, y - size, "due")
+    for row, k in np.argwhere(beyond[1:] != beyond[:-1]).tolist():
+        x, y = _LEFT + k * size, _ABOVE + _SIZE - (row + 1) * size
+        yield line(x, y, x + size, y, "due")
+
+
+def bed_maps(
+    title: str,
+    place_mm: Floats,
+    left_mm: Mapping[str, Floats],
+    bed_mm: float,
+    towers_deg: Sequence[float],
+) -> tuple[Html, ...]:
+    """What is left of each touch of a bed, one map for each model, with a scale of its own each.
 
     Args:
         title: of all of them.
         place_mm: of n touches, shape (n, 2).
         left_mm: model → measured − modelled, shape (n,).
+        bed_mm: radius of the bed.
+        towers_deg: directions of towers a, b and c.
     """
-    most = max(1.0, *(1000.0 * float(np.abs(left).max()) for left in left_mm.values()))
-    limits = class_limits(-most, most)
-    # From as far below zero as above it: the middle colour means that nothing is left.
-    limits = np.asarray(limits - (limits[0] + limits[-1]) / 2.0)
-    reach = float(np.abs(place_mm).max(initial=1.0))
-    size = max(min(0.42 * _SIZE / len(place_mm) ** 0.5, 9.0), 2.5)
-    across = (_LEFT + _SIZE / 2.0 + 0.47 * _SIZE / reach * place_mm[:, 0]).tolist()
-    up = (_ABOVE + _SIZE / 2.0 - 0.47 * _SIZE / reach * place_mm[:, 1]).tolist()
+    reach = max(float(np.abs(place_mm).max(initial=1.0)), bed_mm)
+    scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
+    size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
     panels = []
     for number, (model, left) in enumerate(left_mm.items()):
-        colours = _classes(1000.0 * left, limits).tolist()
-        dots = (
-            tag("circle", cx=x, cy=y, r=size, class_=f"heat h{k}")
-            for x, y, k in zip(across, up, colours, strict=True)
-        )
+        microns = 1000.0 * left
+        usual = 1.4826 * float(np.median(np.abs(microns - np.median(microns))))
+        out = np.abs(microns) > max(_RINGED * usual, 1.0)
+        most = float(np.abs(microns[~out]).max(initial=1.0))
+        limits = class_limits(-most, most)
+        # From as far below zero as above it: the middle colour means that nothing is left.
+        limits = np.asarray(limits - (limits[0] + limits[-1]) / 2.0)
+        dots: list[Html] = []
+        colours = _classes(microns, limits).tolist()
+        for (x_mm, y_mm), k, ringed in zip(place_mm.tolist(), colours, out.tolist(), strict=True):
+            x, y = x0 + scale * x_mm, y0 - scale * y_mm
+            dots.append(tag("circle", cx=x, cy=y, r=size, class_=f"heat d{k}"))
+            dots += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
         name = f"bed-{number}-{title.replace(' ', '-')}".rstrip("-")
         heading = ", ".join(filter(None, (model, title)))
-        finding = f"What is left of each touch, {heading}."
-        panels.append(_map(name, heading, finding, (-reach, reach), limits, "µm", dots))
+        finding = f"What is left of each touch, {heading}; {int(out.sum())} stand out, ringed."
+        turned = [math.radians(angle) for angle in towers_deg]
+        ends = (x0 - scale * reach, scale * 2.0 * reach)
+        body = tag(
+            "g",
+            tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"),
+            *dots,
+            *(
+                words(x0 + (_BED / 2 + 12) * math.cos(angle),
+                      y0 - (_BED / 2 + 12) * math.sin(angle) + 5, tower, "middle", "axis")
+                for tower, angle in zip("abc", turned, strict=True)
+            ),
+            words(_BESIDE - 40, 14, heading, class_="strong"),
+            words(x0, _OVER + _BED - 4, "front", "middle", "muted"),
+            *_axes(ends[0], _OVER, ends[1], (-reach, reach)),
+            *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
+            class_="map",
+        )  # fmt: skip
+        panels.append(svg(name, 324.0, _OVER + _BED + 58.0, heading, finding, body))
     return tuple(panels)
 
 
 # --- the machine --------------------------------------------------------------------------------
 
-_CENTRE = np.array([180.0, 186.0])
-_LEG = 128.0  # length of a leg in the picture
+_CENTRE = np.array([164.0, 150.0])
+_LEG = 102.0  # length of a leg in the picture
 # Where the axes x, y, z point on the paper.
 _ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
 
@@ -425,14 +528,15 @@ def machine_sketch(
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     x, y = _CENTRE.tolist()
     parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
-    parts += [_gauge(*gauge, (gauge[0], gauge[1]) in faults) for gauge in gauges]
+    dials: list[Floats] = []
+    parts += [_gauge(*gauge, (gauge[0], gauge[1]) in faults, dials) for gauge in gauges]
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
     for what, marked in (
         ("readings of", [Series(*fault).words for fault in sorted(faults)]),
         ("axis", [AXES[rail] for rail in sorted(rails)]),
     ):
         finding += f" Marked, because of a fault: {what} {'; '.join(marked)}." if marked else ""
-    return svg("machine", 360.0, 296.0, "The machine and its gauges", finding, *parts)
+    return svg("machine", 328.0, 232.0, "The machine and its gauges", finding, *parts)
 
 
 def _at(leg: int, fraction: float) -> Floats:
@@ -444,20 +548,75 @@ def _straight(start: Floats, stop: Floats, class_: str) -> Html:
     return line(x1, y1, x2, y2, class_)
 
 
-def _gauge(leg: int, direction: int, place: float, faulty: bool) -> Html:
-    """A dial on the side towards which its direction points: that way its reading grows."""
+def _gauge(leg: int, direction: int, place: float, faulty: bool, dials: list[Floats]) -> Html:
+    """A dial on the side towards which its direction points: that way its reading grows.
+
+    It keeps clear of the dials that are drawn already, and joins them.
+    """
     touch = _at(leg, 1.0 - place)
     toward = _ON_PAPER[direction] / np.linalg.norm(_ON_PAPER[direction])
-    dial = touch + 40.0 * toward
+    dial = touch + 33.0 * toward
+    while any(np.linalg.norm(dial - other) < 25.0 for other in dials):
+        dial = dial + 6.0 * toward
+    dials.append(dial)
     x, y = dial.tolist()
     return tag(
         "g",
         _straight(touch + 5.0 * toward, dial - 12.0 * toward, "plunger"),
         tag("circle", cx=x, cy=y, r=17.0, class_="fault") if faulty else None,
         tag("circle", cx=x, cy=y, r=12.0, class_="dial"),
-        words(x, y + 4, f"+{AXES[direction]}", "middle", "small"),
+        words(x, y + 4, f"+{AXES[direction]}", "middle"),
         class_=f"c-{AXES[leg]}",
     )
+
+
+_NEAR, _FAR = 72.0, 96.0  # size of the largest gap, and length of half a rail in the picture
+
+
+def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
+    """The three rails where they really pass each other, the gaps enlarged, and each gap.
+
+    Args:
+        gaps_mm: "xy" → how far rail x lies above rail y, along z; and so on.
+    """
+    most = max(map(abs, gaps_mm.values())) or 1.0
+    through = np.zeros((3, 3))  # a point of each rail [px]
+    for name, gap in gaps_mm.items():
+        first, second = (AXES.index(axis) for axis in name)
+        along = 3 - first - second
+        through[first, along] += 0.5 * _NEAR * gap / most
+        through[second, along] -= 0.5 * _NEAR * gap / most
+    parts: list[Html] = []
+    for rail, axis in enumerate(AXES):
+        way = np.eye(3)[rail]
+        start, stop = (_paper(through[rail] + side * _FAR * way) for side in (-1.0, 1.0))
+        x, y = _paper(through[rail] + (_FAR + 12.0) * way).tolist()
+        drawn = _straight(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
+        parts.append(tag("g", *drawn, class_=f"c-{axis}"))
+    taken: list[Floats] = []
+    for name in gaps_mm:
+        first, second = (AXES.index(axis) for axis in name)
+        # The common perpendicular: where each rail passes the other.
+        ends = through[[first, second]].copy()
+        ends[0, first], ends[1, second] = through[second, first], through[first, second]
+        one, other = map(_paper, ends)
+        taken += [one, other, (one + other) / 2.0]
+        parts.append(_straight(one, other, "fault"))
+    for k, name in enumerate(gaps_mm):
+        turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+        around_it = taken[3 * k + 2] + 17.0 * np.stack((np.cos(turns), np.sin(turns)), axis=-1)
+        # Where nothing else is near.
+        free = np.linalg.norm(around_it[:, None] - np.array(taken), axis=-1).min(axis=1)
+        x, y = around_it[int(np.argmax(free))].tolist()
+        taken.append(np.array([x, y]))
+        parts.append(words(x, y + 4, name, "middle", "strong halo"))
+    finding = "Three rails that should meet in one point, and the gap between each two of them."
+    return svg("rails", 328.0, 258.0, "The rails where they pass each other", finding, *parts)
+
+
+def _paper(place: Floats) -> Floats:
+    """Where a point (3,) [px] is on the paper."""
+    return np.asarray(np.array([164.0, 136.0]) + place @ _ON_PAPER)
 
 
 # --- causes that can be distinguished -----------------------------------------------------------
@@ -504,3 +663,54 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
         cells = "".join(map(cell, [float(trace[k]), *sigma[k, :k].tolist()]))
         lines.append(f"{letter} {name:<{room}}  {cells}".rstrip())
     return (*lines, *SEPARATION_LEGEND)
+
+
+# --- sessions of one machine --------------------------------------------------------------------
+
+
+def course(
+    name: str,
+    unit: str,
+    times: Sequence[float],
+    labels: Sequence[str],
+    found: Sequence[tuple[float, float, float]],
+    gaps: Sequence[int],
+    limits: Sequence[float],
+) -> Html:
+    """One parameter from session to session: marks with U bars, and what is fitted to them.
+
+    Args:
+        name, unit: of the parameter.
+        times, labels: of n sessions, ascending; a label is written where it changes and has room.
+        found: value, its U and the fitted value of each session.
+        gaps: sessions before a change, ascending.
+        limits: values at which a line is drawn.
+    """
+    wide, bottom = 330.0, 124.0
+    ends = [*limits, *(value + side * half for value, half, _ in found for side in (-1.0, 1.0))]
+    room = 0.06 * (max(ends) - min(ends)) or 1.0
+    up = Scale(min(ends) - room, max(ends) + room, bottom, 22.0)
+    across = Scale(times[0], times[-1], 74.0, wide - 26.0)
+    places = [across(time) for time in times]
+    new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
+    shown = [new[k] for k in apart([places[k] for k in new], [labels[k] for k in new])]
+    middles = [(places[gap] + places[gap + 1]) / 2.0 for gap in gaps]
+    parts = [
+        *(line(50.0, y, wide, y, kind) for y, kind, _ in _marked(up, 4)),
+        *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in _marked(up, 4)),
+        *(words(places[k], bottom + 18.0, labels[k], "middle", "tick") for k in shown),
+        words(50.0, 12.0, f"{name}, {unit_words(unit)}", class_="strong"),
+        *(line(50.0, up(limit), wide, up(limit), "due") for limit in limits),
+        *(line(x, 22.0, x, bottom, "ink") for x in middles),
+    ]
+    for start, end in itertools.pairwise([0, *(gap + 1 for gap in gaps), len(found)]):
+        points = [(places[k], up(found[k][2])) for k in range(start, end)]
+        parts.append(tag("polyline", points=_path(points), class_="thread"))
+    for x, (value, half, _) in zip(places, found, strict=True):
+        parts.append(line(x, up(value - half), x, up(value + half), "whisker"))
+        parts.append(mark(x, up(value), 0, "mark", 3.0))
+    finding = f"{name} of {len(found)} sessions, {labels[0]} to {labels[-1]}."
+    own = "".join(letter if letter.isalnum() else "-" for letter in name)
+    axis = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True)).get(name, "x")
+    body = tag("g", *parts, class_=f"c-{axis}")
+    return svg(f"course-{own}", wide, bottom + 26.0, name, finding, body)

@@ -61,6 +61,13 @@ class FirmwareValues:
         """Whether one length is enough."""
         return len({round(arm, DECIMALS) for arm in self.arms}) == 1
 
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Each value by the name that a calibration gives it; arms as arm_a, arm_b, arm_c."""
+        names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
+        values = (*self.endstops, self.radius, *self.angles, *self.arms)
+        return dict(zip(names, values, strict=True))
+
 
 def values_of(export: Export) -> FirmwareValues:
     """What is to be entered; arms that were accepted as longer are entered as they are."""

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from importlib.resources import files
 
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.escape import Html, in_html, join, tag
+from orthoglide_cal.report.escape import Html, join, tag
 
-_COLUMNS = {1: "one", 2: "two", 3: "three"}
+_COLUMNS = {0: "half", 1: "one", 2: "two", 3: "three"}
 MOST_PANELS = 3  # of a picture in half the width of a wide screen
+# What must not break: a date, a coordinate behind its sign, a value before its uncertainty.
+_WHOLE = re.compile(r"(\d{4}-\d\d-\d\d|(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: ± \d[\d.]*)?|± \d[\d.]*)")
 
 
 def html(page: doc.Page) -> str:
@@ -37,7 +40,8 @@ def html(page: doc.Page) -> str:
         Html(f"<style>{style}</style>"),
     )
     end = (tag("p", line) for line in page.closing or (page.name,))
-    body = tag("body", _header(page), _main(page), tag("footer", *end))
+    stamp = page.stamp and tag("div", class_="stamp", data_word=page.stamp, aria_hidden="true")
+    body = tag("body", stamp, _header(page), _main(page), tag("footer", *end))
     return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
 
 
@@ -120,14 +124,28 @@ def _table(grid: doc.Grid) -> Html:
     def kind(column: int) -> str | None:
         return "words" if column in grid.words else None
 
-    head = tag("tr", *(tag("th", t, scope="col", class_=kind(k)) for k, t in enumerate(grid.head)))
+    head = tag(
+        "tr",
+        *(
+            tag("th", title, scope="col", class_=kind(k)) if title else tag("td")
+            for k, title in enumerate(grid.head)
+        ),
+    )
     rows = (
-        tag("tr", *(tag("td", _cell(cell), class_=kind(k)) for k, cell in enumerate(row)))
+        tag(
+            "tr",
+            *(
+                tag("td", _cell(cell), class_=kind(k))
+                if k or 0 not in grid.words or not cell
+                else tag("th", _cell(cell), scope="row", class_=kind(k))
+                for k, cell in enumerate(row)
+            ),
+        )
         for row in grid.rows
     )
     scrolled = tag(
         "div",
-        tag("table", tag("thead", head), tag("tbody", *rows)),
+        tag("table", tag("thead", head) if any(grid.head) else None, tag("tbody", *rows)),
         class_="scroll",
         tabindex="0",
         role="region",
@@ -165,7 +183,9 @@ def _figure(figure: doc.Figure) -> Html:
         tag("div", *figure.panels, class_=f"panels {_COLUMNS[figure.columns]}")
         if figure.panels
         else tag("pre", join(figure.sketch, "\n"), class_="scroll", tabindex="0"),
+        tag("div", figure.legend, class_="legend") if figure.legend else None,
         tag("p", figure.key, class_="small") if figure.key else None,
+        class_="beside" if figure.columns == 0 else None,
     )
 
 
@@ -187,7 +207,12 @@ def _inline(part: doc.Inline) -> Html:
             return tag("code", part.text, class_="typed")
         case doc.Strong():
             return tag("strong", part.text)
+        case doc.Doubtful():
+            return tag("strong", tag("bdi", part.text), class_="doubt")
         case doc.Given():
             return tag("bdi", part.text)
+        case Html():
+            return part
         case _:
-            return in_html(part)
+            pieces = enumerate(_WHOLE.split(part))
+            return join(tag("span", each, class_="nb") if k % 2 else each for k, each in pieces)

@@ -16,6 +16,7 @@ def markdown(page: doc.Page) -> str:
     """The page's text."""
     title = f": {in_markdown(page.title)}" if page.title is not None else ""
     parts = [f"# {in_markdown(page.kind)}{title}"]
+    parts += [f"**{in_markdown(page.stamp)}**"] if page.stamp else []
     parts += [_block(block) for block in (page.facts, page.notice) if block is not None]
     for section in page.in_characters:
         if section.title is not None:
@@ -69,7 +70,7 @@ def _inline(part: doc.Inline) -> str:
     match part:
         case doc.Code() | doc.Typed():
             return _code(part.text)
-        case doc.Strong():
+        case doc.Strong() | doc.Doubtful():
             return f"**{in_markdown(part.text)}**"
         case str():
             return in_markdown(part)

@@ -1,7 +1,8 @@
 """A page for a terminal, as something that rich prints.
 
 Everything is wrapped to the terminal's width but commands and listings: those stay on their lines,
-so that they can be copied. Print it with `crop=False`, which keeps what is wider.
+so that they can be copied. A table that is too wide is turned. Print with `crop=False`, which keeps
+what is wider.
 """
 
 from __future__ import annotations
@@ -10,12 +11,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 
 from rich.console import Console, ConsoleOptions
+from rich.segment import Segment
 from rich.text import Text
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.report import document as doc
 
-_COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "info": "blue"}
+_COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "yellow", "info": "blue"}
+_TYPED = "bold cyan"
+_TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _BLANK = "_" * 12
 _GAP = "  "
 _LONGEST_NAME = 30
@@ -28,15 +32,17 @@ class TerminalPage:
     def __init__(self, page: doc.Page) -> None:
         self._page = page
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Text]:
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
         self._console, self._width = console, options.max_width
         for line in self._lines(self._page):
             line.rstrip()
-            line.no_wrap, line.overflow = True, "ignore"
-            yield line
+            if line.style:
+                line.stylize_before(line.style)
+            # They are as wide as they may be: rich need not wrap them again.
+            yield from line.render(console, end="\n")
 
     def _lines(self, page: doc.Page) -> Iterator[Text]:
-        headed = page.title is not None
+        headed, begun = page.title is not None, page.notice is not None
         if headed:
             yield from self._flow(doc.Strong(f"{page.kind}: {page.title}"))
         if page.facts is not None:
@@ -44,14 +50,20 @@ class TerminalPage:
         if page.notice is not None:
             yield from self._notice(page.notice)
         for section in page.in_characters:
-            if headed:
+            if headed or begun:
                 yield Text()
+            begun = True
             if section.title is not None:
                 yield from self._flow(doc.Strong(section.title))
             for number, block in enumerate(section.in_characters):
-                if number and isinstance(block, doc.Grid | doc.Figure):
+                close = section.title is None and not headed
+                if number and isinstance(block, doc.Grid | doc.Figure) and not close:
                     yield Text()
-                yield from self._block(block)
+                if isinstance(block, doc.Paragraph) and close:
+                    taken = self._flow(block.content, len(_GAP), "dim" if block.small else "")
+                    yield from _hung(taken, _GAP, _GAP)
+                else:
+                    yield from self._block(block)
         if page.signatures:
             yield Text()
         yield from (Text(f"{role}, date: {_BLANK}") for role in page.signatures)
@@ -76,11 +88,24 @@ class TerminalPage:
                 yield from (Text(visible(line)) for line in block.lines)
             case doc.Instructions():
                 for number, item in enumerate(block.items, start=1):
-                    first = f"{number}. "
-                    rest = " " * len(first)
-                    yield from _hung(self._flow(item.content, len(first)), first, rest)
-                    if item.command:
-                        yield Text(rest).append(visible(item.command), style="bold")
+                    first = f"{_GAP}{number}. "
+                    yield from self._instruction(item, first, " " * len(first))
+
+    def _instruction(self, item: doc.Instruction, first: str, rest: str) -> Iterator[Text]:
+        """What to do; what to type stands behind it where both fit on one line."""
+        *lines, last = _hung(self._flow(item.content, len(first)), first, rest)
+        yield from lines
+        if not item.command:
+            yield last
+            return
+        typed = Text(visible(item.command), _TYPED)
+        free = self._width - typed.cell_len
+        if lines or last.cell_len + len(_GAP) > free:
+            yield last
+            yield Text.assemble(rest, typed)
+        else:
+            space = max(min(_TYPED_AT, free) - last.cell_len, len(_GAP))
+            yield Text.assemble(last, " " * space, typed)
 
     def _flow(self, content: doc.Blank, taken: int = 0, style: str = "") -> list[Text]:
         """A line of the page on as many lines as it takes; its command stays whole.
@@ -111,11 +136,16 @@ class TerminalPage:
         return lines
 
     def _notice(self, notice: doc.Notice) -> Iterator[Text]:
-        colour = _COLOURS[notice.tone]
-        sign, bar = Text(f"{notice.tone.sign} ", f"bold {colour}"), Text("│ ", colour)
-        yield from _hung(self._flow(notice.title, len(sign), f"bold {colour}"), sign, _GAP)
-        for line in notice.lines:
-            yield from _hung(self._flow(line, len(bar)), bar, bar)
+        sign = Text(f"{notice.tone.sign} ", f"bold {_COLOURS[notice.tone]}")
+        *lines, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
+        yield from lines
+        aside = Text(visible(notice.aside))
+        space = self._width - last.cell_len - aside.cell_len
+        fits = space >= len(_GAP)
+        yield Text.assemble(last, " " * space, aside) if aside and fits else last
+        for line in ([] if fits else [notice.aside], notice.lines):
+            for each in line:
+                yield from _hung(self._flow(each, len(_GAP)), _GAP, _GAP)
 
     def _facts(self, facts: doc.Facts, indent: str = "") -> Iterator[Text]:
         names = [Text(visible(name), style="dim") for name, _ in facts.rows]
@@ -126,33 +156,57 @@ class TerminalPage:
             yield from _hung(row, indent, indent)
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
-        """As many tables below each other as the width asks for, each with the first column."""
-        rows = [[Text(visible(title), style="dim") for title in grid.head]]
-        rows += [[_cell(cell) for cell in row] for row in grid.rows]
+        """The table; turned where it is too wide, or its rows as lines where that is, too."""
+        rows = [[_cell(cell) for cell in row] for row in grid.rows]
+        if any(grid.head):
+            rows.insert(0, [Text(visible(title), style="dim") for title in grid.head])
+        widths, over = self._widths(rows, grid.words)
+        words: Sequence[int] = grid.words
+        if over > 0:
+            given, turned = rows, [list(column) for column in zip(*rows, strict=True)]
+            narrower, less = self._widths(turned, range(len(turned[0])))
+            if less < over:
+                rows, widths, words, over = turned, narrower, (0,), less
+            if over > 0:
+                yield from self._listed(given[0], given[1:])
+                rows = []
+        for row in rows:
+            cells = [self._wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
+            yield from _hung(_row(cells, widths, words), _GAP, _GAP)
+        if grid.caption:
+            yield from _hung(self._flow(grid.caption, len(_GAP), "dim"), _GAP, _GAP)
+
+    def _listed(self, head: Sequence[Text], rows: Sequence[Sequence[Text]]) -> Iterator[Text]:
+        """Each row as a sentence of titles and cells."""
+        for name, *cells in rows:
+            named = zip(head[1:], cells, strict=True)
+            parts = (Text.assemble(title, " ", cell) for title, cell in named if cell)
+            line = Text.assemble(name, ": ", Text(", ").join(parts))
+            lines = self._wrapped(line, self._width - 2 * len(_GAP))
+            yield from _hung(lines, _GAP, 2 * _GAP)
+
+    def _widths(
+        self, rows: Sequence[Sequence[Text]], words: Iterable[int]
+    ) -> tuple[list[int], int]:
+        """Of the columns, those of words squeezed as far as needed; how much all are too wide."""
         widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
-        room = self._width - len(_GAP)
-        over = _total(widths) - room
-        for k in sorted(grid.words, key=lambda k: -widths[k]):
+        over = sum(widths) + len(_GAP) * len(widths) - self._width
+        for k in sorted(words, key=lambda k: -widths[k]):
             given = min(max(over, 0), max(widths[k] - _NARROWEST, 0))
             widths[k] -= given
             over -= given
-        for chosen in _packed(widths, room):
-            own = [widths[k] for k in chosen]
-            left = [place for place, k in enumerate(chosen) if k in grid.words]
-            for row in rows:
-                cells = [self._wrapped(row[k], widths[k]) for k in chosen]
-                yield from _hung(_row(cells, own, left), _GAP, _GAP)
-        if grid.caption:
-            yield from _hung(self._flow(grid.caption, len(_GAP), "dim"), _GAP, _GAP)
+        return widths, over
 
 
 def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
     text = Text(style=style)
     for part in parts:
-        bold = isinstance(part, doc.Strong | doc.Code | doc.Typed)
+        marked = _TYPED if isinstance(part, doc.Typed) else "bold"
+        strong = isinstance(part, doc.Strong | doc.Code | doc.Typed | doc.Doubtful)
+        marked = marked if strong else ""
         content = part if isinstance(part, str) else part.text
         shown = content if content.isprintable() else visible(content)
-        text.append(shown, style="bold" if bold else "")
+        text.append(shown, style=marked)
     return text
 
 
@@ -167,27 +221,10 @@ def _hung(lines: Iterable[Text], first: str | Text, rest: str | Text) -> Iterato
 
 
 def _row(cells: Sequence[list[Text]], widths: Sequence[int], left: Sequence[int]) -> Iterator[Text]:
-    """Cells of several lines each, beside each other."""
+    """Cells of several lines each, side by side."""
     for line in zip_longest(*cells, fillvalue=Text()):
-        row = Text()
+        parts: list[str | Text] = []
         for k, (cell, width) in enumerate(zip(line, widths, strict=True)):
             space = " " * (width - cell.cell_len)
-            parts = (cell, space) if k in left else (space, cell)
-            row = Text.assemble(row, _GAP if k else "", *parts)
-        yield row
-
-
-def _total(widths: Sequence[int]) -> int:
-    """Width of columns beside each other."""
-    return sum(widths) + len(_GAP) * (len(widths) - 1)
-
-
-def _packed(widths: Sequence[int], room: int) -> Iterator[list[int]]:
-    """Columns in order, the first one in every group, as many to a group as fit."""
-    chosen = [0]
-    for k in range(1, len(widths)):
-        if len(chosen) > 1 and _total([widths[c] for c in (*chosen, k)]) > room:
-            yield chosen
-            chosen = [0]
-        chosen.append(k)
-    yield chosen
+            parts += (_GAP if k else "", *((cell, space) if k in left else (space, cell)))
+        yield Text.assemble(*parts)

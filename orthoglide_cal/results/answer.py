@@ -1,6 +1,6 @@
 """The answer to one measurement, as `--json` prints it and as every page draws it.
 
-`true position = indicated + found`. Lengths are in mm unless a unit stands beside them. A list over
+`true position = indicated + found`. Lengths are in mm unless a unit is given. A list over
 the parameters has one entry for each of `parameters`, in their order.
 """
 
@@ -9,17 +9,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
-from pydantic import ConfigDict, Field
-from pydantic.json_schema import SkipJsonSchema
+from pydantic import Field
 
-from orthoglide_cal.diagnosis import NextMeasurement, Verdict
+from orthoglide_cal.diagnosis import (
+    AssumedSize,
+    Baselines,
+    Explanation,
+    FoundCause,
+    LackOfFit,
+    NextMeasurement,
+    Otherwise,
+    TimesStated,
+    UnshownFault,
+    Verdict,
+    nothing_wrong,
+)
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.model.workspace import WorkspaceError
+from orthoglide_cal.estimation import PromisedDifference
+from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
+from orthoglide_cal.model.workspace import Workspace
+from orthoglide_cal.results.validity import Validity
 from orthoglide_cal.schema import Schema
 
 Ids = tuple[str, ...]
-# Probability from which it is told that nothing may be wrong at all.
-WORTH_SAYING = 0.005
 
 
 class InputFile(Schema):
@@ -89,29 +101,13 @@ class Parameter(Schema):
         return round(self.active + self.change(decimals), 9) + 0.0
 
 
-class Estimated(Schema):
-    """A parameter under one explanation."""
-
-    name: str
-    found: float
-    std: float
-
-
-class PossibleExplanation(Schema):
-    """What may be behind the data."""
-
-    ids: Ids = Field(description="causes that act together; empty: nothing is wrong")
-    pattern: str | None = Field(None, description="that no listed cause makes, in words")
-    probability: float
-    rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
-    parameters: tuple[Estimated, ...] = ()
-
-
 class Alone(Schema):
     """What the parameters would be without any cause."""
 
     parameters: tuple[Parameter, ...]
     rms_after_mm: float
+    wrong_by: float = Field(description="largest difference to those with the causes, in `unit`")
+    unit: str
 
 
 class Residue(Schema):
@@ -119,6 +115,14 @@ class Residue(Schema):
 
     before_mm: float
     after_mm: float
+    before_mm2: float = Field(description="mean square, whose shares are `variance`")
+
+
+class VarianceShare(Schema):
+    """What a source adds to the mean square of the data; all of them add up to it."""
+
+    source: Literal["parameters", "causes", "noise", "unexplained"]
+    mean_square_mm2: float
 
 
 class Noise(Schema):
@@ -133,16 +137,6 @@ class Noise(Schema):
     p_value: float | None = Field(description="of a larger residual from stated noise alone")
 
 
-class DeviationPromise(Schema):
-    """One difference of readings."""
-
-    name: str
-    measured_mm: float
-    modelled_mm: float
-    expected_mm: float = Field(description="after the parameters are entered")
-    expanded_mm: float = Field(description="U of the expected value, new readings included")
-
-
 class Spread(Schema):
     """Size of all deviations together."""
 
@@ -151,40 +145,13 @@ class Spread(Schema):
     largest: str = Field(description="which it is")
 
 
-class BudgetLine(Schema):
-    """One line of the uncertainty budget."""
+class Shim(Schema):
+    """One rail to move, so that it meets the next."""
 
-    source: str
-    type: Literal["A", "B"]
-    size: float | None = Field(description="its standard uncertainty, in `unit`")
-    unit: str
-    assumed: bool = Field(description="nobody stated its size")
-    possible: bool = Field(description="may be there or not")
-    minor: bool = Field(description="too small for a line of its own on a page")
-    std: tuple[float, ...] = Field(description="what it adds to each parameter's std")
-
-
-class BudgetTotal(Schema):
-    """What the sources of the budget add together."""
-
-    minor: tuple[float, ...] = Field(description="the minor ones; empty without any")
-    std: tuple[float, ...]
-    expanded: tuple[float, ...]
-    k: float
-
-
-class GoodnessOfFit(Schema):
-    """Do the parameters alone explain the data?"""
-
-    statistic: float = Field(description="residual sum of squares / noise variance")
-    dof: int
-    p_value: float
-    repeats_p_value: float | None = Field(description="judged by the scatter of repeats")
-    repeats_mm: float | None = Field(description="that scatter")
-    left_mm: float = Field(description="what the parameters alone leave, r.m.s.")
-    expected_mm: float = Field(description="what noise as stated would leave, r.m.s.")
-    noise_mm: float = Field(description="standard deviation of one reading, as stated")
-    residual_mm: float = Field(description="r.m.s. of the residuals per degree of freedom")
+    rail: str
+    along: str = Field(description="axis, with the sign of the motion: +z")
+    mm: float
+    expanded_mm: float
 
 
 class Residual(Schema):
@@ -210,55 +177,11 @@ class Residual(Schema):
     with_causes_mm: float | None = Field(None, description="with the causes that were found")
 
 
-class CauseParameter(Schema):
-    """A parameter of a cause."""
-
-    name: str
-    unit: str
-    value: float
-    std: float
-    expanded: float = Field(description="U, of a normal distribution")
-
-
-class FoundCause(Schema):
-    """A cause that was found; several act together."""
-
-    id: str
-    probability: float
-    where: str = Field(description="empty: the whole machine")
-    parameters: tuple[CauseParameter, ...]
-    rms_before_mm: float
-    rms_after_mm: float
-    heldout_before_mm: float | None = Field(description="error on readings not fitted, without it")
-    heldout_after_mm: float | None = Field(description="and with it")
-    heldout_ratio: float | None = Field(description="the latter by what is stated for it, r.m.s.")
-    aliases: Ids = Field(description="what would look like it")
-    times_stated: float | None = Field(description="its largest value by its plausible size")
-    remedy: str
-    recommended: bool = Field(description="to be accepted as part of the machine")
-    in_machine: bool = Field(description="false: it lies in the measurement")
-
-
-class TimesStated(Schema):
-    """A cause far beyond its plausible size."""
-
-    id: str
-    times: float
-
-
 class Undetermined(Schema):
     """What these readings do not determine, and how far it may be off."""
 
     name: str
     within: float
-    unit: str
-
-
-class AssumedSize(Schema):
-    """The plausible size of a cause that the machine file does not state."""
-
-    id: str
-    size: float
     unit: str
 
 
@@ -278,34 +201,11 @@ class CheckReading(Schema):
     expanded_mm: float
 
 
-class Workspace(Schema):
-    """Largest error of the tool position over the cube that the joint limits allow."""
+class OfDate(Schema):
+    """The parameters on one of several dates that were judged together."""
 
-    model_config = ConfigDict(arbitrary_types_allowed=True)
-
-    before_mm: float
-    after_mm: float
-    before_mean_mm: float
-    after_mean_mm: float
-    limit_mm: float | None = None
-    left_mm: float = Field(description="what the causes alone leave after entering")
-    cube_mm: tuple[float, float]
-    stated_edge_mm: float = Field(description="of the workspace in the machine file")
-    maps: SkipJsonSchema[WorkspaceError | None] = Field(None, exclude=True, repr=False)
-
-
-class Otherwise(Schema):
-    """The answer with all plausible sizes changed."""
-
-    verdict: Verdict
-    ids: Ids
-
-
-class Baselines(Schema):
-    """Held-out errors of a carried surface and of an earlier map."""
-
-    quartic_mm: float
-    earlier_map_mm: float | None
+    path: str
+    parameters: tuple[Parameter, ...]
 
 
 class Answer(Schema):
@@ -317,14 +217,15 @@ class Answer(Schema):
 
     schema_version: Literal[2] = 2
     input: InputFile
+    inputs: tuple[InputFile, ...] = Field((), description="of --together, oldest first")
+    dates: tuple[OfDate, ...] = Field((), description="of --together: parameters of each date")
     machine: MachineName
     method: str | None = Field(None, description="null: there is no result")
     verdict: Verdict | None = Field(None, description="null: these data cannot be diagnosed")
     judgement: str = Field("", description="are the residuals what noise would give?")
-    explanations: tuple[PossibleExplanation, ...] = Field(
-        (), description="those not dismissed, best first"
-    )
+    explanations: tuple[Explanation, ...] = Field((), description="those not dismissed, best first")
     release: Release
+    validity: Validity
     parameters: tuple[Parameter, ...] = ()
     decimals: int = Field(3, description="of what is entered")
     k: float | None = Field(None, description="coverage factor U/u")
@@ -334,21 +235,30 @@ class Answer(Schema):
     sigma_rho_mm: float | None = Field(None, description="√(trace/3) of joint offsets")
     alone: Alone | None = Field(None, description="null unless a named cause changes parameters")
     rms: Residue | None = None
+    variance: tuple[VarianceShare, ...] = Field((), description="shares of rms.before_mm squared")
     noise: Noise | None = None
-    deviations: tuple[DeviationPromise, ...] = ()
+    deviations: tuple[PromisedDifference, ...] = ()
     as_found: Spread | None = Field(None, description="of the deviations as measured")
     expected: Spread | None = Field(None, description="of the deviations after entering")
     remains: bool = Field(False, description="more will be left than U allows")
     budget: tuple[BudgetLine, ...] = ()
     total: BudgetTotal | None = None
-    lack_of_fit: GoodnessOfFit | None = None
+    lack_of_fit: LackOfFit | None = None
     converged: bool = False
     residuals: tuple[Residual, ...] = ()
     causes: tuple[FoundCause, ...] = Field((), description="best first")
+    shims: tuple[Shim, ...] = Field((), description="that close the gaps of axis_gap")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
     rivals: tuple[Ids, ...] = Field((), description="the same, those that act together as one")
-    beyond_tolerance: tuple[TimesStated, ...] = ()
+    beyond_tolerance: tuple[TimesStated, ...] = Field(
+        (), description="would explain what is unexplained, far beyond their plausible size"
+    )
+    unshown: tuple[UnshownFault, ...] = Field(
+        (),
+        description="faults, in addition to the named causes, that these readings would not show",
+    )
+    ruled_out: Ids = Field((), description="looked at by hand, and not there")
     not_excluded: Ids = Field((), description="may be there, too small to show")
     assumed: Ids = Field((), description="causes whose plausible size nobody stated")
     assumed_sizes: tuple[AssumedSize, ...] = ()
@@ -361,7 +271,7 @@ class Answer(Schema):
         None, description="with all plausible sizes changed"
     )
     warnings: tuple[str, ...] = Field((), description="about the data")
-    notes: tuple[str, ...] = Field((), description="of the diagnosis")
+    notes: tuple[str, ...] = Field((), description="cautions, and those of the diagnosis")
 
     @property
     def named(self) -> Ids:
@@ -371,8 +281,7 @@ class Answer(Schema):
     @property
     def nothing_wrong(self) -> float | None:
         """Probability of a sound machine, soundly measured; None where it is not worth saying."""
-        alone = (each for each in self.explanations if not each.ids and each.pattern is None)
-        return next((each.probability for each in alone if each.probability >= WORTH_SAYING), None)
+        return nothing_wrong(self.explanations)
 
     def require_result(self) -> None:
         """Refuse to go on without parameters.

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import Enum
+from pathlib import Path
 
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import Conditions, Input, StoredMachine, differing, with_history
-from orthoglide_cal.model import Entered, Model
+from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.model import Entered, Machine, Model
+from orthoglide_cal.model.machine import JointOffsets, Written
 from orthoglide_cal.results.answer import Answer
 
 
@@ -31,6 +35,8 @@ class Application:
         undone: True if it is taken back.
         text: the machine file as it will be.
         conditions: of the measurement; None where it is taken back.
+        controller, data: the controller's file as it is, and as it will be; None and empty where it
+            is not written.
     """
 
     file: StoredMachine
@@ -38,16 +44,29 @@ class Application:
     undone: bool
     text: str
     conditions: Conditions | None = None
+    controller: ControllerFile | None = None
+    data: bytes = b""
 
     @property
     def before_mm(self) -> tuple[float, ...]:
-        """Offsets in the controller until then (x, y, z) [mm]."""
-        return self.entry.after if self.undone else self.entry.before
+        """Offsets in the controller until then (x, y, z) [mm]; none of a printer."""
+        return (self.entry.after if self.undone else self.entry.before) or ()
 
     @property
     def after_mm(self) -> tuple[float, ...]:
-        """Offsets in the controller from then on (x, y, z) [mm]."""
-        return self.entry.before if self.undone else self.entry.after
+        """Offsets in the controller from then on (x, y, z) [mm]; none of a printer."""
+        return (self.entry.before if self.undone else self.entry.after) or ()
+
+    @property
+    def is_first(self) -> bool:
+        """Whether nothing is recorded of what the controller's file must hold."""
+        return _written_to(self.file.model.machine, self.controller) is None
+
+    def live(self) -> Application:
+        """The same, told to the running controller, too."""
+        written = self.entry.written and self.entry.written.changed(live=True)
+        entry = self.entry.changed(written=written)
+        return replace(self, entry=entry, text=_recorded(self.file, entry))
 
 
 def apply(
@@ -56,8 +75,10 @@ def apply(
     file: StoredMachine,
     at: datetime,
     measured_on: Model | None = None,
+    controller: ControllerFile | None = None,
+    values: Mapping[str, float] | None = None,
 ) -> Application:
-    """Record the offsets of an answer as entered.
+    """Record the parameters of an answer as entered, and write them where that is wanted.
 
     What was active before is what the measurement says of it, not what stands in the file.
 
@@ -67,25 +88,68 @@ def apply(
         file: of the machine that was measured.
         at: the time.
         measured_on: what the session itself says of its machine; None without a session.
+        controller: the controller's file, if it is to be written.
+        values: parameter → what is to stand there, of a printer [mm, deg]; None for another
+            machine, whose controller's file adds.
 
     Raises:
         UsageError: the measurement is of another machine, or was applied before, or other
-            offsets were entered after it.
+            offsets were entered after it; the controller's file is of another kind of machine, or
+            does not hold what it held when that was measured.
+        InvalidFileError: a value is not where it can be changed.
     """
-    machine = file.model.machine
-    obstacle = _obstacle(given, file)
+    machine, sha256 = file.model.machine, given.measured.source.sha256
+    known = _written_to(machine, controller)
+    if controller and known and known.sha256_before == controller.sha256:
+        last = machine.history[-1]
+        if last.data_sha256 == sha256:
+            # The program was killed between the record and the controller's file.
+            data = controller.with_values({each.key: each.after for each in known.values})
+            text, conditions = file.document.text, given.conditions
+            return Application(file, last, False, text, conditions, controller, data)
+    obstacle = None if machine.keeps_itself else _obstacle(given, file)
     if measured_on is not None:
         # Causes may have been accepted since; rails and legs are what they were.
         obstacle = _other_machine(measured_on, file, but=("identified",)) or obstacle
     if obstacle is not None:
         raise obstacle
-    before = given.model.orthoglide.offsets_mm
-    after = tuple(each.new(answer.decimals) for each in answer.parameters)
-    sha256 = given.measured.source.sha256
+    written, data, decimals = None, b"", answer.decimals
+    amounts = {each.name: each.change(decimals) for each in answer.parameters}
+    if controller is not None:
+        if controller.adds is bool(machine.keeps_itself):
+            kind = "a LinuxCNC" if controller.adds else "Klipper"
+            raise UsageError(
+                f"{controller.target} is of {kind} machine; {machine.name} is of kind"
+                f" {machine.kind}.",
+                "Name the file of its own controller.",
+            )
+        if known:
+            wrote = {each.key: float(each.after) for each in known.values}
+            controller.check(wrote, "what was written last is")
+        if not controller.adds:
+            held = {each.name: each.active for each in answer.parameters}
+            controller.check(held, "this was measured with")
+        written, data = controller.changed(values or amounts, decimals)
     date = at.isoformat(timespec="milliseconds")
-    entry = Entered(date=date, before=before, after=after, data_sha256=sha256)
-    text = with_history(file, after, *machine.history, entry)
-    return Application(file, entry, False, text, given.conditions)
+    entry = Entered(date=date, data_sha256=sha256, written=written)
+    if not machine.keeps_itself:
+        before = given.model.orthoglide.offsets_mm
+        after = JointOffsets(*(each.new(decimals) for each in answer.parameters))
+        entry = entry.changed(before=before, after=after)
+    text = _recorded(file, entry)
+    return Application(file, entry, False, text, given.conditions, controller, data)
+
+
+def _written_to(machine: Machine, controller: ControllerFile | None) -> Written | None:
+    """What the last entry of a machine wrote to a controller's file; None if it did not."""
+    written = machine.history[-1].written if machine.history else None
+    return written if written and controller and written.target == controller.target else None
+
+
+def _recorded(file: StoredMachine, entry: Entered) -> str:
+    """The machine file with an entry, which may stand there already."""
+    earlier = (each for each in file.model.machine.history if each.date != entry.date)
+    return with_history(file, entry.after, *earlier, entry)
 
 
 def recording(given: Input) -> Recording:
@@ -96,6 +160,16 @@ def recording(given: Input) -> Recording:
     if file.model.machine.entered_from(given.measured.source.sha256):
         return Recording.DONE
     return Recording.DUE if _obstacle(given, file) is None else Recording.NOWHERE
+
+
+def unwritten(file: StoredMachine) -> str | None:
+    """The controller's file of the last entry, if the program was killed before it wrote it."""
+    *_, written = None, *(each.written for each in file.model.machine.history)
+    if written is None or written.sha256_before == written.sha256_after:
+        return None
+    path = Path(written.target)
+    same = path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == written.sha256_before
+    return written.target if same else None
 
 
 def _other_machine(
@@ -110,7 +184,7 @@ def _other_machine(
     return UsageError(
         f"This was measured on {measured.name!r}, which differs from the machine of"
         f" {file.document.path}, {machine.name!r}, in: {', '.join(others)}.",
-        "Name the machine file that both are of: --machine FILE",
+        "Name the machine file of both: --machine FILE",
     )
 
 
@@ -132,37 +206,55 @@ def _obstacle(given: Input, file: StoredMachine) -> UsageError | None:
     if before != machine.offsets_mm and not _newer(given.conditions.started, machine.history):
         return UsageError(
             f"This was measured with {_triple(before)} mm in the controller (x, y, z);"
-            f" since then {_triple(machine.offsets_mm)} mm were entered, says {path}.",
+            f" since then {_triple(machine.offsets_mm)} mm were entered ({path}).",
             "Measure again, with what is in the controller now.",
         )
     return None
 
 
-def take_back(file: StoredMachine, sha256: str | None = None) -> Application:
-    """Undo the last entry: it leaves the history, and the offsets before it are active again.
+def take_back(
+    file: StoredMachine, sha256: str | None = None, controller: ControllerFile | None = None
+) -> Application:
+    """Undo the last entry: it leaves the history, and what was before it is active again.
 
     Args:
         file: the machine file.
         sha256: digest of the measurement that the last entry must come from; None for any.
+        controller: the file that it was written to.
 
     Raises:
-        UsageError: there is no such entry, or the offsets were changed since.
+        UsageError: there is no such entry, or the offsets were changed since; it was written to
+            another file, or that does not hold what was written any more.
     """
-    machine, path = file.model.orthoglide, file.document.path
+    machine, path = file.model.machine, file.document.path
     if not machine.history:
         raise UsageError(f"{path} records nothing that could be taken back.", "Check the file.")
     *history, last = machine.history
     if sha256 is not None and last.data_sha256 != sha256:
         raise UsageError(
-            f"The last entry of {path}, of {last.date}, comes from another measurement.",
+            f"The last entry of {path}, of {last.date}, is from another measurement.",
             "Only the last one can be taken back: leave the measurement out, or name its own.",
         )
-    if machine.offsets_mm != last.after:
+    if last.after is not None and machine.active != last.after:
         raise UsageError(
-            f"{path} holds {_triple(machine.offsets_mm)} mm, not what was entered on {last.date}.",
-            "It was changed by hand: change it back by hand, too.",
+            f"{path} holds {_triple(machine.active)} mm, not what was entered on {last.date}.",
+            "It was changed by hand: change it back by hand.",
         )
-    return Application(file, last, True, with_history(file, last.before, *history))
+    text, data = with_history(file, last.before, *history), b""
+    if last.written is None and controller is not None:
+        raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
+    if last.written is not None:
+        if controller is None or _written_to(machine, controller) is None:
+            raise UsageError(
+                f"The last entry of {path} was written to {last.written.target}.",
+                "Restore that, too: "
+                + command("apply", options=f"--undo --to {last.written.target}"),
+            )
+        if controller.sha256 == last.written.sha256_before:
+            controller = None
+        else:
+            data = controller.restored(last.written)
+    return Application(file, last, True, text, None, controller, data)
 
 
 def _newer(started: str | None, history: tuple[Entered, ...]) -> bool:

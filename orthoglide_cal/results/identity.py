@@ -31,7 +31,7 @@ def identify(
 
     Args:
         inputs: each file, with the machine that it is judged by.
-        options: whatever else changes the result; their `str` tells them apart.
+        options: whatever else changes the result; their `str` distinguishes them.
         issued: time of issue; now if None.
     """
     software = f"orthocal {__version__}"
@@ -39,6 +39,7 @@ def identify(
         (
             source.sha256,
             *([source.excerpt.data] if source.excerpt else []),
+            *model.ruled_out,
             {name: said for name, said in machine_values(model).items() if name != "history"},
         )
         for source, model in inputs

@@ -14,13 +14,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from itertools import chain
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Diagnosis, NamedCause, NextMeasurement, Verdict, diagnose
+from orthoglide_cal.diagnosis import (
+    Diagnosis,
+    Explanation,
+    FoundCause,
+    NextMeasurement,
+    Verdict,
+    diagnose,
+)
+from orthoglide_cal.diagnosis.assess import DISMISSED
+from orthoglide_cal.diagnosis.result import WORTH_SAYING, estimated
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import (
     OffsetEstimate,
@@ -38,29 +48,25 @@ from orthoglide_cal.estimation.accuracy import (
     half_width,
     rms,
 )
-from orthoglide_cal.estimation.budget import Budget, warmth
+from orthoglide_cal.estimation.budget import Budget, budget_lines, warmth
 from orthoglide_cal.files import Input
 from orthoglide_cal.model import (
     AXES,
+    DIFFERENCES,
     Differences,
     Floats,
     Measured,
     Model,
     Posture,
 )
-from orthoglide_cal.model.workspace import workspace_error
+from orthoglide_cal.model.workspace import Workspace, workspace_error
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.release import release
+from orthoglide_cal.results.validity import validity
 from orthoglide_cal.words import entered_decimals, two_figures
 
-# What adds less than this share of every standard deviation is summed up in one line.
-MINOR = 0.1
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
-# A cause that many times its plausible size is beyond it.
-BEYOND = 3.0
-# An explanation this unlikely beside the best one is not told.
-DISMISSED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +111,7 @@ def answer_to(
             answer says so.
     """
     measured, model = given.measured, given.model
-    source = measured.source
-    file = schema.InputFile(
-        path=source.path,
-        sha256=source.sha256,
-        kind=measured.kind,
-        readings=len(measured),
-        data=source.excerpt.data if source.excerpt else None,
-    )
+    file = _file(given)
     machine = schema.MachineName(name=model.machine.name, kind=model.machine.kind)
     try:
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
@@ -124,14 +123,21 @@ def answer_to(
     except UnusableResultError as error:
         remedies = (schema.Remedy(sentence=error.remedy),) if error.remedy else ()
         refused = schema.Release(reasons=(error.what,), remedies=remedies, sound=False)
-        return schema.Answer(input=file, machine=machine, release=refused)
+        return schema.Answer(input=file, machine=machine, release=refused, validity=validity(given))
     following = None
-    if diagnosis is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
-        # Planning takes long to load, and has nothing to say of other verdicts.
+    if diagnosis is not None and diagnosis.undecided:
+        # Planning takes long to load, and has nothing to say where all is decided.
         from orthoglide_cal.planning import best_next
 
         following = best_next(diagnosis)
     decision = release(solution, diagnosis, following)
+    kept = given.conditions.questioned if given.is_session else ()
+    if kept and diagnosis and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED):
+        few = len(kept) <= 3  # to say why
+        listed = ", ".join(f"r {step} ({why})" if few else f"r {step}" for step, why in kept)
+        again = f"Retake what was questioned and kept: {listed}:"
+        retake = schema.Remedy(sentence=again, verb="measure", options="--resume")
+        decision = decision.changed(remedies=(retake, *decision.remedies))
     alone, found = _alone(given, solution, diagnosis), None
     if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
         found = _as_diagnosed(given, solution, diagnosis)
@@ -158,6 +164,7 @@ def answer_to(
         left = remainder(rows, chosen.real.model)
         told = (*((left,) if left else ()), *decision.cautions)
         decision = decision.changed(cautions=told)
+    shift = np.abs(alone.values - chosen.values)
     lines, total = budget_lines(chosen.budget)
     std = chosen.budget.std_mm
     correlation = chosen.budget.covariance_mm2 / np.outer(std, std)
@@ -168,6 +175,7 @@ def answer_to(
         method=solution.method,
         judgement=solution.judgement,
         release=decision,
+        validity=validity(given),
         parameters=parameters,
         decimals=decimals,
         k=chosen.budget.k,
@@ -178,10 +186,17 @@ def answer_to(
         alone=schema.Alone(
             parameters=tuple(_parameters(model, alone, decimals, enter=False)),
             rms_after_mm=solution.rms_after_mm,
+            wrong_by=float(shift.max()),
+            unit=model.machine.parameter_units[int(np.argmax(shift))],
         )
         if named and found is not None
         else None,
-        rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=after),
+        rms=schema.Residue(
+            before_mm=solution.rms_before_mm,
+            after_mm=after,
+            before_mm2=solution.rms_before_mm**2,
+        ),
+        variance=tuple(_variance(solution, after, diagnosis)),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
             repeats_mm=solution.sigma_repeats_mm,
@@ -191,11 +206,9 @@ def answer_to(
             dof=solution.dof,
             p_value=solution.lack_of_fit_p,
         ),
-        deviations=tuple(
-            schema.DeviationPromise.model_validate(row, from_attributes=True) for row in rows
-        ),
-        as_found=_spread({row.difference.name: row.measured_mm for row in rows}),
-        expected=_spread({row.difference.name: row.expected_mm for row in rows}),
+        deviations=rows,
+        as_found=_spread({row.name: row.measured_mm for row in rows}),
+        expected=_spread({row.name: row.expected_mm for row in rows}),
         budget=lines,
         total=total,
         remains=stays(rows),
@@ -203,13 +216,65 @@ def answer_to(
         residuals=tuple(_residuals(measured, solution, diagnosis)),
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, chosen.budget.k),
+        ruled_out=model.ruled_out,
         workspace=_workspace(chosen, model) if details else None,
         holdout=holdout,
         warnings=solution.warnings,
+        notes=decision.cautions,
     )
     if diagnosis is None:
         return found_alone
-    return found_alone.changed(**_of_diagnosis(diagnosis, solution, alone, following))
+    parts = _of_diagnosis(diagnosis, solution, alone, following)
+    return found_alone.changed(**parts, notes=(*decision.cautions, *diagnosis.notes))
+
+
+def _variance(
+    solution: Solution, after_mm: float, diagnosis: Diagnosis | None
+) -> Iterator[schema.VarianceShare]:
+    """Shares of the mean square of the data [mm²]: r.m.s. values do not add, their squares do."""
+    before, alone, after = solution.rms_before_mm**2, solution.rms_after_mm**2, after_mm**2
+    noise = after if diagnosis is None else min(after, diagnosis.lack_of_fit.expected_mm**2)
+    shares = (before - alone, alone - after, noise, after - noise)
+    for source, share in zip(("parameters", "causes", "noise", "unexplained"), shares, strict=True):
+        if source != "causes" or share:
+            yield schema.VarianceShare.model_validate({"source": source, "mean_square_mm2": share})
+
+
+def _file(given: Input) -> schema.InputFile:
+    measured, source = given.measured, given.measured.source
+    return schema.InputFile(
+        path=source.path,
+        sha256=source.sha256,
+        kind=measured.kind,
+        readings=len(measured),
+        data=source.excerpt.data if source.excerpt else None,
+    )
+
+
+def with_dates(
+    answer: schema.Answer, diagnosis: Diagnosis, inputs: Sequence[Input]
+) -> schema.Answer:
+    """An answer to several dates together, with the parameters of each under what lasts.
+
+    Args:
+        answer: to all of them as one measurement.
+        diagnosis: of that.
+        inputs: each date, oldest first.
+    """
+    day, sha256 = datetime.now(UTC).date().isoformat(), diagnosis.measured.source.sha256
+    lasting = [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
+    dates = []
+    for each in inputs:
+        before, own = diagnosis.model.machine, each.model.machine
+        model = each.model.extended(effect.transferred(before, own) for effect in lasting)
+        found = _alone(replace(each, model=model), solve(each.measured, model), None)
+        dates.append(
+            schema.OfDate(
+                path=each.measured.source.path,
+                parameters=tuple(_parameters(model, found, answer.decimals, enter=False)),
+            )
+        )
+    return answer.changed(inputs=tuple(map(_file, inputs)), dates=tuple(dates))
 
 
 def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Found:
@@ -247,9 +312,9 @@ def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
         return model
     day = datetime.now(UTC).date().isoformat()
     return model.extended(
-        cause.effect.accepted(day, diagnosis.measured.source.sha256)
-        for cause in diagnosis.causes
-        if cause.in_machine and cause.effect.cause.lasting
+        effect.accepted(day, diagnosis.measured.source.sha256)
+        for effect in diagnosis.effects
+        if effect.cause.in_machine and effect.cause.lasting
     )
 
 
@@ -278,7 +343,7 @@ def remainder(promised: Sequence[PromisedDifference], model: Model) -> str | Non
         return None
     left = two_figures(rms(np.array([row.expected_mm for row in promised])))
     causes = " and ".join(effect.cause.id for effect in model.accepted)
-    return f"Offsets do not remove {causes or 'this'}: {left} mm r.m.s. is left after correction."
+    return f"Offsets do not remove {causes or 'this'}: {left} mm r.m.s. will remain."
 
 
 def _parameters(
@@ -301,32 +366,6 @@ def _parameters(
             determined=known,
         )
         yield one.changed(enter=one.new(decimals)) if enter else one
-
-
-def budget_lines(budget: Budget) -> tuple[tuple[schema.BudgetLine, ...], schema.BudgetTotal]:
-    """Every source of an uncertainty, and what they add together."""
-    minor = [np.all(each.std_mm <= MINOR * budget.std_mm) for each in budget.contributions]
-    lines = tuple(
-        schema.BudgetLine(
-            source=each.source,
-            type=each.evaluation.value,
-            size=each.size,
-            unit=each.unit,
-            assumed=each.assumed,
-            possible=each.possible,
-            minor=bool(small),
-            std=tuple(each.std_mm.tolist()),
-        )
-        for each, small in zip(budget.contributions, minor, strict=True)
-    )
-    rest = [np.square(each.std) for each in lines if each.minor]
-    total = schema.BudgetTotal(
-        minor=tuple(np.sqrt(sum(rest)).tolist()) if rest else (),
-        std=tuple(budget.std_mm.tolist()),
-        expanded=tuple(budget.expanded_mm.tolist()),
-        k=budget.k,
-    )
-    return lines, total
 
 
 def _spread(values: dict[str, float]) -> schema.Spread | None:
@@ -387,14 +426,14 @@ def _check(
         return None
     row = max(promised, key=lambda each: abs(each.measured_mm - each.expected_mm))
     machine = given.model.orthoglide
-    series, posture = row.difference
+    series, posture = next(e for e in chain(*DIFFERENCES.values()) if e.name == row.name)
     ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
     moved = [machine.displacement_mm(end) for end in ends]
     tools = [tuple(value if axis == series.leg else 0.0 for axis in range(3)) for value in moved]
     joints = [tuple(machine.joints_at(series.leg, value).tolist()) for value in moved]
     sigma = max(solution.sigma_mm, machine.gauge.noise_mm)
     return schema.CheckReading(
-        what=row.difference.name,
+        what=row.name,
         leg=AXES[series.leg],
         direction=AXES[series.direction],
         first_mm=tools[0],
@@ -409,111 +448,63 @@ def _check(
     )
 
 
-def _workspace(found: _Found, model: Model) -> schema.Workspace | None:
+def _workspace(found: _Found, model: Model) -> Workspace | None:
     """Tool-position error before and after the adjustment; None if it cannot be computed."""
     if not model.machine.has_cube:
         return None
     budget = found.budget
     try:
-        maps = workspace_error(found.real.model, found.values, budget.covariance_mm2, budget.k)
+        return workspace_error(found.real.model, found.values, budget.covariance_mm2, budget.k)
     except PostureError:
         return None
-    return schema.Workspace(
-        before_mm=maps.before_max_mm,
-        after_mm=maps.after_max_mm,
-        before_mean_mm=maps.before_mean_mm,
-        after_mean_mm=maps.after_mean_mm,
-        left_mm=maps.left_max_mm,
-        cube_mm=(float(maps.axis_mm[0]), float(maps.axis_mm[-1])),
-        stated_edge_mm=maps.nominal_edge_mm,
-        maps=maps,
-    )
 
 
 def _of_diagnosis(
     diagnosis: Diagnosis, solution: Solution, alone: _Found, following: NextMeasurement | None
 ) -> dict[str, object]:
     """The parts of the answer that a diagnosis gives."""
-    consistent = diagnosis.verdict is Verdict.CONSISTENT
-    lack = diagnosis.lack_of_fit
-    causes = tuple(_cause(cause, diagnosis) for cause in diagnosis.causes)
+    sizes = diagnosis.assumed_sizes
     return {
         "verdict": diagnosis.verdict,
         "explanations": tuple(_explanations(diagnosis, solution, alone)),
-        "lack_of_fit": schema.GoodnessOfFit(
-            **vars(lack), left_mm=diagnosis.left_mm, expected_mm=diagnosis.expected_mm
-        ),
-        "causes": causes,
-        "ambiguous_with": () if consistent else diagnosis.ambiguous_with,
-        "not_excluded": diagnosis.ambiguous_with if consistent else (),
-        "rivals": diagnosis.rivals if diagnosis.verdict is Verdict.AMBIGUOUS else (),
-        "beyond_tolerance": tuple(
-            schema.TimesStated(id=cause.id, times=cause.times_stated)
-            for cause in causes
-            if cause.times_stated is not None and cause.times_stated > BEYOND
-        ),
-        "assumed": tuple(diagnosis.assumed_tolerances),
-        "assumed_sizes": tuple(
-            schema.AssumedSize(id=id, size=size, unit=CAUSES[id].unit)
-            for id, size in diagnosis.assumed_tolerances.items()
-        ),
+        "lack_of_fit": diagnosis.lack_of_fit,
+        "causes": diagnosis.causes,
+        "baselines": diagnosis.baselines,
+        "shims": tuple(_shims(diagnosis.causes)) if diagnosis.verdict is Verdict.NAMED else (),
+        "ambiguous_with": diagnosis.ambiguous_with,
+        "not_excluded": diagnosis.not_excluded,
+        "rivals": diagnosis.rivals,
+        "unshown": diagnosis.unshown,
+        "beyond_tolerance": diagnosis.beyond_tolerance,
+        "assumed": tuple(each.id for each in sizes),
+        "assumed_sizes": sizes,
         "next_measurement": following,
-        "sensitivity": {
-            how: schema.Otherwise(verdict=verdict, ids=ids)
-            for how, (verdict, ids) in diagnosis.sensitivity.items()
-        }
-        or None,
-        "notes": diagnosis.notes,
+        "sensitivity": dict(diagnosis.sensitivity) or None,
     }
 
 
-def _cause(cause: NamedCause, diagnosis: Diagnosis) -> schema.FoundCause:
-    own = {name: each for name, each in vars(cause).items() if name not in ("effect", "advice")}
-    size = cause.effect.cause.size(diagnosis.model.machine)
-    largest = max((abs(each.value) for each in cause.parameters.values()), default=0.0)
-    return schema.FoundCause.model_validate(
-        {
-            **own,
-            "id": cause.id,
-            "parameters": [
-                {"name": name, **each._asdict(), "expanded": half_width(math.inf) * each.std}
-                for name, each in cause.parameters.items()
-            ],
-            "times_stated": largest / size if size > 0.0 and cause.parameters else None,
-            "remedy": cause.advice,
-            "in_machine": cause.in_machine,
-        }
-    )
-
-
-def _explanations(
-    diagnosis: Diagnosis, solution: Solution, alone: _Found
-) -> Iterator[schema.PossibleExplanation]:
-    """Those not dismissed, with the parameters of those that were fitted."""
-    names = diagnosis.model.machine.parameter_names
-    fits = {tuple(effect.cause.id for effect in fit.effects): fit for _, fit in diagnosis.left_open}
-    most = max(diagnosis.ranking.values(), default=0.0)
-    for tried, probability in diagnosis.ranking.items():
-        nothing = not tried.causes and tried.pattern is None
-        fit = fits.get(tried.causes) if tried.pattern is None else None
-        if fit is None and probability < (schema.WORTH_SAYING if nothing else DISMISSED * most):
-            continue
-        values, std, left = None, None, None
-        if nothing:
-            values, std, left = alone.values, alone.budget.std_mm, solution.rms_after_mm
-        elif fit is not None:
-            values, std = fit.offsets, np.sqrt(np.diag(fit.joint_covariance()))
-            if set(tried.causes) == {cause.id for cause in diagnosis.causes}:
-                left = diagnosis.causes[0].rms_after_mm
-        yield schema.PossibleExplanation(
-            ids=tried.causes,
-            pattern=tried.pattern,
-            probability=probability,
-            rms_mm=left,
-            parameters=()
-            if values is None or std is None
-            else tuple(
-                schema.Estimated(name=name, found=value, std=own)
-                for name, value, own in zip(names, values.tolist(), std.tolist(), strict=True)
-            ),
+def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
+    """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
+    gaps = (each for cause in causes if cause.id == "axis_gap" for each in cause.parameters)
+    for gap in gaps:
+        along = next(axis for axis in AXES if axis not in gap.name)
+        yield schema.Shim(
+            rail=gap.name[1],
+            along=f"{'-' if gap.value < 0.0 else '+'}{along}",
+            mm=abs(gap.value),
+            expanded_mm=gap.expanded,
         )
+
+
+def _explanations(diagnosis: Diagnosis, solution: Solution, alone: _Found) -> Iterator[Explanation]:
+    """Those not dismissed; the parameters alone are those of the solution."""
+    names = diagnosis.model.machine.parameter_names
+    bound = DISMISSED * diagnosis.explanations[0].probability
+    for each in diagnosis.explanations:
+        if not each.parameters and each.probability < (WORTH_SAYING if each.sound else bound):
+            continue
+        if each.sound:
+            found = estimated(names, alone.values, alone.budget.std_mm)
+            yield each.changed(rms_mm=solution.rms_after_mm, parameters=found)
+        else:
+            yield each

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orthoglide_cal.diagnosis import Diagnosis, NextMeasurement, Verdict
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import (
+    Diagnosis,
+    NextMeasurement,
+    UnshownFault,
+    Verdict,
+    nothing_wrong,
+)
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.model import DataKind
 from orthoglide_cal.results.answer import Release, Remedy
+from orthoglide_cal.words import counted, percent
+
+_NAMED = 1  # rivals, in one sentence
 
 
 def release(
@@ -24,7 +34,7 @@ def release(
     Args:
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data; None if it was not or could not be made.
-        following: what would tell apart the explanations that it leaves open; None without.
+        following: what would distinguish the explanations that it leaves open; None without.
     """
     failures = tuple(_failures(solution, diagnosis))
     judged = Release() if diagnosis is None else _judged(solution, diagnosis, following)
@@ -49,8 +59,11 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
             f"The bed's local shape is about {rough:.1f} times as large as is stated or usual, and"
             " U does not cover all of that. State it as texture_mm of the probe."
         )
-    elif not solution.dof or solution.suspicious:
-        # Without spare readings nothing can speak against the offsets, nor for them.
+    elif not solution.dof or (
+        solution.suspicious and (diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT)
+    ):
+        # Without spare readings nothing can speak against the offsets, nor for them. What a named
+        # cause explains does not.
         yield solution.judgement
 
 
@@ -104,11 +117,12 @@ def _judged(solution: Solution, diagnosis: Diagnosis, following: NextMeasurement
         return _named(solution, diagnosis)
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         return _ambiguous(solution, diagnosis, following)
+    usual = " of usual size" if diagnosis.beyond_tolerance else ""
     return Release(
         reasons=(
-            "The model leaves out something that no known cause explains:"
-            f" {diagnosis.left_mm:.3f} mm r.m.s., where the {vocabulary.noise}'s"
-            f" noise{vocabulary.also} would leave {diagnosis.expected_mm:.3f} mm.",
+            f"No listed cause{usual} explains these data: they leave"
+            f" {diagnosis.lack_of_fit.left_mm:.3f} mm r.m.s., where the {vocabulary.noise}'s"
+            f" noise{vocabulary.also} would leave {diagnosis.lack_of_fit.expected_mm:.3f} mm.",
         ),
         remedies=(Remedy(sentence=vocabulary.again),),
     )
@@ -118,35 +132,60 @@ def _ambiguous(
     solution: Solution, diagnosis: Diagnosis, following: NextMeasurement | None
 ) -> Release:
     vocabulary = solution.model.machine.vocabulary
-    first = diagnosis.causes[0].id if diagnosis.causes else "a cause"
-    rivals = ", ".join(map(" with ".join, diagnosis.rivals)) or "another cause"
-    beside, apart = f"beside the {vocabulary.many}", f"these data cannot tell {first} from {rivals}"
-    if diagnosis.nothing_wrong is None:
-        reasons = [f"Something is wrong {beside}, and {apart}."]
-    else:
-        reasons = [f"Something may be wrong {beside}: {apart}, nor from a sound machine."]
-    advice = [cause.advice for cause in diagnosis.causes] or [vocabulary.more]
+    answer = " with ".join(cause.id for cause in diagnosis.causes) or "a cause"
+    open_ = " or ".join((answer, *map(" with ".join, diagnosis.rivals[:_NAMED])))
+    if len(diagnosis.rivals) > _NAMED:
+        open_ += f" or {counted(len(diagnosis.rivals) - _NAMED, 'other')}"
+    sound = nothing_wrong(diagnosis.explanations) is not None
+    reasons = [
+        f"Something {'may be' if sound else 'is'} wrong besides the {vocabulary.many}: {open_}."
+        f" These data do not distinguish {'them' if diagnosis.rivals else 'it'}"
+        f"{', nor from a sound machine' if sound else ''}."
+    ]
+    advice = [cause.remedy for cause in diagnosis.causes] or [vocabulary.more]
     if following is not None:
         advice = [following.what]
     if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
-        reasons.append("They are so few that nearly anything fits.")
+        reasons.append("With so few readings nearly anything fits.")
         advice = [vocabulary.more]
     remedies = tuple(Remedy(sentence=each) for each in dict.fromkeys(advice))
     return Release(reasons=tuple(reasons), remedies=remedies)
 
 
+def _to_check(diagnosis: Diagnosis, names: str, faults: Sequence[UnshownFault]) -> Release:
+    """What these readings would not show must be looked at before anything is entered."""
+    machine, reasons, remedies = diagnosis.model.machine, [f"{names} was found."], []
+    for fault in faults:
+        title = CAUSES[fault.id].words(machine).title
+        where = f" ({fault.where})" if fault.where else ""
+        reasons.append(
+            f"If {title} as well{where}, which these readings would not show, the"
+            f" {machine.vocabulary.many} change by up to {fault.change:.3f} {fault.unit}."
+        )
+        remedies.append(
+            Remedy(
+                sentence=f"Look whether {title}{where}. What shows it: {fault.check}. If all is"
+                " in order, say so:",
+                verb="diagnose",
+                options=f"--rule-out {fault.id}",
+            )
+        )
+    return Release(reasons=tuple(reasons), remedies=tuple(remedies))
+
+
 def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
-    names = " and ".join(cause.id for cause in diagnosis.causes)
     machine = solution.model.machine
     one, many = machine.vocabulary.one, machine.vocabulary.many
+    ids = " and ".join(cause.id for cause in diagnosis.causes)
+    titles = " and ".join(CAUSES[cause.id].words(machine).title for cause in diagnosis.causes)
     shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
     largest = f"{float(shift.max()):.3f} {machine.parameter_units[int(np.argmax(shift))]}"
+    check = [fault for fault in diagnosis.unshown if fault.matters]
+    if check:
+        return _to_check(diagnosis, ids, check)
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
         return Release(
-            cautions=(
-                f"{names} was found; it moves no {one} by more than {largest}, which is within"
-                " the uncertainty.",
-            ),
+            cautions=(f"{ids} moves no {one} by more than {largest}, which is within U.",),
         )
     remedies = [
         Remedy(
@@ -156,10 +195,14 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
             options=f"--accept {cause.id}",
         )
         if cause.recommended
-        else Remedy(sentence=cause.advice)
+        else Remedy(sentence=cause.remedy)
         for cause in diagnosis.causes
     ]
     return Release(
-        reasons=(f"{names} was found: the {many} without it would be wrong by up to {largest}.",),
+        reasons=(
+            f"{titles[0].upper()}{titles[1:]} ({ids},"
+            f" {percent(diagnosis.causes[0].probability, 1)}):"
+            f" {many} alone would be wrong by up to {largest}.",
+        ),
         remedies=tuple(dict.fromkeys(remedies)),
     )

@@ -41,7 +41,7 @@ from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, h
 from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.files import Input, check_same_printer, machine_values
+from orthoglide_cal.files import Input, machine_values
 from orthoglide_cal.model import (
     AXES,
     DataKind,
@@ -54,8 +54,10 @@ from orthoglide_cal.model import (
     Source,
 )
 from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.making import remainder
+from orthoglide_cal.results.validity import Validity, compared_reservations, validity
 from orthoglide_cal.schema import Schema
 
 RULE = (
@@ -72,6 +74,8 @@ NO_INFORMATION = 1e-9
 ODDS = 20.0
 # Confidence with which the response is called other than modelled.
 CERTAIN = 0.999
+# A promise is that of heights that are less than this share of those before.
+A_PROMISE = 0.95
 # Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
 STANDS = 0.01
 
@@ -102,6 +106,7 @@ class ComparedInput(InputFile):
     started: str | None
     finished: str | None
     operator: str | None
+    validity: Validity
 
 
 class VerifiedParameter(Schema):
@@ -184,6 +189,8 @@ class Verification(Schema):
     kind: str = Field(description="what is compared: readings, differences (six, ...) or heights")
     compared: int = Field(description="independent changes, or touches afterwards")
     kept: bool = Field(description="the correction did what was promised")
+    moved: bool = Field(False, description="worse than before, although nothing was entered")
+    reservations: tuple[str, ...] = Field(description="what to know before relying on it")
     rms_before_mm: float
     rms_promised_mm: float
     rms_after_mm: float
@@ -208,6 +215,9 @@ class Verification(Schema):
     remaining_mm: dict[str, float] = Field(default_factory=dict)
     remaining_expanded_mm: dict[str, float] = Field(default_factory=dict)
     decision: Decision | None = None
+    workspace: Workspace | None = Field(
+        default=None, description="of the machine as measured afterwards: its before_mm; reports"
+    )
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -235,8 +245,11 @@ def verify(
             that says nothing of such data, or the two have nothing in common.
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
-    if before.model.machine.probes or after.model.machine.probes:
+    touches = [holds_touches(each.measured) for each in (before, after)]
+    if all(touches):
         return _of_touches(before, after, applied_mm, limit_mm)
+    if any(touches):
+        raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     if limit_mm is not None and not 0.0 < limit_mm < np.inf:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     first_machine, second_machine = machine_values(before.model), machine_values(after.model)
@@ -272,7 +285,7 @@ def verify(
         rms_promised_mm=promised,
         rms_after_mm=after_rms,
         as_left=Spread(rms_mm=after_rms, largest_mm=largest.after_mm, largest=largest.difference),
-        remains=remainder([row for row in promise if row.difference.name in names], model),
+        remains=remainder([row for row in promise if row.name in names], model),
         applied_mm=_by_axis(applied),
         differences=rows,
         **response,
@@ -300,22 +313,26 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Decision:
     )
 
 
+def holds_touches(measured: Measured) -> bool:
+    """Whether it was read by a probe on a bed."""
+    return isinstance(measured, Readings) and isinstance(measured.plan, ProbePlan)
+
+
 def _of_touches(before: Input, after: Input, applied: object, limit: object) -> Verification:
     """Touches of a bed, each judged with the parameters that were in the firmware then."""
     if applied is not None:
         raise UsageError(
-            "--applied is for joint offsets; a printer's own file says what it was given.",
+            "--applied is for joint offsets; a printer's own file has its values.",
             "Leave it out, and name a printer.cfg of each time.",
         )
     if limit is not None:
         raise UsageError("--limit is for differences of readings.", "Leave it out.")
-    if not before.model.machine.probes or not after.model.machine.probes:
-        raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
-    check_same_printer(before.model.machine, after.model.machine)
+    before.model.machine.check_same(after.model.machine)
     first, second = (_solved(each, each.model)[0] for each in (before, after))
     old, new = (np.array(each.model.machine.active) for each in (first, second))
     entered = (new - old).round(9).tolist()
-    if before.model.machine == after.model.machine:
+    stated = all(each.measured.source.excerpt is not None for each in (before, after))
+    if before.model.machine == after.model.machine and not stated:
         # A table says nothing of the firmware: with one machine file for both nobody knows.
         entered = [None] * len(entered)
     heights = []
@@ -327,15 +344,24 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
             heights.append(left[touched] - left[touched].mean())
     found, promised, afterwards, reachable = map(rms, heights)
     was, now = len(heights[0]), len(heights[2])
-    # F test, 5 %: no more is left than was promised and noise makes of it.
-    dof = max(was - len(old), 1), now - 1
-    ratio = (afterwards**2 * now / dof[1]) / (promised**2 * was / dof[0])
-    kept = ratio <= 1.0 or bool(fdtrc(dof[1], dof[0], ratio) >= 1.0 - CONFIDENCE)
+
+    def as_good(before: float, taken: int) -> bool:
+        """F test, 5 %: no more is left than that, by so many parameters, and noise."""
+        dof = max(was - taken, 1), now - 1
+        ratio = (afterwards**2 * now / dof[1]) / (before**2 * was / dof[0])
+        return ratio <= 1.0 or bool(fdtrc(dof[1], dof[0], ratio) >= 1.0 - CONFIDENCE)
+
+    kept = as_good(promised, len(old))
+    if promised < A_PROMISE * found:
+        # Maps repeat, noise does not: what is as far from the promise as it was is not as promised.
+        kept = kept and afterwards < (found + promised) / 2.0
+    nothing = not any(value is None or value for value in entered)
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
         compared=now,
         kept=kept,
+        moved=nothing and not as_good(found, 1),
         rms_before_mm=found,
         rms_promised_mm=promised,
         rms_after_mm=afterwards,
@@ -358,6 +384,7 @@ def _common(
             started=each.conditions.started,
             finished=each.conditions.finished,
             operator=each.conditions.operator,
+            validity=validity(each),
         )
         for each in inputs
     )
@@ -385,6 +412,7 @@ def _common(
         "before": before,
         "after": after,
         "machine": machine.name,
+        "reservations": compared_reservations(before.validity, after.validity),
         "parameters": dict(zip(machine.parameter_names, parameters, strict=True)),
     }
 
@@ -412,18 +440,18 @@ def _differences(
     noise = model.machine.instrument.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
     reach = half_width(np.inf) * noise
     values = zip(later.data.tolist(), reach.tolist(), strict=True)
-    came_true = dict(zip(later.which, values, strict=True))
+    came_true = dict(zip([each.name for each in later.which], values, strict=True))
     rows = tuple(
         ComparedDifference(
-            difference=row.difference.name,
+            difference=row.name,
             before_mm=row.measured_mm,
             promised_mm=row.expected_mm,
             promised_expanded_mm=row.expanded_mm,
-            after_mm=came_true[row.difference][0],
-            expanded_mm=came_true[row.difference][1],
+            after_mm=came_true[row.name][0],
+            expanded_mm=came_true[row.name][1],
         )
         for row in promise
-        if row.difference in came_true
+        if row.name in came_true
     )
     if not rows:
         raise UsageError(
@@ -442,11 +470,11 @@ def _recorded(before: Input, after: Input) -> Floats:
         if known is None:
             raise UsageError(
                 "The files do not say what was entered in the controller between them.",
-                "Say it: --applied DX DY DZ; next time record it with orthocal apply.",
+                "Give it: --applied DX DY DZ; next time record it with orthocal apply.",
             )
         if first == second:
             # The later one was measured without knowing what had been entered.
-            first, second = known.before, known.after
+            first, second = known.before or (), known.after or ()
     return np.asarray((np.array(second) - np.array(first)).round(9))
 
 

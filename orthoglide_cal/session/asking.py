@@ -15,6 +15,7 @@ from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge
 from orthoglide_cal.session.wording import wrapped
+from orthoglide_cal.words import counted
 
 # How long the keyboard is awaited before the gauge is looked at again [s].
 POLL_S = 0.05
@@ -101,7 +102,7 @@ class DeadTime:
     """When something from one source arrives too soon to be meant; all times are monotonic [s].
 
     After a reading, its source (the keyboard, or the gauges) is deaf for a while: second presses,
-    and gauges that never stop. What arrives meanwhile is never a reading nor an answer, and begins
+    and gauges that never stop. What arrives meanwhile is no reading and no answer, and begins
     the while anew, so that a gauge that sends all the time is never listened to.
     """
 
@@ -215,8 +216,12 @@ class Asker:
         """
         self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
         before = self._keys.unasked, self._gauges.unasked
+        pasted = 0
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
             self._drop(line.text, line.ended, self._keys)
+            pasted += not self._strict
+        if pasted:
+            self._break_in(f"ignored: {counted(pasted, 'line')} typed too soon", Style.ASIDE)
         if self.gauge is not None and self._lost_since is None:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
@@ -227,7 +232,7 @@ class Asker:
         gauge = self.gauge if step is not None else None
         if gauge is not None and step is not None:
             gauge.begin(step, takes)
-        if before != (self._keys.unasked, self._gauges.unasked):
+        if pasted or before != (self._keys.unasked, self._gauges.unasked):
             self._redraw()
         else:
             self.show(prompt.rpartition("\n")[2], Style.PROMPT, "")
@@ -287,7 +292,7 @@ class Asker:
             heard = gauge.poll(asked)
         except GaugeLost as lost:
             self._lost_since = now
-            more = "Plug it in again and the session goes on; or type the reading, or q."
+            more = "Plug it in again to continue; or type the reading, or q."
             self._break_in(f"{lost.what}\n{more}", Style.BAD)
             return None
         if heard:
@@ -304,7 +309,7 @@ class Asker:
             if self._held or self._gauges.is_early(now, now, 0, self._shown):
                 self._drop(item.token.raw, now, self._gauges)
             elif item.token.value is None or item.elsewhere is not None:
-                why = item.elsewhere or "That is no reading: nothing is recorded."
+                why = item.elsewhere or "That is not a reading: nothing is recorded."
                 said = f"The gauge says '{visible(item.token.raw)[:40]}'. {why}"
                 self._break_in(said, Style.BAD)
             elif gauge.reads_itself or not self.keyboard.live:

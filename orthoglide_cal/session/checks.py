@@ -21,6 +21,7 @@ from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.events import Doubt, Questioned, Taken
 from orthoglide_cal.session.gauges.interface import Token
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
+from orthoglide_cal.session.standing import NEAR_MM, Stood
 from orthoglide_cal.session.wording import in_unit, value_text
 from orthoglide_cal.words import MM_PER_INCH, Unit, with_uncertainty
 
@@ -70,7 +71,13 @@ class Evidence:
 
 
 def judge(
-    so_far: ReadingsSoFar, step: SessionStep, token: Token, at: str, source: str, unit: Unit
+    so_far: ReadingsSoFar,
+    step: SessionStep,
+    token: Token,
+    at: str,
+    source: str,
+    unit: Unit,
+    stood: Stood | None = None,
 ) -> tuple[Taken | Questioned, bool]:
     """Check a reading against itself, the readings before it and the model.
 
@@ -79,22 +86,32 @@ def judge(
         step, token: what the reading is of, and what arrived; it has a value.
         at, source: as in the record.
         unit: of a reading that says none.
+        stood: where the machine stood; None if it is not followed.
 
     Returns:
         The record to be written, and whether it was questioned before and has come again.
     """
     value, state = token.mm(unit), so_far.state
     if value is None:
-        raise ValueError("an error message is no reading")
+        raise ValueError("an error message is not a reading")
     gone = datetime.fromisoformat(at) - datetime.fromisoformat(state.opened.at)
     # A clock that was set back must not turn the order of the readings around.
     earlier = [item.take.minutes for item in state.accepted.values()]
     minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
     coming = NextReading(so_far, step, minutes, token.unit or unit)
     taken = Taken(
-        at=at, step=step.number, minutes=minutes, value_mm=value, raw=token.raw[:80], source=source
+        at=at,
+        step=step.number,
+        minutes=minutes,
+        value_mm=value,
+        raw=token.raw[:80],
+        source=source,
+        remark=stood.words if stood else "",
     )
     question = check(coming, value)
+    if stood is not None and stood.away_mm > NEAR_MM:
+        text = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
+        question = Question(Doubt.PLACE, text)
     if question is None:
         return taken, False
     doubt, text, about = question
@@ -111,9 +128,10 @@ def judge(
 
 def check(coming: NextReading, value: float) -> Question | None:
     """The question that a reading [mm] raises, by those before it or by itself."""
-    return (
-        check_reading(coming, value) or check_number(coming, value) or check_repeats(coming, value)
-    )
+    number = check_number(coming, value)
+    if number and number.doubt is Doubt.RANGE:
+        return number
+    return check_reading(coming, value) or number or check_repeats(coming, value)
 
 
 def check_number(coming: NextReading, value: float) -> Question | None:
@@ -285,10 +303,10 @@ def _explanations(
 def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:
     """How far the reading is from what, in words."""
     if not coming.repeats:
-        here = f"{with_uncertainty(expected, 2 * std, ' +/-')} mm"
+        here = f"{with_uncertainty(expected, 2 * std)} mm"
         if coming.unit is Unit.INCH:
             inches = expected / MM_PER_INCH, 2 * std / MM_PER_INCH
-            here = f"{with_uncertainty(*inches, ' +/-')} in ({here})"
+            here = f"{with_uncertainty(*inches)} in ({here})"
         return f"expected {here} here, not {value_text(value, coming.unit)}"
     difference = abs(value - float(np.mean(coming.so_far.value[coming.repeats])))
     count = _NUMBERS[min(len(coming.repeats), 5)]

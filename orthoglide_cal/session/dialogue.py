@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.files import session_text, write_session
+from orthoglide_cal.files import session_text, write_text
 from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
@@ -22,13 +23,16 @@ from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.session.record import session_values, written_before
+from orthoglide_cal.session.standing import NEAR_MM, Standing, Stood
 from orthoglide_cal.session.state import State, advance, replay
 from orthoglide_cal.words import Unit, counted
 
 if TYPE_CHECKING:
     from orthoglide_cal.results import Parameter
 
-_KEY = re.compile(r"(?P<key>[urnstpqURNSTPQ?])(?:\s+(?P<words>.+))?")
+WAIT_S = 0.3  # how often a machine that is followed is looked at
+
+_KEY = re.compile(r"(?P<key>[urnstqURNSTQ?])(?:\s+(?P<words>.+))?")
 
 
 class Quit(Exception):
@@ -46,6 +50,7 @@ class Dialogue:
     now: Callable[[], str]  # the time of day, ISO 8601
     unit: Unit = Unit.MM  # of readings without one
     until_mm: float | None = None  # end once every offset is known this well; else take them all
+    standing: Standing | None = None  # where a machine that is followed stands
     state: State = field(init=False)
     _shown: tuple[int | None, object] = (None, None)  # set-up and visit
 
@@ -97,27 +102,32 @@ class Dialogue:
                 self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
-    def offer_missing(self, agreed: bool = False) -> None:
-        """Ask whether what was left out, perhaps to end the session, is to be read after all.
+    def offer_again(self, agreed: bool = False) -> None:
+        """Ask whether what was left out is read after all, and what was kept in doubt read again.
 
         Args:
-            agreed: it is, without asking; without a terminal nobody is asked either.
+            agreed: what was left out is, without asking; without a terminal nobody is asked either.
 
         Raises:
             Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
         """
-        state, steps = self.state, self.setting.steps
+        state, steps, live = self.state, self.setting.steps, self.asker.keyboard.live
         missing = [s for s in steps if s.number in {*state.skipped, *state.dropped}]
-        if not missing or not (agreed or self.asker.keyboard.live):
-            return
-        last = self.so_far.steps[-1] if state.accepted else missing[0]
-        again = with_set_ups(missing, last.setup, steps, state.accepted)
-        old = sum(step.number in state.accepted for step in again)
-        more = f" For that, {old} earlier readings are taken again: the stands were moved."
-        self.asker.say(f"{_are(len(missing))} left out.{more if old else ''}", Style.QUESTION)
-        if agreed or self._agrees("Read what is missing now? y/n > "):
-            self.write(events.Reopened(at=self.now(), source=state.source))
-            self._take_again(again, "reopened")
+        last = self.so_far.steps[-1] if state.accepted else (missing or steps)[0]
+        if missing and (agreed or live):
+            again = with_set_ups(missing, last.setup, steps, state.accepted)
+            old = sum(step.number in state.accepted for step in again)
+            more = f" For that, {old} earlier readings are taken again: the stands were moved."
+            self.asker.say(f"{_are(len(missing))} left out.{more if old else ''}", Style.QUESTION)
+            if agreed or self._agrees("Read what is missing now? y/n > "):
+                self._take_again(again, "reopened")
+        taken = state.accepted.items()
+        kept = [f"r {step}" for step, item in taken if isinstance(item.take, Questioned)]
+        if kept and live and self.state.ended:
+            self.asker.say(f"Questioned and kept: {', '.join(kept)}.", Style.QUESTION)
+            for word in self._words("Retake which (such as r 14)? Return: none > ").split():
+                if word.lower() != "r":
+                    self._retake(word, last)
 
     def publish(self) -> None:
         """Write the session file, and say so; a second time changes nothing.
@@ -128,9 +138,9 @@ class Dialogue:
         """
         values = session_values(self.so_far)
         there = self.path.read_bytes() if self.path.is_file() else None
-        if there != session_text(values).encode():
+        if there != (text := session_text(values)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
-            write_session(values, self.path, overwrite=there in written_before(self.so_far))
+            write_text(self.path, text, overwrite=there in written_before(self.so_far))
         self.asker.show(wording.closing(self.state, self.setting, str(self.path)), Style.GOOD)
 
     def reveal(self, found: Sequence[Parameter]) -> None:
@@ -143,6 +153,8 @@ class Dialogue:
         """Let go of the gauge and the journal."""
         if self.asker.gauge is not None:
             self.asker.gauge.close()
+        if self.standing is not None:
+            self.standing.close()
         self.journal.close()
 
     def next_step(self) -> SessionStep | None:
@@ -167,15 +179,44 @@ class Dialogue:
         if step.visit != visit:
             left = [s for s in setting.steps if self.state.is_open(s.number)]
             minutes = minutes_left(left)
-            asker.say(f"\n{wording.step_line(step, setting, minutes)}", Style.TITLE)
-            # What continues other readings has no posture program.
-            block = "" if setting.first else f"Block N{step.block} of plan --program\n"
-            asker.say(block + place)
+            gap = "" if step.setup != setup else "\n"
+            asker.say(f"{gap}{wording.step_line(step, setting, minutes)}", Style.TITLE)
+            asker.say(place)
         elif asker.pushed:
             asker.say(place)
+        if step.visit != visit:
+            self._wait_for(step)
         self._shown, asker.pushed = (step.setup, step.visit), False
         prompt = f"{place}\n{wording.prompt(step, asker.hint, self.unit)}"
         self._receive(asker.ask(prompt, step, self.state.takes(step.number)), step)
+
+    def _stood(self, step: SessionStep) -> Stood | None:
+        """Where the machine stands, if it is followed; that it is not any more is said once."""
+        if self.standing is None:
+            return None
+        point = wording.point(step, self.setting)
+        try:
+            return self.standing.at(point.joints, point.tool, self.setting.machine.home_mm)
+        except (OSError, ValueError) as gone:
+            said = f"LinuxCNC does not answer any more: {gone}. Continue by hand: nothing is lost."
+            self.standing.close()
+            self.standing = None
+            self.asker.say(said, Style.BAD)
+            return None
+
+    def _wait_for(self, step: SessionStep) -> None:
+        """Wait until a machine that is followed stands where the step is read."""
+        said, keyboard = False, self.asker.keyboard
+        while (stood := self._stood(step)) is not None and stood.away_mm > NEAR_MM:
+            if not said:
+                self.asker.say("   waiting until the machine stands there (Return: continue)")
+            said = True
+            if not keyboard.live:
+                time.sleep(WAIT_S)
+            elif (line := keyboard.read(WAIT_S)) is not None:
+                if line.text.strip().lower() == "q":
+                    raise Quit
+                return
 
     def _ask_about(self, pending: Questioned) -> None:
         """Put the question about the pending reading; it may have been asked before a crash."""
@@ -183,6 +224,10 @@ class Dialogue:
         may_move = pending.doubt.compares and pending.about is None
         value = wording.value_text(pending.value_mm, self.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
+        alike = self._alike(step)
+        if len(alike) == 1 and pending.doubt.compares:  # either of the two may be the wrong one
+            number = alike[0][0].number
+            asked += f"\n  Or was step {number} wrong? r {number} reads both again."
         self.asker.say(asked, Style.QUESTION)
         moved = ", m the stand moved" if may_move else ""
         hint = f", {self.asker.hint}" if self.asker.hint else ""
@@ -251,7 +296,9 @@ class Dialogue:
 
     def _read(self, step: SessionStep, token: Token, source: str) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        reading, again = judge(self.so_far, step, token, self.now(), source, self.unit)
+        reading, again = judge(
+            self.so_far, step, token, self.now(), source, self.unit, self._stood(step)
+        )
         self.write(reading)
         if not isinstance(reading, Questioned):
             self._acknowledge(step, reading.value_mm)
@@ -271,13 +318,21 @@ class Dialogue:
         stays = following is not None and following.visit == step.visit
         self.asker.rest(driving=not stays)
         pushed = self.asker.pushed
-        self.asker.say(f"   saved {wording.value_text(value, self.unit)}", Style.GOOD)
+        told = ""
+        for before, last in self._alike(step)[-2:-1]:
+            told = f"   (cycle {before.cycle}: {wording.value_text(last, self.unit)})"
+        self.asker.say(f"   saved {wording.value_text(value, self.unit)}{told}", Style.GOOD)
         if stays:
             self.asker.pushed = pushed  # a reading saved leaves the place where it is
             return
         self._say_offsets()
         if self.until_mm is not None and not self.state.shortened:
             self._shorten(self.until_mm)
+
+    def _alike(self, step: SessionStep) -> list[tuple[SessionStep, float]]:
+        """Readings of the same cell, gauge and zero as a step's, with their steps."""
+        taken = zip(self.so_far.steps, self.so_far.value.tolist(), strict=True)
+        return [each for each in taken if (each[0].cell, each[0].zero) == (step.cell, step.zero)]
 
     def _say_offsets(self) -> None:
         solution, expanded = self.so_far.solution, self.so_far.expanded_mm
@@ -325,10 +380,6 @@ class Dialogue:
                     self._skip(words or self._words("Why is it skipped? > "), step)
             case "t":
                 self.asker.say(wording.table(self.state, self.setting, self.unit))
-            case "p":
-                self.write(events.Paused(at=self.now()))
-                self._words("Paused; everything is saved. Touch no stand. Return goes on > ")
-                self.write(events.Continued(at=self.now()))
             case "q":
                 raise Quit
             case _:
@@ -370,6 +421,8 @@ class Dialogue:
         self.asker.say(f"Retaking {what}; the old readings are kept as replaced.")
 
     def _take_again(self, steps: list[SessionStep], reason: str) -> None:
+        if self.state.ended:
+            self.write(events.Reopened(at=self.now(), source=self.state.source))
         numbers = tuple(step.number for step in steps)
         self.write(events.Retake(at=self.now(), steps=numbers, reason=reason))
 

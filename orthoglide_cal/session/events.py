@@ -43,13 +43,14 @@ class Doubt(StrEnum):
     EXCHANGED = "exchanged"  # the two gauges of a leg taken for each other
     POINT = "point"  # decimal point in the wrong place
     STAND = "stand"  # the stand was knocked
+    PLACE = "place"  # the machine stands elsewhere
     UNEXPECTED = "unexpected"  # none of these explains it
 
     @property
     def compares(self) -> bool:
         """Whether the reading does not fit the others; not that the gauge can hardly show it."""
         alone = (Doubt.RANGE, Doubt.GRID, Doubt.DEAD, Doubt.SCATTER, Doubt.LAYOUT, Doubt.DOUBLE)
-        return self not in alone
+        return self not in (*alone, Doubt.PLACE)
 
 
 def _with_zone(at: str) -> str:
@@ -152,7 +153,7 @@ class Arrived(Event):
     value_mm: float
     raw: str  # the characters that arrived
     source: str  # the gauge, or "typed"
-    remark: str = ""  # always empty; the format has it
+    remark: str = ""  # where the machine stood, if it was followed
 
     @property
     def file_minutes(self) -> float:
@@ -217,15 +218,9 @@ class Noted(Event):
 
 
 class Paused(Event):
-    """The operator paused."""
+    """The operator paused, or went on; written by earlier versions."""
 
-    kind: Literal["paused"] = "paused"
-
-
-class Continued(Event):
-    """The operator went on after a pause."""
-
-    kind: Literal["continued"] = "continued"
+    kind: Literal["paused", "continued"]
 
 
 class Shortened(Event):
@@ -246,7 +241,7 @@ class Ended(Event):
 RECORD: TypeAdapter[Event] = TypeAdapter(
     Annotated[
         Opened | Planned | Reopened | Taken | Questioned | Answered | Undone | Retake | Skipped
-        | Noted | Paused | Continued | Shortened | Ended,
+        | Noted | Paused | Shortened | Ended,
         Field(discriminator="kind"),
     ]
 )  # fmt: skip

@@ -57,6 +57,9 @@ class PriorReadings:
                 row.model_copy(update={"timestamp": entry.get("timestamp")})
                 for row, entry in zip(rows, entries, strict=True)
             ]
+        # Steps are counted anew in each session: those of an earlier one cannot be retaken.
+        notes = (re.sub(r" \(r [0-9]+\)", "", row.note or "") for row in rows)
+        rows = [r.model_copy(update={"note": n}) for r, n in zip(rows, notes, strict=True)]
         return [rows[index] for index in self.readings.plan.in_time.tolist()]
 
     @property
@@ -149,7 +152,7 @@ class Recommendation:
             raise UsageError(
                 "The offsets in the controller were changed since the last reading: that"
                 " measurement needs the machine and the stands as they were.",
-                "Leave out --choice for one with the stands set up afresh.",
+                "Leave out --choice for one with the stands set up again.",
             )
         following = Following(
             data=self.first.following.data, what=option.what, minutes=option.minutes,
@@ -205,7 +208,7 @@ def recommended(
         raise UsageError(
             f"{path} was measured on another machine than that of --machine: they differ in"
             f" {', '.join(names)}.",
-            "Leave out --machine to go on with the machine of the session.",
+            "Leave out --machine to use the machine of the session.",
         )
     model = input_from_document(data, given, otherwise).model if given else own.model
     first = first_of(
@@ -215,7 +218,7 @@ def recommended(
         raise UsageError(
             f"{path} was measured with the single-posture protocol. What comes next is read with"
             " gauges that stay where they stand; readings of both kinds cannot be joined.",
-            "Measure a session of its own: orthocal measure",
+            "Measure a separate session: orthocal measure",
         )
     options = tuple(each.option for each in ranked(diagnose(first.readings, model)))
     if choice is not None and choice > len(options):
@@ -233,7 +236,7 @@ def recommended(
         and len(set(GaugePlan.require(found.option.plan).series)) > 1
     ):
         raise UsageError(
-            "That measurement goes on with two gauges where they stand.",
+            "That measurement needs the two gauges where they are.",
             "Read with two, or take another one: --choice 2",
         )
     return found

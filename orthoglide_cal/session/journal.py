@@ -141,7 +141,7 @@ class Journal:
             except OSError as error:
                 raise UsageError(
                     f"{path} is in use by another session that is still running.",
-                    "Go on there, or end it there with q.",
+                    "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q.",
                 ) from error
             with os.fdopen(os.dup(descriptor), "rb") as file:
                 data = file.read()
@@ -181,7 +181,7 @@ class Journal:
             raise InputError(
                 f"The last entry could not be saved: {error.strerror or error}.",
                 "All earlier entries are on the disk. Free some space, or plug the drive in again;"
-                " then go on with --resume.",
+                " then continue with --resume.",
                 file=str(self.path),
             ) from error
         self._size += len(line)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -98,7 +98,7 @@ def open_session(
         journal = Journal.resume(record.journal_path(path))
     else:
         path = record.new_session(request.path, folder)
-        # A gauge that is not there leaves no file behind, nor does a machine that is another one.
+        # A missing gauge or another machine leaves no file behind.
         if serial:
             serial.open()
         model, found = _confirmed(request, Asker(keyboard, show))
@@ -134,7 +134,7 @@ def _check_options(request: Request) -> None:
     path, following = request.path, request.following
     if following is None:
         if request.choice is not None:
-            raise UsageError("--choice is of a recommendation.", "Name its data: --then FILE")
+            raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
         return
     if path and record.session_path(path).resolve() == Path(following).resolve():
         raise UsageError(
@@ -193,8 +193,8 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
             return model, found
         if request.model is None and not found:
             asker.say(
-                "No machine file is named, and there is none in this folder: these are the numbers"
-                " of the paper's prototype. Make yours: orthocal machine new",
+                "No machine file is named, and this folder has none: these are the numbers"
+                " of the paper's prototype. Make a file for your machine: orthocal machine new",
                 Style.BAD,
             )
         also = ", and shall this be measured now" if found else ""
@@ -223,11 +223,11 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     """The machine with other offsets in its controller. Raises UsageError."""
     if offsets_mm is None:
         return model
-    most = min(model.orthoglide.leg_length_mm, LARGEST_OFFSET_MM)
+    most = min(model.machine.travel_mm, LARGEST_OFFSET_MM)
     if len(offsets_mm) != 3 or not all(abs(value) < most for value in offsets_mm):
         raise UsageError(
             "These are not three joint offsets.",
-            "Give those of X, Y and Z in mm, as the controller shows them: 0.412 -0.3 0",
+            f"Give X, Y and Z in mm, none beyond the travel of {most:g} mm: 0.412 -0.3 0",
         )
     return model.holding(offsets_mm)
 
@@ -280,8 +280,8 @@ def _setting(request: Request, journal: Journal, state: State) -> Setting:
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events)
     if not known or (planned is None) != (opened.version == events.VERSION):
         raise InputError(
-            "The journal speaks of a step that this session does not have, or not of what is read.",
-            "Restore the file from a copy; or move it away and begin anew.",
+            "The journal has a step that this session does not have, or another reading for it.",
+            "Restore the file from a copy; or move it away and begin again.",
             file=path,
         )
     setting = Setting(model, steps, first)
@@ -315,7 +315,7 @@ def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
         differences.append(f"gauge: {before} in the session, {now} asked for")
     # What the controller held was asked when the session began; the file may say otherwise.
     asked = _holding(request.model or model, request.offsets_mm or model.orthoglide.offsets_mm)
-    one, other = (_flat(machine_values(m)) for m in (model, asked))
+    one, other = machine_values(model), machine_values(asked)
     differences += [
         f"machine, {name}: {one.get(name, 'none')} in the session,"
         f" {other.get(name, 'none')} in the file"
@@ -327,13 +327,3 @@ def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
             "This is not the session that was begun. " + "; ".join(differences) + ".",
             "Leave those options out, or begin a new session in another file.",
         )
-
-
-def _flat(value: object, prefix: str = "") -> dict[str, object]:
-    """Nested groups as dotted names."""
-    if isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
-        value = dict(enumerate(value))
-    if not isinstance(value, Mapping):
-        return {prefix[:-1]: value}
-    parts = (_flat(inner, f"{prefix}{key}.") for key, inner in value.items())
-    return {name: leaf for part in parts for name, leaf in part.items()}

@@ -14,7 +14,7 @@ from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
 from orthoglide_cal.estimation.forecast import Forecast, PlanForecast
-from orthoglide_cal.files import ReadingRow, readings_of, row_at
+from orthoglide_cal.files import QUESTIONED, ReadingRow, readings_of, row_at
 from orthoglide_cal.model import (
     Contact,
     Floats,
@@ -191,7 +191,9 @@ class ReadingsSoFar:
             take, seq = item.take, seq + 1
             remarks = [text for number, text in self.state.notes if number == take.step]
             if isinstance(take, Questioned):
-                remarks.insert(0, f"kept although questioned: {take.question}")
+                remarks.insert(0, QUESTIONED.format(take.step, take.question))
+            if take.remark:
+                remarks.append(take.remark)
             rows.append(self.row(take, seq=seq, gauge=label, note="; ".join(remarks) or None))
         return rows
 

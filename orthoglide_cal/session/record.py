@@ -29,7 +29,7 @@ def session_path(given: Path) -> Path:
     """
     if given.name in ("", ".."):
         raise UsageError(
-            "A session is a file; this is a folder or nothing.",
+            "A session must be a file; this is not one.",
             "Name a file, such as session.yaml, or leave the name out.",
         )
     if len(os.fsencode(given.name)) > _LONGEST:
@@ -52,7 +52,7 @@ def new_session(given: Path | None, folder: Path) -> Path:
         if waiting:
             raise UsageError(
                 f"There is an unfinished session here: {', '.join(path.name for path in waiting)}.",
-                "Go on with --resume, or name a file for a new one: orthocal measure NAME.yaml",
+                "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
         names = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
         return next(folder / name for name in names if not (folder / name).exists())
@@ -60,12 +60,12 @@ def new_session(given: Path | None, folder: Path) -> Path:
     if path.exists():
         raise UsageError(
             f"{path} exists; a session is never overwritten.",
-            "Name another file, or go on with an unfinished session with --resume.",
+            "Name another file, or continue an unfinished session with --resume.",
         )
     if journal_path(path).exists():
         raise UsageError(
             f"{journal_path(path)} holds a session that is not finished.",
-            f"Go on with it: {command('measure', str(path), options='--resume')}",
+            f"Continue it: {command('measure', str(path), options='--resume')}",
         )
     return path
 

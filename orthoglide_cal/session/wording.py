@@ -1,9 +1,9 @@
-"""The words, tables and pictures that lead through a session, in plain characters."""
+"""The words and tables that lead through a session, in plain characters."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import visible
@@ -16,19 +16,15 @@ from orthoglide_cal.planning.steps import (
     gauge_moves,
     minutes_left,
     posture_name,
-    sequence_options,
     step_name,
 )
 from orthoglide_cal.session.events import Questioned
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.session.state import State
-from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for
+from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:
     from orthoglide_cal.results import Parameter
-
-# A narrower screen gets no pictures.
-NARROW = 60
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -37,11 +33,10 @@ Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
   n text       note, kept with this step
   s why        skip this step (s all: skip all that is left, and finish)
   t            the last 20 readings
-  p            pause
-  q            save and quit; go on later with --resume
+  q            save and quit; continue later with --resume
   ?            this help
 A reading that looks wrong is questioned once:
-  k            keep it all the same
+  k            keep it anyway
   m            the stand did move: keep it, with a new zero from here on
   or give the reading again.
 Every accepted reading is on the disk before the next prompt."""
@@ -49,7 +44,7 @@ Every accepted reading is on the disk before the next prompt."""
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
 STREAM = """\
-The gauge sends by itself: nothing of that is recorded. Switch off its
+The gauge sends by itself: none of it is recorded. Switch off its
 continuous output (also: AUTO, STREAM, INTERVAL), so that it sends when its
 button is pressed; then press once."""
 
@@ -73,19 +68,15 @@ def machine(model: Model) -> str:
 def opening(state: State, setting: Setting, name: str) -> str:
     """What lies ahead; `name` is the session file's."""
     opened, steps, first = state.opened, setting.steps, setting.first
-    told = sequence_options(opened.protocol, opened.cycles, opened.order, opened.stands)
-    made = f"orthocal plan --program FILE.nc {told}".strip()
     head = [f"{opened.protocol} session, {counted(opened.cycles, 'cycle')}, order: {opened.order}"]
     if opened.protocol is MeasuringProtocol.BEST:
         head.append(
             f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is wrong"
             " with a machine, leave out --design."
         )
-    # What continues other readings has no program, and blocks of another one drive elsewhere.
-    program = [f"Blocks   are those of this machine's {made}"]
     if first:
         from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
-        head, program = [f"{from_here} both are solved together at the end."], []
+        head = [f"{from_here} both are solved together at the end."]
     minutes = first.following.minutes if first else minutes_left(steps)
     gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
     return "\n".join([
@@ -95,12 +86,11 @@ def opening(state: State, setting: Setting, name: str) -> str:
         f" {counted(len({step.setup for step in steps}), 'set-up')},"
         f" {counted(gauge_moves(steps), 'gauge move')}, {_duration(minutes).lower()}."
         " ? is help.",
-        *program,
     ])  # fmt: skip
 
 
 def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str, str]:
-    """Heading of a gauge set-up; its picture and instructions.
+    """Heading of a gauge set-up, and its instructions.
 
     Once it is `begun`, readings were taken in it: the stands must stay where they are.
     """
@@ -122,13 +112,13 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
         ]
     elif first and first.following.continues and not begun and setup == 1:
         words = [
-            "Do not touch the stands: they must stand as they stood for the last reading",
+            "Do not touch the stands: they must be where they were for the last reading",
             f"of {visible(first.path)}. If one was touched since: q, and another measurement.",
         ]
     elif begun:
         words = [
-            "The stands are in place: do not touch them. If one was moved all the same,",
-            "just go on: the next reading will be questioned; then answer m.",
+            "The stands are in place: do not touch them. If one was moved anyway,",
+            "just continue: the next reading will be questioned; then answer m.",
         ]
     else:
         words = []
@@ -153,8 +143,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
             f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
             " Then touch no stand.",
         ]
-    shown = [*picture(planned.leg, directions, contact), ""] if columns >= NARROW else []
-    return rule, "\n".join(["", *shown, *words])
+    return rule, "\n".join(words)
 
 
 def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
@@ -172,13 +161,18 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     )
 
 
+def point(step: SessionStep, setting: Setting) -> Point:
+    """Where to drive."""
+    posture = setting.model.orthoglide.joints_at(step.leg, step.displacement_mm)
+    return Point.of(setting.model, posture - setting.short_mm(step))
+
+
 def place(step: SessionStep, setting: Setting) -> str:
     """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
-    posture = setting.model.orthoglide.joints_at(step.leg, step.displacement_mm)
-    point = Point.of(setting.model, posture - setting.short_mm(step))
+    wanted = point(step, setting)
     return (
-        f"Drive to  joints   {_axes(point.joints, '.3f', '   ')}  mm\n"
-        f"          tool     {_axes(point.tool.round(6) + 0.0, '.3f', '   ')}  mm"
+        f"Drive to  joints   {_axes(wanted.joints, '.3f', '   ')}  mm\n"
+        f"          tool     {_axes(wanted.tool.round(6) + 0.0, '.3f', '   ')}  mm"
     )
 
 
@@ -218,7 +212,7 @@ def offsets(offsets_mm: Floats, expanded_mm: Floats) -> str:
     """The offsets so far with their U; what else may be wrong adds to it at the end only."""
     decimals = decimals_for(float(expanded_mm.min()))
     parts = (
-        f"{axis.upper()} {value:+.{decimals}f} +/-{reach:.{decimals}f}"
+        f"{axis.upper()} {value:+.{decimals}f} ± {reach:.{decimals}f}"
         for axis, value, reach in zip(AXES, offsets_mm, expanded_mm, strict=True)
     )
     return f"Offsets so far, {UNLESS}:\n  {'  '.join(parts)} mm"
@@ -238,26 +232,25 @@ def closing(state: State, setting: Setting, session: str) -> str:
     for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
         counts += f", {number} {word}" if number else ""
     reason = state.ended.reason if state.ended else "unfinished"
-    lines = ["", f"Session {reason}: {counts}.", f"Written to {visible(session)}"]
+    lines = ["", f"Session {reason}: {counts}. Written to {visible(session)}"]
     if setting.first:
         lines.append(f"The {len(setting.first.readings)} earlier readings are in the same file.")
     for leg in sorted({step.leg for step in setting.steps if step.planned.turned}):
         lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
-    return "\n".join([*lines, ""])
+    return "\n".join(lines)
 
 
 def truth(found: Sequence[Parameter], hidden_mm: Floats) -> str:
-    """After a simulated session: what was hidden, and what was found."""
-    lines, inside = ["This machine was simulated. Hidden in it, and found (mm):"], True
-    for each, hidden in zip(found, hidden_mm.tolist(), strict=True):
-        if each.found is not None:
-            known = (each.found, each.found - each.expanded, each.found + each.expanded)
-            value, least, most = (f"{one:+.{decimals_for(each.expanded)}f}" for one in known)
-            inside &= known[1] <= hidden <= known[2]
-            name = f"{each.name.upper()}  hidden {hidden:+.4f}"
-            lines.append(f"  {name}   found {value}   95 % from {least} to {most}")
-    last = "Not all lie inside their intervals; expected once in seven sessions."
-    return "\n".join([*lines, "All three lie inside their intervals." if inside else last])
+    """After a simulated session: what was hidden, and whether it was found."""
+    columns = list(zip(found, hidden_mm.tolist(), strict=True))
+    hidden = " ".join(
+        f"{each.name} {signed(value, decimals_for(each.expanded))}" for each, value in columns
+    )
+    inside = all(
+        each.found is None or abs(value - each.found) <= each.expanded for each, value in columns
+    )
+    told = "all lie within U" if inside else "not all lie within U: expected once in seven sessions"
+    return f"Simulated; hidden were {hidden} mm: {told}."
 
 
 def table(state: State, setting: Setting, unit: Unit) -> str:
@@ -281,52 +274,3 @@ def wrapped(text: str, columns: int) -> str:
             else [line]
         )
     return "\n".join(lines)
-
-
-# Pictures of the gauge set-ups, x to the right, y away, z up: (row, column, text) of the machine's
-# parts, and of each gauge with its plunger, for every leg.
-_Marks = tuple[tuple[int, int, str], ...]
-
-# fmt: off
-_LEGS: tuple[_Marks, ...] = (
-    ((4, 3, "tool o========*========(X)- - - rail X"), (5, 24, "carriage")),
-    ((0, 24, "/ rail Y"), (1, 22, "(Y) carriage"), (2, 21, "/"), (3, 19, "/"), (4, 17, "*"),
-     (5, 15, "/"), (6, 13, "/"), (7, 6, "tool o")),
-    ((0, 17, "| rail Z"), (1, 16, "(Z) carriage"), (2, 17, "|"), (3, 17, "|"), (4, 17, "*"),
-     (5, 17, "|"), (6, 17, "|"), (7, 12, "tool o")),
-)
-_GAUGES: dict[tuple[int, int], _Marks] = {
-    (0, 1): ((2, 21, "[Y]"), (3, 19, "/")),
-    (0, 2): ((1, 16, "[Z]"), (2, 17, "|"), (3, 17, "v")),
-    (1, 0): ((4, 19, "<----[X]"),),
-    (1, 2): ((1, 16, "[Z]"), (2, 17, "|"), (3, 17, "v")),
-    (2, 0): ((4, 19, "<----[X]"),),
-    (2, 1): ((2, 21, "[Y]"), (3, 19, "/")),
-}
-_SLIDING: tuple[_Marks, ...] = (
-    ((1, 8, "[Z] tool end"), (2, 9, "|"), (3, 9, "v"), (1, 25, "[Z] joint end"), (2, 26, "|"),
-     (3, 26, "v"), (4, 4, "tool o===============(X)- - - rail X")),
-    ((0, 20, "[Z] joint end"), (1, 21, "|"), (2, 21, "v"), (3, 20, "(Y) carriage"),
-     (4, 3, "tool end [Z]"), (4, 19, "/"), (5, 13, "|"), (5, 17, "/"), (6, 13, "v"),
-     (6, 15, "/"), (7, 8, "tool o")),
-)
-_AXES: _Marks = (
-    (2, 48, "+Z"), (3, 48, "|   +Y"), (4, 48, "|  /"), (5, 48, "| /"), (6, 48, "+------ +X"),
-)
-# fmt: on
-
-
-def picture(leg: int, directions: Collection[int], contact: Contact) -> list[str]:
-    """The gauges of a set-up, less than `NARROW` columns wide.
-
-    Fixed on stands half-way along the leg (double-posture), or one that slides on the xy-surface
-    between the ends of the leg (single-posture).
-    """
-    if contact is Contact.FIXED:
-        marks = [*_LEGS[leg], *(mark for axis in directions for mark in _GAUGES[leg, axis])]
-    else:
-        marks = [*_SLIDING[leg]]
-    canvas = [[" "] * NARROW for _ in range(8)]
-    for row, column, text in (*marks, *_AXES):
-        canvas[row][column : column + len(text)] = text
-    return [line for line in ("".join(row).rstrip() for row in canvas) if line]

@@ -31,7 +31,7 @@ from .scoring import showing
 
 @dataclass(frozen=True, eq=False)
 class Ambiguous:
-    """A session whose cause the program leaves open, and what it says should be measured next."""
+    """A session of which something that matters is open, and what is to be measured next."""
 
     session: Session
     found: Diagnosis
@@ -39,9 +39,10 @@ class Ambiguous:
 
     @property
     def pair(self) -> tuple[str, str]:
-        """What is accepted, and what it cannot be told from."""
+        """What is accepted, and what it cannot be told from, or what beside it would not show."""
         accepted = "+".join(sorted(cause.id for cause in self.found.causes))
-        return accepted, ", ".join(sorted(self.found.ambiguous_with))
+        unshown = (fault.id for fault in self.found.unshown if fault.matters)
+        return accepted, ", ".join(sorted({*self.found.ambiguous_with, *unshown}))
 
     @property
     def recommended(self) -> RankedMeasurement | None:
@@ -64,11 +65,15 @@ def joined_diagnosis(session: Session, option: Option, seed: int) -> Diagnosis:
 
 
 def is_named(session: Session, found: Diagnosis) -> bool:
-    """Whether causes are named, all of them real, and none is left out that shows."""
+    """Whether causes are named, all of them real, none is left out that shows, and none is to be
+    looked for that would not show."""
     named = {cause.id for cause in found.causes}
-    return found.verdict is Verdict.NAMED and hidden_and_showing(session) <= named <= set(
-        session.causes
-    )
+    return is_decided(found) and hidden_and_showing(session) <= named <= set(session.causes)
+
+
+def is_decided(found: Diagnosis) -> bool:
+    """Whether causes are named, and nothing stays open on which the offsets depend."""
+    return found.verdict is Verdict.NAMED and not any(fault.matters for fault in found.unshown)
 
 
 def is_answered(session: Session, found: Diagnosis) -> bool:
@@ -82,11 +87,7 @@ def is_answered(session: Session, found: Diagnosis) -> bool:
     said = [{cause.id, *cause.aliases} for cause in found.causes]
     hidden = set(session.causes)
     real = all(names & hidden for names in said)
-    return (
-        found.verdict is Verdict.NAMED
-        and real
-        and hidden_and_showing(session) <= set().union(*said)
-    )
+    return is_decided(found) and real and hidden_and_showing(session) <= set().union(*said)
 
 
 def hidden_and_showing(session: Session) -> set[str]:
@@ -98,13 +99,14 @@ def draw(
     seed: int, hidden: Iterable[tuple[str, ...]], count: int, machines: Iterable[Machine],
     gauges: Sequence[Gauge],
 ) -> Iterator[Ambiguous]:  # fmt: skip
-    """Those of `count` sessions per set of hidden causes, machine and gauge that are ambiguous."""
+    """Those of `count` sessions per set of hidden causes, machine and gauge that are not decided:
+    they are ambiguous, or what would not show beside the named causes would change the offsets."""
     for machine, gauge, causes, n in product(machines, gauges, hidden, range(count)):
         slow = len(causes) == 1 and causes[0] in SLOW and n % 2
         pace = SLOW_PACE if slow else 0.4
         session = make_session(100_000 * seed + n, machine, gauge, causes, pace=pace)
         found = diagnose(*known(session))
-        if found.verdict is Verdict.AMBIGUOUS:
+        if found.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in found.unshown):
             yield Ambiguous(session, found, ranked(found))
 
 
@@ -179,6 +181,7 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
         found.bottom[case.pair] += is_named(case.session, bottom)
         if not named:
             said = [(each.id, *each.aliases) for each in after.causes], after.ambiguous_with
+            said = *said, [fault.id for fault in after.unshown if fault.matters]
             what = f"{best.option.what} ({best.chance:.2f})"
             tell(f"{case.session.label} {case.pair}: {what}; then {said}")
     return found

@@ -38,6 +38,8 @@ class Answer:
     std: tuple[float, ...] = ()
     """Their standard deviations, [mm, deg]."""
     error: str | None = None
+    beyond: tuple[str, ...] = ()
+    """Causes that would explain everything far beyond their size."""
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -53,9 +55,9 @@ class Answer:
 
     @property
     def mentioned(self) -> frozenset[str]:
-        """Every cause in the answer: accepted, an alias of one, or ambiguous with it."""
+        """Every cause in the answer: accepted, an alias of one, ambiguous with it, or beyond."""
         if self.verdict not in ("named", "ambiguous"):
-            return frozenset()
+            return frozenset(self.beyond)
         aliases = (alias for cause in self.causes for alias in cause.aliases)
         return frozenset((*self.ids, *aliases, *self.ambiguous_with))
 
@@ -81,6 +83,7 @@ def parse_answer(line: str) -> Answer:
             ambiguous_with=tuple(entry["ambiguous_with"]),
             found=tuple(each["found"] for each in entry["parameters"]),
             std=tuple(each["std"] for each in entry["parameters"]),
+            beyond=tuple(each["id"] for each in entry["beyond_tolerance"]),
         )
     except KeyError as missing:
         raise ContractError(f"{missing} is missing") from missing

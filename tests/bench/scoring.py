@@ -87,7 +87,7 @@ def is_right(case: Case, answer: Answer, kind: str) -> bool:
         return showing(case.session.causes, far.distances, far.bound) <= answer.mentioned
     truth = case.session.causes[0]
     if kind == "distinct":
-        return answer.first == truth
+        return answer.first == truth or truth in answer.beyond
     return truth in answer.mentioned or (kind == "faint" and answer.verdict == "consistent")
 
 

@@ -28,6 +28,7 @@ def test_the_recommendation_names_the_cause_and_the_bottom_half_does_not() -> No
     Strictly: causes of the machine are met again, so that nothing may be left open.
     """
     often = [("bar_skew",), ("backlash",), ("axis_gap",), ("encoder_scale",)]
+    often += [("stand_shift", "backlash"), ("swapped_gauges", "backlash")]
     found = tally(draw(81, often, 5, [PROTOTYPE], [MICRON, DIAL]), 81)
     assert found.asked.total() >= 10, found
     assert found.share >= 0.90, found

@@ -123,6 +123,7 @@ def test_answers_are_read_strictly() -> None:
         "verdict": "ambiguous",
         "causes": [{**cause, "heldout_after_mm": None, "heldout_ratio": None}],
         "ambiguous_with": ["backlash"],
+        "beyond_tolerance": [],
         "parameters": [{"found": k, "std": 0.1 * k} for k in (1.0, 2.0, 3.0)],
     }
     answer = parse_answer(json.dumps(line))
@@ -149,7 +150,7 @@ for name in names:
                "heldout_ratio": None}] if found not in ("healthy", "outside") else []
     verdict = {"healthy": "consistent", "outside": "unexplained"}.get(found, "named")
     print(json.dumps({"verdict": verdict, "causes": causes, "ambiguous_with": [],
-        "parameters": [{"found": 0.0, "std": 0.0}] * 3}))
+        "beyond_tolerance": [], "parameters": [{"found": 0.0, "std": 0.0}] * 3}))
 """
 
 

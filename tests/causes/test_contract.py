@@ -31,7 +31,7 @@ CONTRACT = {
     "wrong_unit": ("record", "", 0),
     "tower_lean": ("geometry", "mrad", 6),
     "tower_radius": ("geometry", "mm", 3),
-    "bed_shape": ("contact", "mm", 7),
+    "bed_shape": ("contact", "mm", 25),
     "probe_tilt": ("contact", "mm", 3),
     "probe_drift": ("contact", "mm/h", 1),
 }
@@ -109,7 +109,15 @@ def test_each_takes_its_size_from_the_tolerances(cause: Cause, subject: Subject)
     kind, stated = type(subject.machine), subject.machine.tolerances[cause.id]
     stds = cause.prior_std(subject.machine)
     assert stds.shape == (cause.unknowns,)
-    assert stds[: len(cause.names)] == pytest.approx(stated * cause.scale)
+    assert cause.stated(subject.machine) == stated
+    # The arms of this printer differ by 2.25 mm: they are doubted.
+    doubted = 2.25 if (cause.id, kind.__name__) == ("leg_length", "LinearDelta") else 0.0
+    share = np.ones(len(cause.names))
+    if cause.id == "bed_shape":
+        share[7:] = np.repeat([0.1, 0.01, 0.001], [5, 6, 7])
+    assert stds[: len(cause.names)] == pytest.approx(
+        np.hypot(stated, doubted) * cause.scale * share
+    )
     assert cause.scale == {"mrad": 1e-3, "1e-3": 1e-3}.get(cause.unit, 1.0)
     assert cause.sizes[kind] == stated
     file = (ROOT / "configs" / subject.file).read_text(encoding="utf-8")

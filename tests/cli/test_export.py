@@ -1,17 +1,17 @@
 """`orthocal export`: one format at a time, refusals with their exit code."""
 
-from tests.cli.program import DOUBLE, SIX, UNDETERMINED, refused, run
+from tests.cli.program import DOUBLE, SIX, UNDETERMINED, lines, refused, run
 
 
 def test_json_beside_another_format_is_refused() -> None:
-    said = refused(2, "export", DOUBLE, "--json", "--format", "table")
-    assert "--json does not go with --format table" in said
+    (said,) = lines(run("export", DOUBLE, "--json", "--format", "table"))
+    assert "--json does not go with --format table" in said["error"]
 
 
 def test_what_must_not_be_used_is_marked_if_forced() -> None:
     said = refused(4, "export", SIX)
     assert "Export refused." in said
-    assert "To export all the same, marked as forced: --force" in said
+    assert "To export it anyway, marked as FORCED: --force" in said
     forced = run("export", SIX, "--force", "--format", "linuxcnc")
     assert forced.exit_code == 0
     assert "# FORCED: this result must not be used." in forced.stdout

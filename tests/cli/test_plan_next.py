@@ -11,15 +11,15 @@ from tests.cli.program import DOUBLE, SINGLE, SIX, lines, process, run
 from tests.cli.test_plan import once
 from tests.machines import ROOT
 
-OF_DIAGNOSIS = {"what", "minutes", "separates", "between", "separation_sigma"}
+OF_DIAGNOSIS = {"session", "what", "minutes", "separates", "between", "separation_sigma"}
 KEYS = OF_DIAGNOSIS | {"expanded_mm", "chance"}
 
 
 @pytest.fixture(scope="module")
 def open_session(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
-    """A skewed bar beside which exchanged gauges are possible, and its machine file."""
+    """A skewed bar that may as well be rails that do not meet, and its machine file."""
     folder: Path = tmp_path_factory.mktemp("open")
-    session = truth.make_session(7_100_003, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
+    session = truth.make_session(7_100_014, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
     write_text(folder / "machine.yaml", truth.machine_yaml(truth.PROTOTYPE, truth.DIAL))
     path = truth.write_readings(session, folder / "first.csv")
     return str(path), str(folder / "machine.yaml")
@@ -46,17 +46,36 @@ def test_the_ranking_begins_with_what_diagnose_names(open_session: tuple[str, st
 
 def test_the_text_says_what_to_type(open_session: tuple[str, str]) -> None:
     path, machine = open_session
-    shown = once("plan", path, "--machine", machine).output
+    shown = once("plan", path, "--machine", machine, "--details").output
     # The recommendation leads.
-    assert next(line for line in shown.splitlines() if line[:1] in "i!✔✘").startswith("i Next, ")
+    assert next(line for line in shown.splitlines() if line[:1] in "i!✔✘").startswith("i Next: ")
     assert "What to measure next, best first" in shown
     said = " ".join(shown.split())
     assert "Ranked by that chance per minute, eight hours added for coming back" in said
     assert "measure --then" in shown
     assert "settles" in shown
     page = run("diagnose", path, "--machine", machine).output
-    assert "Measure next: " in page
-    assert "min and distinguishes bar_skew from " in page
+    assert "measure --then" in page
+    assert "it distinguishes bar_skew from" in " ".join(page.split())
+
+
+def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement(tmp_path: Path) -> None:
+    """A gap that exchanged columns would turn into another: named, yet nothing to enter."""
+    session = truth.make_session(7_100_001, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+    write_text(tmp_path / "machine.yaml", truth.machine_yaml(truth.PROTOTYPE, truth.MICRON))
+    path = str(truth.write_readings(session, tmp_path / "first.csv"))
+    given = path, "--machine", str(tmp_path / "machine.yaml")
+    (answer,) = lines(run("diagnose", *given, "--json"))
+    following = answer["next_measurement"]
+    assert answer["verdict"] == "named"
+    assert following["between"] == [["axis_gap"], ["axis_gap", "exchanged_columns"]]
+    said = " ".join(run("diagnose", *given).output.split())
+    assert "--rule-out exchanged_columns" in said
+    assert "it distinguishes axis_gap from axis_gap with exchanged_columns" in said
+    assert "measure --then" in said
+    assert "Next: about 2 min leave one answer" in run("plan", *given).output
+    (checked,) = lines(run("diagnose", *given, "--rule-out", "exchanged_columns", "--json"))
+    assert checked["next_measurement"] is None
 
 
 def test_what_no_reading_tells_is_measured_again(tmp_path: Path) -> None:
@@ -69,7 +88,7 @@ def test_what_no_reading_tells_is_measured_again(tmp_path: Path) -> None:
     said = " ".join(page.split())
     assert "No further reading of this kind is likely to decide. What is open lies in the" in said
     assert "leave the old readings out" in said
-    assert "Measure next: " not in page
+    assert "orthocal measure" not in page
 
 
 @pytest.mark.parametrize("path", [SIX, SINGLE])
@@ -80,10 +99,10 @@ def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own(
     shown = run("plan", path).stdout
     assert "measure --then" not in shown
     assert "It is solved alone" in " ".join(shown.split())
-    head = shown.partition("best first")[0]
+    head = shown
     (told,) = re.findall(r"^ +orthocal (measure.*)$", head, re.MULTILINE)
     (wanted,) = re.findall(
-        r"double-posture, ([0-9]) cycle", " ".join(head.split("to do next")[1].split())
+        r"double-posture, ([0-9]) cycle", " ".join(head.split("\nNext\n")[1].split())
     )
     environment = {"PYTHONPATH": str(ROOT)}
     simulated = ("session.yaml", "--gauge", "simulated", "--seed", "4", "--yes")
@@ -95,8 +114,8 @@ def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own(
 
 def test_the_page_of_a_file_speaks_of_that_file() -> None:
     """What a session of its own would give stands apart, under its own heading."""
-    shown = once("plan", DOUBLE, "--target", "0.022").stdout
-    head, _, alone = shown.partition("A session of its own would give")
+    shown = once("plan", DOUBLE, "--target", "0.022", "--details").stdout
+    head, _, alone = shown.partition("A separate session would give")
     # However long its path is, and where it wraps.
     assert "".join(f"Readings {DOUBLE}, 60".split()) in "".join(head.split())
     assert "Session" not in head
@@ -107,7 +126,7 @@ def test_the_page_of_a_file_speaks_of_that_file() -> None:
 
 def test_a_target_beside_a_file_is_answered() -> None:
     def said(target: str) -> str:
-        shown = once("plan", DOUBLE, "--target", target).stdout.partition("What to do next")[0]
+        shown = once("plan", DOUBLE, "--target", target).stdout.partition("\nNext\n")[0]
         return " ".join(shown.replace("│", " ").split())
 
     (plan,) = lines(once("plan", DOUBLE, "--json"))
@@ -121,7 +140,7 @@ def test_a_target_beside_a_file_is_answered() -> None:
 
 
 def test_sound_readings_need_nothing_and_say_what_they_give() -> None:
-    shown = run("plan", DOUBLE).stdout
+    shown = run("plan", DOUBLE, "--details").stdout
     (solved,) = lines(run("solve", DOUBLE, "--json"))
     now = max(each["expanded"] for each in solved["parameters"])
     assert "✔ Nothing needs to be measured" in shown

@@ -25,7 +25,17 @@ from orthoglide_cal.files import read_input, read_machine
 from tests.cli.program import SIX, answer, done, parameters, refused, run, words
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
-from tests.truth.delta import KOSSEL, V400, Layout, Truth, delta_csv, delta_yaml, probe_bed
+from tests.truth.delta import (
+    KOSSEL,
+    V400,
+    Layout,
+    Truth,
+    delta_csv,
+    delta_yaml,
+    places_of,
+    probe_bed,
+)
+from tests.truth.plan import frozen
 
 MACHINE = ("--machine", "v400.yaml")
 PROTOTYPE = f"{ROOT}/configs/orthoglide_prototype.yaml"
@@ -222,7 +232,7 @@ def test_measured_arms_that_the_firmware_has_not_make_the_endstops_unsure() -> N
     back = refused(2, *mesh, *known(20.0))
     assert "two machines: arms 364 and 344 mm long" in back
     assert "arm_length_mm" in back
-    assert "enter each in printer.cfg (arm_length)" in page(*mesh)
+    assert "enter each in printer.cfg (arm_length)" in page(*mesh, "--details")
 
 
 def test_verify_says_what_was_entered_of_each_parameter() -> None:
@@ -250,6 +260,52 @@ def test_what_is_better_is_not_yet_what_was_promised(share: float, kept: bool, o
     assert compared["kept"] is kept
     assert ("✔ The touches agree better than before, as promised" in said) is kept
     assert ("but not as promised" in said) is not kept
+
+
+def test_what_got_worse_with_nothing_entered_has_moved(own: Path) -> None:
+    """The same settings: twice and more as bad is a move, the same again is none."""
+    worse = replace(OFF, endstops=frozen(3.0 * OFF.endstops))
+    for truth, moved in ((worse, True), (OFF, False)):
+        Path("after.cfg").write_text(printer_cfg(V400, truth, seed=2))
+        both = ("verify", "printer.cfg", "after.cfg", "--data", "mesh")
+        compared, said = answer(*both), run(*both).stdout
+        assert compared["moved"] is moved
+        assert ("The machine has moved: nothing was entered" in said) is moved
+        assert not compared["kept"]
+
+
+def test_no_better_than_before_is_not_as_promised(own: Path) -> None:
+    """29 touches on a shape of 25 µm: what was entered took nothing away, though F cannot tell."""
+    at = places_of(Layout(29), V400.bed)
+    x, y = at.T / V400.bed
+    shape, off = 0.08 * (x**4 - 6.0 * x**2 * y**2 + y**4), 0.02 * x
+    for name, height in (("before.csv", shape + off), ("after.csv", shape - 1.2 * off)):
+        rows = [f"{a:g},{b:g},{z:.6f}" for (a, b), z in zip(at.tolist(), height, strict=True)]
+        Path(name).write_text("x_mm,y_mm,reading_mm\n" + "\n".join(rows) + "\n")
+    Path("v400.yaml").write_text(delta_yaml(V400))
+    compared = answer("verify", "before.csv", "after.csv", *MACHINE)
+    promised, after = compared["rms_promised_mm"], compared["rms_after_mm"]
+    assert promised < 0.95 * compared["rms_before_mm"] < after
+    assert after**2 < 1.9 * promised**2  # F of 28 and 23 degrees of freedom, 5 %
+    assert not compared["kept"]
+
+
+def test_dates_of_one_printer_are_judged_together(own: Path) -> None:
+    Path("later.cfg").write_text(printer_cfg(CALIBRATED, Truth(), seed=4))
+    both = ("diagnose", "printer.cfg", "later.cfg", "--data", "mesh", "--together")
+    found = answer(*both)
+    assert [each["path"] for each in found["inputs"]] == ["printer.cfg", "later.cfg"]
+    assert found["verdict"] == "consistent"
+    before, after = (parameters(each) for each in found["dates"])
+    for name, value in TRUE.items():
+        assert before[name]["active"] != after[name]["active"]
+        for each in (before[name], after[name]):
+            assert abs(each["active"] + each["found"] - value) < 3.0 * each["std"]
+    said = words(run(*both).stdout)
+    assert "cannot determine leg_length: it may be off by 0.3 mm (1 σ)" in said
+    assert "printer.cfg later.cfg --data mesh --together" in said
+    for wrong in (("printer.cfg", "--together"), ("printer.cfg", "--recalibrated")):
+        assert run("diagnose", *wrong).exit_code == 2
 
 
 def test_distances_scatter_as_a_calliper_does_and_not_as_a_probe(own: Path) -> None:
@@ -314,11 +370,11 @@ def test_causes_of_the_rails_have_the_names_of_the_towers(own: Path, files: Path
     assert "encoder_scale has the parameters a, b, c." in back
     std = cause["parameters"][1]["std"]
     with contextlib.chdir(files):
-        said = page("diagnose", "belt.csv", *MACHINE)
-    shown = re.search(r"tower b -[\d.]+ ± ([\d.]+) mm/m", said)
+        said = page("diagnose", "belt.csv", *MACHINE, "--details")
+    shown = re.search(r"encoder_scale, mm/m a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
     assert shown is not None
     assert float(shown[1]) == pytest.approx(1.96 * std, rel=0.06)
-    assert "(± U, 95 %)" in said
+    assert "± U, 95 %" in said
 
 
 def found_at(folder: Path, *arguments: str) -> dict[str, Any]:
@@ -350,7 +406,7 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
 
 def test_what_is_not_recommended_is_not_accepted() -> None:
     """Lost motion: a printer's firmware has no setting for it, and belts are tightened."""
-    back = run("diagnose", "lost.csv", *MACHINE, "--accept", "backlash")
+    back = run("diagnose", "lost.csv", *MACHINE, "--accept", "backlash", "--details")
     assert back.exit_code == 4
     assert "is not recommended" in back.stdout
     assert "Making backlash part of the machine's model is not recommended" in back.stderr
@@ -369,7 +425,7 @@ def test_a_leaning_tower_that_is_named_can_be_lived_with(own: Path, files: Path)
 
 def test_diagnose_shows_the_bed_from_above() -> None:
     """A bed that rises towards +x and +y by its third power, far beyond the noise."""
-    said = once("diagnose", "bent.csv", *MACHINE).stdout
+    said = once("diagnose", "bent.csv", *MACHINE, "--details").stdout
     drawn = [line[2:] for line in said.split("parameters only\n")[1].splitlines()[:17]]
     assert len(drawn) == 17
     # Which way it bends shows at the upper right corner of the map against the upper left.
@@ -385,7 +441,7 @@ def test_the_report_is_written_whole(data: str, own: Path) -> None:
     done(*given, "--html", "r.html", "--markdown", "r.md")
     html = Path("r.html").read_text()
     assert 'id="bed-0-t"' in html
-    assert "No reading of this kind determines leg_length" in html
+    assert "Not determined: leg_length" in html
     assert "Leg x" not in html
     assert "Workspace" not in Path("r.md").read_text()
 
@@ -412,10 +468,10 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     solved = found("solve", "tilted.csv", *MACHINE)
     assert max(each["expanded"] for each in solved["parameters"]) > 0.3
     assert not solved["release"]["settled"]
-    assert "type in" in page("solve", "tilted.csv", *MACHINE)
+    assert "± U enter" in page("solve", "tilted.csv", *MACHINE)
     planned = page("plan", "tilted.csv", *MACHINE)
-    assert planned.index("To know them better, about") < planned.index("What to do next")
-    assert "telling: " not in planned.partition("What to do next")[0]
+    assert planned.index("To know them better: about") < planned.index(" Next ")
+    assert "telling: " not in planned.partition(" Next ")[0]
 
 
 def test_seven_touches_do_not_claim_what_is_wrong() -> None:
@@ -423,28 +479,28 @@ def test_seven_touches_do_not_claim_what_is_wrong() -> None:
     assert found("diagnose", "seven.csv", *MACHINE)["verdict"] == "ambiguous"
     said = page("diagnose", "seven.csv", *MACHINE)
     for part in (
-        "leave open what is wrong, and whether anything is",
-        "nor from a sound machine",
-        "so few that nearly anything fits",
+        "Undecided: nothing wrong (",
+        "so few readings nearly anything fits",
     ):
         assert part in said
     for part in ("Likeliest", "Something is wrong"):
         assert part not in said
-    assert "1. Probe more places" in once("solve", "seven.csv", *MACHINE).stdout
+    assert "1. Probe more places" in once("diagnose", "seven.csv", *MACHINE).stdout
+    assert "nor from a sound machine" in page("solve", "seven.csv", *MACHINE)
 
 
 def test_without_a_touch_to_spare_the_model_is_not_said_to_fit() -> None:
     said = page("diagnose", "six.csv", *MACHINE)
     assert "these data cannot show" in said
-    for part in ("✔", "Unexplained stay", "degrees of freedom"):
+    for part in ("✔", "Unexplained: ", "degrees of freedom"):
         assert part not in said
-    assert "1 degree of freedom)" in page("diagnose", "seven20.csv", *MACHINE)
+    assert "1 degree of freedom)" in page("diagnose", "seven20.csv", *MACHINE, "--details")
 
 
 def test_what_seldom_happens_is_not_called_what_noise_would_give() -> None:
     """A pattern that noise leaves in fewer than one of a hundred, on a bed without grain."""
-    said = page("solve", "seven14.csv", "--machine", "smooth.yaml")
-    assert "larger than usual for this probe's noise" in said
+    said = page("solve", "seven14.csv", "--machine", "smooth.yaml", "--details")
+    assert "larger than usual for the probe's noise" in said
     assert "not large enough to call the model wrong" in said
     assert "smaller ones" not in said
 
@@ -453,7 +509,7 @@ def test_values_and_page_give_the_same_residuals() -> None:
     """In the sentences of the answer, too: nobody has to know of degrees of freedom."""
     told = found("diagnose", "odd.csv", *MACHINE)
     assert told["verdict"] == "unexplained"
-    lack, said = told["lack_of_fit"], page("diagnose", "odd.csv", *MACHINE)
+    lack, said = told["lack_of_fit"], page("diagnose", "odd.csv", *MACHINE, "--details")
     assert f"leave {lack['left_mm']:.4f} mm r.m.s." in said
     assert f"would leave {lack['expected_mm']:.4f} mm" in said
     assert f"{lack['left_mm']:.3f} mm r.m.s., where" in " ".join(told["release"]["reasons"])
@@ -503,7 +559,7 @@ def typed(text: str) -> list[str]:
         ("export", "--format", "text"),
         ("export", "--format", "klipper"),
         ("report", "--markdown", "-"),
-        ("plan", "--layout", "bed-13"),
+        ("plan", "--layout", "bed-13", "--details"),
     ],
 )
 def test_the_next_steps_are_about_the_readings_that_were_shown(command: tuple[str, ...]) -> None:
@@ -553,13 +609,34 @@ def test_reports_of_the_mesh_and_of_the_calibration_have_two_numbers() -> None:
     assert len(numbers) == 2
 
 
+def test_a_report_judges_all_that_the_file_stores_and_opens_with_the_worst(own: Path) -> None:
+    """The calibration is fine, and the mesh shows that towers lean."""
+    leaning = replace(OFF, leans=np.array([[1.8, -0.8], [0.4, -3.6], [0.2, 3.0]]))
+    Path("printer.cfg").write_text(printer_cfg(V400, leaning))
+    both = {
+        data: answer("report", "printer.cfg", "--data", data) for data in ("calibration", "mesh")
+    }
+    usable = {data: each["answer"]["release"]["usable"] for data, each in both.items()}
+    assert usable == {"calibration": True, "mesh": False}
+    for data, each in both.items():
+        assert (each["answer"]["input"]["data"], each["others"]) == (data, [])
+    whole = answer("report", "printer.cfg")
+    assert whole["answer"] == both["mesh"]["answer"]
+    assert whole["others"] == [both["calibration"]["answer"]]
+    shown = run("report", "printer.cfg")
+    assert shown.exit_code == 4
+    first, _, rest = shown.stdout.partition("Also judged: 7 heights and 3 distances")
+    assert "✘" in first
+    assert "orthocal report printer.cfg --data calibration" in rest
+
+
 def test_touches_of_a_csv_are_held_out_from_a_mesh() -> None:
     """What --data chooses is of the printer.cfg; the other file has nothing to choose."""
     held = found("diagnose", "printer.cfg", "--data", "mesh", "--holdout", "later.csv")
     assert held["input"]["data"] == "mesh"
     for verb in ("solve", "validate"):
         said = refused(2, verb, "later.csv", *MACHINE, "--data", "mesh")
-        assert "--data is for a printer.cfg; later.csv is none." in said
+        assert "--data is for a printer's file; later.csv is not one." in said
 
 
 # --- what is refused --------------------------------------------------------------------------
@@ -571,11 +648,11 @@ TWO_MACHINES = "two machines: arms 344 and 265 mm long, delta radius 162 and 130
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (("solve", SIX, *MACHINE), 3, "the machine is a linear delta"),
+        (("solve", SIX, *MACHINE), 3, "readings of gauges. truth-v400 is of kind linear_delta."),
         (
             ("solve", SIX, "--data", "mesh", "--machine", PROTOTYPE),
             2,
-            "--data is for a printer.cfg",
+            "--data is for a printer's file",
         ),
         (("export", "printer.cfg", "--format", "linuxcnc"), 2, FOREIGN.format("linuxcnc")),
         (("export", "printer.cfg", "--format", "table"), 2, FOREIGN.format("table")),
@@ -632,7 +709,7 @@ def test_places_that_are_not_filled_in_are_one_fault(own: Path) -> None:
     back = run("diagnose", "places.csv", *MACHINE)
     assert back.exit_code == 3
     assert back.stderr.count("\n") == 1
-    assert "reading_mm: No reading is filled in." in back.stderr
+    assert "reading_mm: No reading was filled in." in back.stderr
 
 
 # --- beside them ------------------------------------------------------------------------------

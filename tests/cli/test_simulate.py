@@ -166,9 +166,10 @@ def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:
     assert str(target) in shown.stderr
     written = target.read_text(encoding="utf-8")
     assert written == run("simulate", "--seed", "3").stdout
-    # Nor is JSON shown for a file that was not written.
-    for options in ((), ("--json",)):
-        refused("--seed", "4", *options, "--output", str(target), said="is not overwritten")
+    refused("--seed", "4", "--output", str(target), said="is not overwritten")
+    # Nor is the JSON of a file shown that was not written.
+    (found,) = lines(run("simulate", "--seed", "4", "--json", "--output", str(target)))
+    assert list(found) == ["input", "error"]
     assert target.read_text(encoding="utf-8") == written
 
 
@@ -224,9 +225,17 @@ def test_json_is_the_session_and_reads_back_as_one() -> None:
     ("option", "message", "remedy"),
     [
         (("--cause", "axis_gap=0.5,0.5,0.5"), "no cause 'axis_gap' of kind", "tower_lean"),
-        (("--cause", "misread=0.3"), "misread cannot act", "its place: 12 (a touch)."),
-        (("--protocol", "single"), "--protocol and --gauge-at are for gauges", "Leave"),
-        (("--gauge-at", "0.9"), "--protocol and --gauge-at are for gauges", "Leave"),
+        (("--cause", "misread=0.3"), "misread cannot act", "its place: 12 (a reading)"),
+        (
+            ("--protocol", "single"),
+            "--protocol and --gauge-at are for machines that are measured",
+            "Leave",
+        ),
+        (
+            ("--gauge-at", "0.9"),
+            "--protocol and --gauge-at are for machines that are measured",
+            "Leave",
+        ),
     ],
 )
 def test_a_printer_has_no_gauges_and_causes_of_its_own(

@@ -60,6 +60,11 @@ def test_the_sample_sessions_give_their_true_offsets(file: str) -> None:
         assert abs(each["found"] - value) < 3.0 * each["std"]
 
 
+def read(cell: str) -> float:
+    """A number with a true minus."""
+    return float(cell.replace("−", "-"))
+
+
 def test_without_spare_readings_nothing_is_not_a_number() -> None:
     text = "difference,value_mm\ndx_y,0.1\ndy_x,0.2\ndz_x,-0.3\n"
     found = answer("solve", "-", text=text)
@@ -67,7 +72,7 @@ def test_without_spare_readings_nothing_is_not_a_number() -> None:
     assert found["noise"]["residuals_mm"] is found["noise"]["repeats_mm"] is None
     assert math.isfinite(found["parameters"][0]["std"])
     assert "no spare readings" in found["judgement"]
-    assert "unknown" in run("solve", "-", text=text).stdout
+    assert "unknown" in run("solve", "-", "--details", text=text).stdout
 
 
 def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
@@ -80,34 +85,36 @@ def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
     shown = run("solve", "--machine", str(machine), DOUBLE).stdout
     found = answer("solve", "--machine", str(machine), DOUBLE)
     assert found["release"]["usable"]
-    assert shown.index("may be entered") < shown.index("type in")
+    assert shown.index("may be entered") < shown.index("± U   enter")
     cells = {row.split()[0]: row.split() for row in shown.splitlines() if row[:3] in {"  x", "  y"}}
     for each, active in zip(found["parameters"], (0.25, -1.5), strict=False):
         row = cells[each["name"]]
         assert float(row[1]) == active
-        assert float(row[2]) == pytest.approx(each["found"], abs=5e-4)
+        assert read(row[2]) == pytest.approx(each["found"], abs=5e-4)
         assert float(row[3]) == pytest.approx(each["expanded"], rel=0.05)
-        assert float(row[-1]) == each["enter"] == pytest.approx(active + each["found"], abs=5e-4)
-    assert "true = indicated + Δρ" in shown
+        assert float(row[4]) == each["enter"] == pytest.approx(active + each["found"], abs=5e-4)
+    details = run("solve", "--machine", str(machine), DOUBLE, "--details").stdout
+    assert "true = indicated + Δρ" in details
 
 
 def test_text_shows_the_papers_table_4() -> None:
-    shown = run("solve", SIX, "--method", "six").stdout.splitlines()
-    at = next(i for i, line in enumerate(shown) if line.startswith("Would be left"))
-    assert shown[at + 1].split() == ["dx_y", "dx_z", "dy_x", "dy_z", "dz_x", "dz_y", "r.m.s."]
-    measured, expected = shown[at + 2].split(), shown[at + 3].split()
-    assert " ".join(measured[1:]) == "-0.43 -0.37 +0.42 -0.18 -1.14 -0.70 0.62"
+    shown = run("solve", SIX, "--method", "six", "--details").stdout.splitlines()
+    at = next(i for i, line in enumerate(shown) if line.startswith("  Deviation, mm"))
+    names = ["dx_y", "dx_z", "dy_x", "dy_z", "dz_x", "dz_y", "r.m.s."]
+    assert shown[at].split()[2:] == names
+    measured, expected = shown[at + 1].split(), shown[at + 2].split()
+    assert " ".join(measured[1:]) == "−0.43 −0.37 +0.42 −0.18 −1.14 −0.70 0.62"
     assert expected[:3] == ["would", "be", "left"]
-    assert " ".join(expected[3:]) == "-0.28 +0.25 +0.21 -0.14 -0.13 +0.09 0.20"
-    assert "0.6219 before, 0.1953 with" in shown[at + 6]
+    assert " ".join(expected[3:]) == "−0.28 +0.25 +0.21 −0.14 −0.13 +0.09 0.20"
+    assert "0.6219 mm r.m.s. before, 0.1953 after" in shown[at + 4]
 
 
 def test_text_puts_the_sigmas_side_by_side() -> None:
-    shown = run("solve", DOUBLE).stdout
+    shown = run("solve", DOUBLE, "--details").stdout
     found = answer("solve", DOUBLE)
-    heading = next(line for line in shown.splitlines() if "q/√12" in line)
-    assert heading.split()[:3] == ["repeats", "residuals", "stated"]
-    numbers = shown.splitlines()[shown.splitlines().index(heading) + 1].split()[1:]
+    said = " ".join(shown.split()).partition("Noise, mm ")[2]
+    words = ("repeats", "residuals", "stated", "resolution q/√12", "used for U")
+    numbers = [said.partition(f"{word} ")[2].partition(" ")[0].strip(",;") for word in words]
     names = ("repeats", "residuals", "stated", "floor", "used")
     expected = [found["noise"][f"{name}_mm"] for name in names]
     assert [float(number) for number in numbers] == pytest.approx(expected, abs=5e-5)
@@ -119,7 +126,7 @@ def test_text_fits_80_columns(file: str, monkeypatch: pytest.MonkeyPatch) -> Non
     shown = run("solve", file).stdout
     # What is to be typed stays on one line.
     assert max(len(line) for line in shown.splitlines() if "orthocal " not in line) <= 80
-    healthy = "The residuals are what this gauge's noise would give" in " ".join(shown.split())
+    healthy = "The residuals agree with the gauge's noise" in " ".join(shown.split())
     assert healthy is (file in (DOUBLE, SINGLE))
 
 
@@ -130,15 +137,15 @@ def test_what_must_not_be_entered_stands_without_an_order(tmp_path: Path) -> Non
     done = run("solve", str(copy))
     assert done.exit_code == 4
     shown = done.stdout
-    assert shown.index("Do not enter these offsets") < shown.index("as found")
-    assert "type in" not in shown
-    alone = "Offsets alone: x -0.177, y +0.683, z +0.109"
-    assert alone in run("solve", SESSION, "--details").stdout
-    assert alone[:14] not in shown
-    assert f"orthocal diagnose {shlex.quote(str(copy))} --accept axis_gap\n" in shown
+    assert shown.index("Do not enter these offsets") < shown.index("offsets alone  with axis_gap")
+    assert "  enter" not in shown
+    assert (
+        "Offsets alone: x −0.177, y +0.683, z +0.109" in run("solve", "--details", str(copy)).stdout
+    )
+    assert f"orthocal diagnose {shlex.quote(str(copy))}\n" in shown
     machine = Path("configs") / "orthoglide_prototype.yaml"
     shown = run("solve", "--machine", str(machine), str(copy)).stdout
-    assert f"{shlex.quote(str(copy))} --machine {machine} --accept axis_gap\n" in shown
+    assert f"orthocal diagnose {shlex.quote(str(copy))} --machine {machine}\n" in shown
 
 
 @pytest.mark.parametrize("depth", [1, 4, 9, 14])

@@ -67,8 +67,8 @@ class TestVerdict:
     def test_nothing_is_named_before_the_odds_are_reached(self) -> None:
         below = posterior(nothing=1.0, axis_gap=0.5 * ODDS_TO_NAME, misread=0.4 * ODDS_TO_NAME)
         found = judge(below, FITS)
-        assert (found.verdict, found.accepted) == ("consistent", ())
-        assert found.ambiguous_with == ("axis_gap", "misread")
+        assert (found.verdict, found.accepted, found.ambiguous_with) == ("consistent", (), ())
+        assert found.not_excluded == ("axis_gap", "misread")
         assert judge(posterior(nothing=1.0, axis_gap=1.1 * ODDS_TO_NAME), FITS).verdict == "named"
 
     def test_where_more_is_asked_for_a_cause_more_is_asked_for_a_second(self) -> None:
@@ -86,7 +86,7 @@ class TestVerdict:
 
     def test_what_would_have_been_seen_is_not_mentioned(self) -> None:
         found = judge(posterior(nothing=1.0, leg_length=0.06, axis_gap=1e-6), FITS)
-        assert found.ambiguous_with == ("leg_length",)
+        assert found.not_excluded == ("leg_length",)
 
     def test_a_pattern_beyond_the_list_wins(self) -> None:
         found = judge(posterior(unlisted=2.0, axis_gap=1.0), FITS)

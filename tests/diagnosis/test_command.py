@@ -42,9 +42,9 @@ class TestJson:
         assert cause["heldout_after_mm"] < 0.5 * cause["heldout_before_mm"]
         assert answer["ambiguous_with"] == []
         assert answer["next_measurement"] is None
-        # The machine file states 0.5 mm.
-        largest = max(abs(each["value"]) for each in cause["parameters"])
-        assert cause["times_stated"] == pytest.approx(largest / 0.5)
+        # Well within three times the 0.5 mm that the machine file states.
+        assert cause["times_stated"] is None
+        assert answer["beyond_tolerance"] == []
         near(answer, -0.18, 0.55, 0.26)
 
     def test_healthy_data_name_nothing(self) -> None:
@@ -72,9 +72,6 @@ class TestJson:
         first, second = one(THIRD)["next_measurement"]["separates"]
         assert {first, second} <= set(CAUSES)
         assert f"distinguishes {first} from {second}" in " ".join(diagnose(THIRD).out.split())
-
-    def test_the_same_data_give_the_same_answer(self) -> None:
-        assert diagnose(GAP, "--json").out == diagnose(GAP, "--json").out
 
     def test_single_posture_readings_are_diagnosed(self) -> None:
         answer = one(SAMPLES / "single_posture_session.csv")
@@ -135,8 +132,8 @@ class TestManyFiles:
         for extra in ([], ["--json"]):
             ran = diagnose("-", "--holdout", "-", *extra, text="")
             assert ran.code == 2
-            assert "once" in ran.err
-            assert ran.out == ""
+            assert "once" in ran.err + ran.out
+            assert (ran.out == "") == (not extra)
 
 
 class TestHeldOut:
@@ -169,13 +166,13 @@ class TestHeldOut:
 
     def test_a_later_csv_is_read_by_the_session_s_own_machine(self, tmp_path: Path) -> None:
         """Its `max` and `min` are those of that machine, not of the prototype."""
-        from orthoglide_cal.files import session_of_readings, write_session
+        from orthoglide_cal.files import session_of_readings, session_text
         from tests.diagnosis.sessions import known
 
         session = truth.make_session(4, truth.LARGE, truth.MICRON, ("axis_gap",))
         readings, machine = known(session)
         record = tmp_path / "first.yaml"
-        write_session(session_of_readings(readings, machine, {}), record)
+        record.write_text(session_text(session_of_readings(readings, machine, {})))
         later, _ = written(tmp_path, truth.second_session(session, 5), "later.csv")
         answer = one(record, "--holdout", later)
         assert [cause["id"] for cause in answer["causes"]] == ["axis_gap"]

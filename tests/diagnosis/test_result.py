@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Diagnosis, Explanation, Verdict, diagnose, extend
+from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose, extend
 from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
@@ -42,13 +42,12 @@ def test_nothing_of_it_can_be_written_to(named: Diagnosis) -> None:
     for name in ("offsets_mm", "covariance_mm2", "nominal_mm", "explained_mm"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(named, name)[0] = 0.0
-    for array in (named.causes[0].effect.theta, named.causes[0].effect.covariance):
+    for array in (named.effects[0].theta, named.effects[0].covariance):
         assert array is not None
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0.0
-    for mapping in (named.ranking, named.sensitivity):
-        with pytest.raises(TypeError):
-            mapping["x"] = 0.0  # type: ignore[index]
+    with pytest.raises(TypeError):
+        named.sensitivity["x"] = named.sensitivity["halved"]  # type: ignore[index]
     with pytest.raises(FrozenInstanceError):
         named.verdict = Verdict.CONSISTENT  # type: ignore[misc]
 
@@ -69,45 +68,50 @@ def test_its_budget_is_where_the_uncertainty_comes_from(named: Diagnosis) -> Non
     assert named.budget.std_mm == pytest.approx(named.std_mm, rel=1e-6)
 
 
-def test_the_ranking_holds_every_explanation_once(named: Diagnosis) -> None:
-    assert sum(named.ranking.values()) == pytest.approx(1.0)
-    assert list(named.ranking.values()) == sorted(named.ranking.values(), reverse=True)
-    best = next(iter(named.ranking))
-    assert best == Explanation(("axis_gap",)) == ((named.causes[0].id,), None)
-    assert named.ranking[best] == named.causes[0].probability
-    assert Explanation() in named.ranking
-    patterns = [explanation for explanation in named.ranking if explanation.pattern is not None]
+def test_every_explanation_is_held_once(named: Diagnosis) -> None:
+    shares = [each.probability for each in named.explanations]
+    assert sum(shares) == pytest.approx(1.0)
+    assert shares == sorted(shares, reverse=True)
+    best = named.explanations[0]
+    assert (best.ids, best.pattern) == (("axis_gap",), None) == ((named.causes[0].id,), None)
+    assert best.probability == named.causes[0].probability
+    assert best.rms_mm == named.causes[0].rms_after_mm
+    assert len({(each.ids, each.pattern) for each in named.explanations}) == len(shares)
+    assert sum(each.sound for each in named.explanations) == 1
+    patterns = [each for each in named.explanations if each.pattern is not None]
     assert len([each for each in patterns if "each by itself" not in str(each.pattern)]) == 6
-    assert all(explanation.causes == () for explanation in patterns)
+    assert all(each.ids == () for each in patterns)
 
 
 def test_a_named_cause_speaks_for_its_effect(named: Diagnosis) -> None:
     (cause,) = named.causes
-    gap = CAUSES["axis_gap"]
-    assert cause.effect.cause is gap
-    assert (cause.id, cause.advice, cause.in_machine) == (gap.id, gap.advice, True)
-    stds = np.sqrt(np.diag(cause.effect.covariance))
-    for k, (name, estimate) in enumerate(cause.parameters.items()):
-        assert name == gap.names[k]
-        assert estimate == (pytest.approx(cause.effect.theta[k]), pytest.approx(stds[k]), "mm")
+    (effect,), gap = named.effects, CAUSES["axis_gap"]
+    assert effect.cause is gap
+    assert (cause.id, cause.remedy, cause.in_machine) == (gap.id, gap.advice, True)
+    assert effect.covariance is not None
+    stds = np.sqrt(np.diag(effect.covariance))
+    assert [(each.name, each.unit) for each in cause.parameters] == [(n, "mm") for n in gap.names]
+    assert [each.value for each in cause.parameters] == pytest.approx(effect.theta)
+    assert [each.std for each in cause.parameters] == pytest.approx(stds)
 
 
 def test_what_is_accepted_is_what_was_named() -> None:
     """One effect from the fit into the model, with its correlations, date and digest."""
     session = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("backlash",))
     readings, model = known(session)
-    (cause,) = diagnose(readings, model).causes
+    found = diagnose(readings, model)
+    (cause,), (fitted,) = found.causes, found.effects
     extended = extend(readings, model, "backlash", date(2024, 5, 6))
     (effect,) = extended.accepted
     assert extended.machine is model.machine
     assert (effect.date, effect.data_sha256) == ("2024-05-06", readings.source.sha256)
-    for name, estimate in cause.parameters.items():
-        value, std, unit = estimate
-        assert effect.estimates[name] == (pytest.approx(value), pytest.approx(std), unit)
+    for each in cause.parameters:
+        expected = (pytest.approx(each.value), pytest.approx(each.std), each.unit)
+        assert effect.estimates[each.name] == expected
     assert effect.covariance is not None
-    assert cause.effect.covariance is not None
+    assert fitted.covariance is not None
     widths = np.s_[:3, :3]
-    assert effect.covariance[widths] == pytest.approx(cause.effect.covariance[widths], rel=1e-12)
+    assert effect.covariance[widths] == pytest.approx(fitted.covariance[widths], rel=1e-12)
     # Where the carriages stood first belongs to that session alone.
     assert np.all(effect.theta[3:] == 0.0)
     assert np.all(effect.covariance[3:] == 0.0)
@@ -160,8 +164,7 @@ def test_readings_are_explained_by_the_whole_model(hidden: tuple[str, ...]) -> N
     readings, model = known(session)
     found = diagnose(readings, sure(model))
     assert {cause.id for cause in found.causes} == set(hidden)
-    effects = [cause.effect for cause in found.causes]
-    simulated = simulate(model.extended(effects), found.offsets_mm, readings.plan)
+    simulated = simulate(model.extended(found.effects), found.offsets_mm, readings.plan)
     left = without_zeros(readings.plan, found.explained_mm - simulated)
     assert np.abs(left).max() < 2e-4
     assert np.abs(without_zeros(readings.plan, found.nominal_mm - simulated)).max() > 0.02
@@ -214,12 +217,12 @@ def test_it_checks_its_own_optimum(hidden: tuple[str, ...] | None) -> None:
 @pytest.mark.parametrize("hidden", ["axis_gap", "backlash", "misread", "gauge_slip"])
 def test_a_moved_parameter_is_not_the_optimum(hidden: str) -> None:
     found = diagnose(*known(truth.make_session(1, truth.PROTOTYPE, truth.MICRON, (hidden,))))
-    (cause,) = found.causes
-    effect = cause.effect
+    (share, fit), *others = found.left_open
+    (effect,) = fit.effects
     std = 1.0 if effect.covariance is None else np.sqrt(np.diag(effect.covariance))
-    moved = replace(cause, effect=replace(effect, theta=effect.theta + 2.0 * std))
+    moved = replace(fit, effects=(replace(effect, theta=effect.theta + 2.0 * std),))
     assert found.converged
-    assert not replace(found, causes=(moved,)).converged
+    assert not replace(found, left_open=((share, moved), *others)).converged
 
 
 def test_the_offsets_of_unexplained_data_are_those_of_the_nominal_fit() -> None:

@@ -50,7 +50,7 @@ def test_exchanged_columns_are_named(machine: truth.Machine, gauge: truth.Gauge)
         readings, model = known(session)
         found = diagnose(exchanged(readings, session), model)
         assert [cause.id for cause in found.causes] == ["exchanged_columns"]
-        assert "headings leg and direction" in found.causes[0].advice
+        assert "headings leg and direction" in found.causes[0].remedy
         assert np.all(off(found, session) < 4.5)
         assert found.offsets_mm == pytest.approx(solve(readings, model).offsets_mm, abs=1e-4)
         assert found.causes[0].heldout_after_mm < 1.5 * truth.expected_heldout(session)
@@ -202,7 +202,7 @@ def test_healthy_sessions_are_not_widened_by_what_nothing_shows(offset_sd: float
         readings, model = known(session)
         found = assess(Whitened.of(readings, model))
         assert found.judgement.verdict is Verdict.CONSISTENT
-        assert all(CAUSES[id].names for id in found.judgement.ambiguous_with)
+        assert all(CAUSES[id].names for id in found.judgement.not_excluded)
         causes = [effect.cause for _, fit in found.left_open for effect in fit.effects]
         assert all(cause.names for cause in causes)
 
@@ -228,4 +228,4 @@ def test_two_legs_written_for_each_other_are_the_third_ones_gauges(gauge: truth.
         text = "\n".join((header, *(",".join(cell) for cell in cells))) + "\n"
         found = diagnose(read(text, model), model)
         assert ("swapped_gauges", "leg z") in [(c.id, c.where) for c in found.causes]
-        assert "other legs were written for each other" in found.causes[0].advice
+        assert "other legs were written for each other" in found.causes[0].remedy

@@ -108,7 +108,7 @@ def test_healthy_sessions_are_called_what_the_gauges_noise_would_give() -> None:
     solutions = [solve(readings(NOMINAL, plan, seed=k), NOMINAL) for k in range(100)]
     assert sum(solution.suspicious for solution in solutions) <= 1
     healthy = next(solution for solution in solutions if not solution.suspicious)
-    assert "are what this gauge's noise would give" in healthy.judgement
+    assert "agree with the gauge's noise" in healthy.judgement
     chances = [solution.lack_of_fit_p for solution in solutions]
     # Every chance is as likely as any other: their mean has a standard error of 0.029.
     assert np.mean(np.array(chances, dtype=float)) == pytest.approx(0.5, abs=5.0 * 0.029)
@@ -121,7 +121,7 @@ def test_a_bent_machine_is_called_one_that_the_model_leaves_out() -> None:
     assert solution.suspicious
     assert solution.lack_of_fit_p is not None
     assert solution.lack_of_fit_p < SUSPICIOUS
-    assert "larger than this gauge's noise would give" in solution.judgement
+    assert "larger than the gauge's noise" in solution.judgement
     # Repeats know nothing of the gap; the residuals do.
     assert solution.sigma_repeats_mm is not None
     assert solution.sigma_residuals_mm is not None
@@ -131,7 +131,7 @@ def test_a_bent_machine_is_called_one_that_the_model_leaves_out() -> None:
 @pytest.mark.parametrize(
     ("chance", "suspicious", "words"),
     [
-        (0.00099, True, "larger than this gauge's noise"),
+        (0.00099, True, "larger than the gauge's noise"),
         (0.00101, False, "p < 0.01"),
         (0.0101, False, "p = 0.01)"),
         (0.37, False, "p = 0.37"),
@@ -154,7 +154,7 @@ def test_the_judgement_goes_by_the_chance(chance: float, suspicious: bool, words
 )
 def test_the_table_shows_the_differences_of_the_protocol(session: Measured, names: str) -> None:
     rows = solve(session, NOMINAL).promised()
-    assert [row.difference.name for row in rows] == names.split()
+    assert [row.name for row in rows] == names.split()
     assert max(abs(row.expected_mm) for row in rows) < 0.03
     assert max(abs(row.modelled_mm) for row in rows) > 0.3
 

@@ -63,6 +63,18 @@ def test_it_is_read_as_it_was_written() -> None:
         assert machine_text(again) == machine_text(model)
 
 
+def test_a_shape_that_was_found_with_fewer_terms_is_read() -> None:
+    bed = CAUSES["bed_shape"]
+    theta = np.concatenate((np.linspace(0.1, 0.7, 7), np.zeros(18)))
+    found = bed.at(theta).accepted("2026-01-01", "0" * 64)
+    content = yaml.safe_load(machine_text(read(TEXT).extended([found])))
+    kept = content["identified"][0]
+    kept["parameters"] = {name: kept["parameters"][name] for name in bed.names[:7]}
+    kept["correlation"] = np.eye(7).tolist()
+    (again,) = read(yaml.safe_dump(content)).accepted
+    assert again.theta == pytest.approx(theta)
+
+
 def test_what_is_optional() -> None:
     content = yaml.safe_load(TEXT)
     del content["tolerances"], content["identified"]

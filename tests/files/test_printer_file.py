@@ -90,9 +90,9 @@ radius: 90
 #*# z_offset = 1.5
 #*#
 """
-    + MESH
-    + "#*#\n"
     + CALIBRATION
+    + "#*#\n"
+    + MESH
 )
 
 
@@ -213,19 +213,19 @@ def test_a_mesh_that_counts_from_one_of_its_places_does_not_tell_the_height(opti
     text = GOOD.replace("mesh_radius: 100\n", f"mesh_radius: 100\n{option}\n")
     (remark,) = read(text).mesh.remarks
     assert f"line {line_of(text, option)}, {option.split(':')[0]}" in remark
-    assert "the three endstops have in common" in remark
+    assert "the common height of the three endstops" in remark
     assert read(GOOD).mesh.remarks == ()
 
 
-def test_what_was_saved_wins_and_the_difference_is_told():
+def test_the_lines_above_win_as_in_klipper_and_the_difference_is_told():
     text = GOOD + "#*# [stepper_a]\n#*# arm_length = 251.125\n#*# angle = 210.25\n"
     found = read(text)
-    assert found.machine.arm_length_mm == (251.125, 251.125, 250.75)
+    assert found.machine.arm_length_mm == (250.25, 250.25, 250.75)
     assert found.machine.tower_angles_deg[0] == 210.25
     above, saved = line_of(text, "arm_length: 250.25"), line_of(text, "#*# arm_length = 251.125")
     assert found.remarks == (
-        f"Line {above}, arm_length of [stepper_a], was not used: line {saved}, which SAVE_CONFIG"
-        " wrote, says otherwise. Klipper itself obeys the line above: delete one of the two.",
+        f"Line {saved}, arm_length of [stepper_a], which SAVE_CONFIG wrote, is not in force: line"
+        f" {above} says otherwise, and Klipper obeys that one. Delete one of the two.",
     )
 
 
@@ -325,7 +325,7 @@ def test_all_faults_are_found_at_once():
 )
 def test_a_file_of_something_else(text):
     (fault,) = problems(read, text)
-    assert "no linear delta" in fault.what
+    assert "does not describe a linear delta" in fault.what
     assert ("Copy [printer]" in fault.remedy) == ("include" in text)
 
 

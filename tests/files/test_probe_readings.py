@@ -93,7 +93,7 @@ S, M = (f"{name},x_mm,y_mm,reading_mm\n1,0,0,0.1\n" for name in ("seq", "minutes
 BAD = [
     ("x_mm,y_mm\n1,2\n", (1, "reading_mm", None), "column is missing", "Add it"),
     ("y_mm,reading_mm\n1,2\n", (1, "x_mm", None), "column is missing", "Add it"),
-    ("x_mm,y_mm,reading_um\n1,2,3\n", (1, "reading_mm", None), "column is missing", "multiply"),
+    ("x_mm,y_mm,reading_um\n1,2,3\n", (1, "reading_mm", None), "column is missing", "Multiply"),
     ("x_mm,y_mm,reading_mm\n", (None, None, None), "no reading", "under the header"),
     ("x_mm,x_mm,y_mm,reading_mm\n1,1,2,3\n", (1, "x_mm", None), "twice", "Rename"),
     (H + "1,2,\n", (3, "reading_mm", None), "missing", "remove the row"),
@@ -107,7 +107,7 @@ BAD = [
     ("z_mm," + H.replace("0,0,0.1", "q,0,0,0.1"), (2, "z_mm", "q"), "not a number", "number"),
     (S + ",1,2,0.1\n", (3, "seq", None), "filled in other rows", "every row or in none"),
     (S + "1.5,1,2,0.1\n", (3, "seq", "1.5"), "not a whole number", "Write 0, 1"),
-    (S + "1,1,2,0.1\n", (3, "seq", "1"), "stands in line 2", "in the order"),
+    (S + "1,1,2,0.1\n", (3, "seq", "1"), "number is in line 2", "in the order"),
     (M + "-1,1,2,0.1\n", (3, "minutes", "-1"), "not be negative", "zero or more"),
     (M + "0.5,1,2,0.1\n", (3, "minutes", "0.5"), "runs backwards", "since the session began"),
     ("cycle," + H.replace("0,0,0.1", "0,0,0,0.1"), (2, "cycle", "0"), "whole number", "1, 2"),
@@ -131,8 +131,8 @@ def test_touches_need_a_machine_with_a_bed(tmp_path: Path) -> None:
     for model in (None, default_machine()):
         (fault,) = problems(read_input, saved(tmp_path, H), model)
         assert fault.line == 1
-        assert "no linear delta" in fault.what
-        assert "--machine" in fault.remedy
+        assert "touches of a bed" in fault.what
+        assert "kind linear_delta: --machine" in fault.remedy
 
 
 def test_a_column_of_places_makes_no_touches_of_gauge_readings(tmp_path: Path) -> None:
@@ -309,7 +309,7 @@ def test_a_printer_is_known_by_its_section(tmp_path: Path, section: str) -> None
 def test_a_part_of_a_configuration_is_no_table(
     tmp_path: Path, text: str, stored: str | None
 ) -> None:
-    assert "no linear delta" in fault_of(tmp_path, text, stored=stored).what
+    assert "does not describe a linear delta" in fault_of(tmp_path, text, stored=stored).what
 
 
 # --- solved -----------------------------------------------------------------------------------

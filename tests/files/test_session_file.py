@@ -18,7 +18,7 @@ from orthoglide_cal.files import (
     read_machine,
     session_json,
     session_text,
-    write_session,
+    write_text,
 )
 from orthoglide_cal.files import session_file as module
 from tests.machines import extended
@@ -62,7 +62,7 @@ def save(tmp_path, text, name="session.yaml"):
 
 def test_the_file_holds_every_key_in_order_and_no_blanks(tmp_path):
     path = tmp_path / "s.yaml"
-    write_session(values(), path)
+    write_text(path, session_text(values()))
     content = yaml.safe_load(path.read_text())
     assert list(content) == [
         "schema_version", "machine", "protocol", "operator", "gauges", "started", "finished",
@@ -84,6 +84,7 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
         operator="M. Muster: # 'quoted'",
         started="2025-03-01T09:00:00+01:00",
         temperature_c=(20.0, 20 + 3 / 7),
+        first_and_last_c=(20.0, 20 + 3 / 7),
         environment=(("temperature_c", "20.5"), ("note", "null")),
         gauges=(GaugeIdentity(id="012", certificate="1e-3", resolution_mm=0.01),),
         retaken=1,
@@ -93,10 +94,10 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
     noted = session_text(values()).split("\n")[given.notes[0][0] - 1]
     assert noted.startswith("- {leg: x, posture: iso")
     # Labels without an entry are gauges too.
-    other = values(gauges=[{"id": "7"}], environment="a foggy day")
+    other = values(gauges=[{"id": "7"}], environment={"sky": "foggy"})
     given = read_input(save(tmp_path, session_text(other))).conditions
     assert given.gauges == (GaugeIdentity(id="7"), GaugeIdentity(id="012"))
-    assert given.environment == (("note", "a foggy day"),)
+    assert given.environment == (("sky", "foggy"),)
 
 
 def test_readings_come_back_exactly(tmp_path):
@@ -228,7 +229,7 @@ BAD = [
     ("leg: x", "leg: w", "readings[0].leg", "w", "not an axis"),
     ("direction: y, cycle", "direction: x, cycle", "readings[0].direction", "x", "own axis"),
     ("posture: max", "posture: 99", "readings[1].posture", "99", "joint limits"),
-    ("posture: max", "posture: [a]", "readings[1].posture", None, "One value"),
+    ("posture: max", "posture: [a]", "readings[1].posture", None, "one value"),
     ("reading_mm: -0.4", "reading_mm: 1:30", "readings[0].reading_mm", "1:30", "not a number"),
     ("reading_mm: -0.4", "reading_mm: on", "readings[0].reading_mm", "on", "not a number"),
     ("reading_mm: -0.4", "reading_mm: 012", "readings[0].reading_mm", "012", "octal"),
@@ -242,7 +243,7 @@ BAD = [
     ("leg: z, posture: iso", "leg: q, posture: iso", "skipped[0].leg", "q", "not an axis"),
     ("reading_mm: 9.9", "reading_in: x", "retaken[0].reading_in", "x", "not a number"),
     ("retaken:\n- {leg: x", "retaken:\n- {lag: x", "retaken[0].leg", None, "missing"),
-    ("retaken:\n- {", "retaken: {a: b}\nretake:\n- {", "retaken", None, "list is wanted"),
+    ("retaken:\n- {", "retaken: {a: b}\nretake:\n- {", "retaken", None, "must be a list"),
     ("schema_version: 1\nmachine", "schema_version: 9\nmachine", "schema_version", "9", "version"),
     ("protocol: double", "machine: 2\nprotocol: double", "machine", "2", "twice"),
 ]
@@ -313,9 +314,9 @@ def test_other_yaml_is_told_apart(tmp_path, text, what):
 
 def test_an_existing_session_is_not_overwritten_silently(tmp_path):
     path = tmp_path / "s.yaml"
-    write_session(values(), path)
+    write_text(path, session_text(values()))
     with pytest.raises(UsageError, match="not overwritten"):
-        write_session(values(operator="other"), path)
+        write_text(path, session_text(values(operator="other")))
     assert path.read_text() == session_text(values())
-    write_session(values(operator="other"), path, overwrite=True)
+    write_text(path, session_text(values(operator="other")), overwrite=True)
     assert read_input(str(path)).conditions.operator == "other"

@@ -48,7 +48,7 @@ def test_all_faults_are_shown_in_lines_that_are_not_wrapped(bad):
     result = run(bad)
     assert result.exit_code == 4
     assert "1 reading, which give no offsets" in result.stdout
-    assert "note: Columns without a meaning here were not used: colour." in result.stdout
+    assert "note: Columns are not known and were not used: colour." in result.stdout
     Path(bad).write_text(Path(MACHINE).read_text().replace("420", "-420"))
     assert run(GOOD, "--machine", bad).exit_code == 3
 

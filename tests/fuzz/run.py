@@ -25,6 +25,7 @@ from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.session import Quit, Request, open_session
 from tests.files.test_machine_file import VALUES, accepted, text_with
 from tests.files.test_machine_history import HISTORY
+from tests.firmware_files import CONFIGURATION, FILES
 from tests.session.virtual import Screen, Script, answered
 
 from .mutate import HOSTILE, Rng, mutant
@@ -66,10 +67,13 @@ class Failure:
 
 
 class Fuzz:
-    """Mutants of one of each kind of file, in an empty folder."""
+    """Mutants of one of each kind of file, or of those of firmwares, in an empty folder."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
+    def __init__(self, folder: Path, seed: int, firmwares: bool = False) -> None:
         self.folder, self.seed = folder, seed
+        if firmwares:
+            self._kinds = tuple(self._of_firmwares())
+            return
         run = CliRunner().invoke
         with contextlib.chdir(folder):
             Path("six.csv").write_text(DIFFERENCES, encoding="utf-8")
@@ -91,6 +95,22 @@ class Fuzz:
             ("records", lambda text: self._journal(signed(text)), records(journal)),
             ("options", lambda text: self._judge(json.loads(text)), ""),
         )
+
+    def _of_firmwares(self) -> Iterator[tuple[str, Callable[[str], str | None], str]]:
+        """Each file is judged with whole settings in its folder, and these with whole heights."""
+        map_, settings = FILES["heightmap.csv"], FILES["config.g"]
+        for folder in ("whole", "damaged"):
+            (self.folder / folder).mkdir()
+        (self.folder / "whole" / "config.g").write_text(settings, encoding="utf-8")
+        (self.folder / "whole" / "printer.cfg").write_text(CONFIGURATION, encoding="utf-8")
+        (self.folder / "damaged" / "heightmap.csv").write_text(map_, encoding="utf-8")
+        for name, text in FILES.items():
+            words = ("solve", f"whole/m-{name}")
+            if name == "config.g":
+                words = ("solve", "damaged/heightmap.csv", "--machine", "damaged/config.g")
+            yield name, self._file(*words), text
+            # Reading is what is damaged; judging takes longer.
+            yield from [(name, self._file("validate", *words[1:]), text)] * 4
 
     def run(self, count: int) -> Iterator[Failure]:
         """The failures among that many mutants."""

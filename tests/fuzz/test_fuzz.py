@@ -1,9 +1,10 @@
-"""A few thousand mutants; `python -m tests.fuzz` takes 100,000."""
+"""A thousand mutants; `python -m tests.fuzz` takes 100,000."""
 
 import contextlib
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.session.journal import decode
@@ -13,8 +14,22 @@ from .run import Fuzz, records, signed
 
 
 def test_no_mutant_breaks_the_program(tmp_path: Path) -> None:
-    failures = list(Fuzz(tmp_path, seed=1).run(2500))
+    failures = list(Fuzz(tmp_path, seed=1).run(1000))
     assert not failures, "\n".join(f"{f.number} {f.kind}: {f.what}" for f in failures)
+
+
+def of_firmwares(folder: Path, count: int) -> str:
+    failures = list(Fuzz(folder, seed=1, firmwares=True).run(count))
+    return "\n".join(f"{f.number} {f.kind}: {f.what}" for f in failures)
+
+
+def test_no_mutant_of_a_firmwares_file_breaks_the_program(tmp_path: Path) -> None:
+    assert not of_firmwares(tmp_path, 150)
+
+
+@pytest.mark.slow
+def test_no_mutant_of_5000_of_firmwares_files_breaks_the_program(tmp_path: Path) -> None:
+    assert not of_firmwares(tmp_path, 5000)
 
 
 def test_damaged_records_are_read_behind_whole_checksums(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import eval_jacobi
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnreachableError
@@ -112,6 +113,30 @@ def test_a_place_beyond_the_arms_is_refused() -> None:
         simulate(Model(PRINTER), NONE, far)
 
 
+@pytest.mark.parametrize("number", range(7, 25))
+def test_finer_terms_of_a_bed_are_zernike_polynomials(number: int) -> None:
+    """By Jacobi polynomials, less height and slope in the middle, which are the endstops'."""
+    bed = CAUSES["bed_shape"]
+    n, m = map(int, bed.names[number][1:].split("_"))
+
+    def height(x: Floats, y: Floats) -> Floats:
+        away, turn, half = np.hypot(x, y), abs(m) * np.arctan2(y, x), (n - abs(m)) // 2
+        radial = (-1) ** half * away ** abs(m) * eval_jacobi(half, abs(m), 0, 1.0 - 2.0 * away**2)
+        return radial * (np.cos(turn) if m >= 0 else np.sin(turn))
+
+    plan = standard_plan()
+    at = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True, derivative=False)
+    found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), at.where, plan, PRINTER)
+    x, y = at.where[:75, :2].T / PRINTER.bed_radius_mm
+    near = 1e-4 * np.eye(2)
+    slope = [(height(*(one[:, None])) - height(*(-one[:, None])))[0] / 2e-4 for one in near]
+    middle = height(np.zeros(1), np.zeros(1))[0]
+    expected = height(x, y) - middle - slope[0] * x - slope[1] * y
+    assert np.abs(expected).max() > 0.1
+    assert found[:75] == pytest.approx(expected, abs=1e-6)
+    assert np.all(found[75:] == 0.0)
+
+
 # --- readings against the truth ---------------------------------------------------------------
 
 
@@ -121,7 +146,7 @@ def test_readings_are_those_of_the_truth(machine: Delta) -> None:
     bed, tilt, rates = CAUSES["bed_shape"], CAUSES["probe_tilt"], np.array([0.1, -0.05, 0.2])
     sizes, lower = np.linspace(-0.2, 0.3, 7), np.array([0.11, -0.07, 0.05])
     flat = truth_with(machine, VALUES)
-    bent = replace(flat, bed=Surface(machine.bed, terms_of(bed.names, sizes)))
+    bent = replace(flat, bed=Surface(machine.bed, terms_of(bed.names[:7], sizes)))
     # What hangs lower triggers earlier.
     hanging = replace(flat, tilt=Surface(machine.bed, terms_of(tilt.names, -lower)))
     several = truth_with(machine, VALUES, LEANS, RADII, scales=SCALES)

@@ -10,7 +10,7 @@ from orthoglide_cal.model import Floats, Machine
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.workspace import (
     SAMPLES,
-    WorkspaceError,
+    WorkspaceMaps,
     compensation,
     workspace_error,
 )
@@ -30,7 +30,7 @@ PLACES = ((0, 0, 0), (1, 3, 12), (2, 16, 5))
 GAPS, SCALES, LONGER = (0.3, -0.2, 0.25), (1.0, -2.0, 0.5), (0.05, -0.02, 0.03)
 
 
-def at_places(found: WorkspaceError) -> Iterator[tuple[tuple[int, ...], Floats]]:
+def at_places(found: WorkspaceMaps) -> Iterator[tuple[tuple[int, ...], Floats]]:
     """Indices of some places of the cube, and their points [mm]."""
     for level, row, column in PLACES:
         point = np.array([found.axis_mm[column], found.axis_mm[row], found.levels_mm[level]])
@@ -45,11 +45,11 @@ def moved_rails(gaps: tuple[float, ...], longer: tuple[float, ...]) -> Geometry:
 
 
 def test_before_is_the_distance_that_the_offsets_cause() -> None:
-    found = workspace_error(NOMINAL, OFFSETS, np.zeros((3, 3)), 2.0)
-    axis = found.axis_mm
-    assert (axis[0], axis[-1]) == NOMINAL.orthoglide.reachable_cube
+    whole = workspace_error(NOMINAL, OFFSETS, np.zeros((3, 3)), 2.0)
+    found, axis = whole.maps, whole.maps.axis_mm
+    assert (axis[0], axis[-1]) == whole.cube_mm == NOMINAL.orthoglide.reachable_cube
     assert found.levels_mm == pytest.approx([axis[0], (axis[0] + axis[-1]) / 2.0, axis[-1]])
-    assert found.nominal_edge_mm == PROTOTYPE.workspace_mm
+    assert whole.stated_edge_mm == PROTOTYPE.workspace_mm
     for place, point in at_places(found):
         reached = tool_near(RAILS, inverse(point, LENGTH) + OFFSETS, point)
         expected = np.linalg.norm(reached - point)
@@ -60,19 +60,20 @@ def test_before_is_the_distance_that_the_offsets_cause() -> None:
 def test_the_whole_cube_counts_not_the_slices_alone() -> None:
     """Largest and mean over all 17³ points, by the closed forms of the paper."""
     found = workspace_error(NOMINAL, OFFSETS, COVARIANCE, 2.0)
-    axis = found.axis_mm
+    axis = found.maps.axis_mm
     assert len(axis) == SAMPLES
     points = np.stack(np.meshgrid(axis, axis, axis), axis=-1)
     reached = direct(inverse(points, LENGTH), LENGTH, OFFSETS)
     errors = np.linalg.norm(reached - points, axis=-1)
-    assert found.before_max_mm == pytest.approx(errors.max(), abs=1e-9)
+    assert found.before_mm == pytest.approx(errors.max(), abs=1e-9)
     assert found.before_mean_mm == pytest.approx(errors.mean(), abs=1e-9)
-    assert found.after_max_mm >= found.after_mm.max() > found.after_mean_mm > found.after_mm.min()
+    slices = found.maps.after_mm
+    assert found.after_mm >= slices.max() > found.after_mean_mm > slices.min()
 
 
 def test_after_is_what_the_uncertainty_leaves() -> None:
     """k √(tr J C Jᵀ), with J from finite differences, which err by 1e-8 of it."""
-    found = workspace_error(NOMINAL, OFFSETS, COVARIANCE, 3.0)
+    found = workspace_error(NOMINAL, OFFSETS, COVARIANCE, 3.0).maps
     for place, point in at_places(found):
         joints, moves = inverse(point, LENGTH), 1e-3 * np.eye(3)
         slope = [
@@ -86,7 +87,7 @@ def test_after_is_what_the_uncertainty_leaves() -> None:
 def test_entering_offsets_leaves_the_errors_of_accepted_causes() -> None:
     """Rails apart, longer legs, wrong scales: before with the offsets, after without them."""
     model = extended(axis_gap=GAPS, encoder_scale=SCALES, leg_length=LONGER)
-    found = workspace_error(model, OFFSETS, np.zeros((3, 3)), 2.0)
+    found = workspace_error(model, OFFSETS, np.zeros((3, 3)), 2.0).maps
     rails = moved_rails(GAPS, LONGER)
     for place, point in at_places(found):
         travel = inverse(point, LENGTH) - LENGTH
@@ -99,7 +100,7 @@ def test_entering_offsets_leaves_the_errors_of_accepted_causes() -> None:
 def test_carriages_that_stand_have_no_past() -> None:
     """Lost motion and drift are of a session: nothing of them in a place of the workspace."""
     moving = extended(backlash=(0.3, 0.2, 0.4), thermal_drift=(0.5, -0.3, 0.4))
-    found, plain = (workspace_error(m, OFFSETS, COVARIANCE, 2.0) for m in (moving, NOMINAL))
+    found, plain = (workspace_error(m, OFFSETS, COVARIANCE, 2.0).maps for m in (moving, NOMINAL))
     assert np.array_equal(found.before_mm, plain.before_mm)
     assert np.array_equal(found.after_mm, plain.after_mm)
 

@@ -27,7 +27,7 @@ from orthoglide_cal.planning.next_measurement import _pair, predictions
 from orthoglide_cal.planning.options import options
 from orthoglide_cal.results import answer_to
 from tests import truth
-from tests.bench.ambiguous import continued
+from tests.bench.ambiguous import continued, is_named, joined_diagnosis
 from tests.diagnosis.sessions import known, model_of, readings_of
 from tests.printers import plan_of_session, printer, readings_of_touches
 from tests.readings import some
@@ -65,7 +65,8 @@ def measured(plan: GaugePlan, cause: str, seed: int = 3) -> Readings:
 
 
 def mentioned(found: Diagnosis) -> set[str]:
-    return {*(cause.id for cause in found.causes), *found.ambiguous_with}
+    told = *found.causes, *found.unshown
+    return {*(each.id for each in told), *found.ambiguous_with}
 
 
 ALIASES = [("axis_gap", "bar_skew"), ("bar_skew", "axis_gap"), ("axis_squareness", "axis_gap")]
@@ -194,7 +195,7 @@ def test_what_no_reading_tells_is_not_looked_for(
     assert all(each.chance == 0.0 for each in ranking)
     longest = max(ranking, key=lambda each: each.option.minutes).option
     after = [diagnose(*known(continued(session, longest, n))) for n in range(3)]
-    assert sum(rival in each.ambiguous_with for each in after) >= 2
+    assert sum(rival in mentioned(each) for each in after) >= 2
 
 
 def ends_only(readings: Readings, count: int) -> Readings:
@@ -277,13 +278,29 @@ def printed_u(session: truth.Session) -> Floats:
     return np.array([each.expanded for each in answer.parameters])
 
 
-def test_the_first_decides_and_the_last_does_not() -> None:
-    session = truth.make_session(7_100_016, truth.PROTOTYPE, truth.MICRON, ("bar_skew",))
+DECIDED = [
+    (7_100_014, truth.DIAL, "bar_skew", "ambiguous"),
+    # Named, but exchanged columns or a gauge read from its other side would not show beside it.
+    (7_100_016, truth.MICRON, "axis_gap", "named"),
+    (7_100_009, truth.MICRON, "bar_skew", "named"),
+]
+
+
+@pytest.mark.parametrize(("seed", "gauge", "cause", "verdict"), DECIDED)
+def test_the_first_decides_and_the_last_does_not(
+    seed: int, gauge: truth.Gauge, cause: str, verdict: str
+) -> None:
+    """As foretold, and as the truth measures it."""
+    session = truth.make_session(seed, truth.PROTOTYPE, gauge, (cause,))
     found = diagnose(*known(session))
-    assert found.verdict == "ambiguous"
+    assert found.verdict == verdict
+    assert not is_named(session, found)
     first, *_, last = ranked(found)
     assert first.chance > 0.95
     assert last.chance < 0.2
+    assert best_next(found) == first
+    assert is_named(session, joined_diagnosis(session, first.option, 1))
+    assert not is_named(session, joined_diagnosis(session, last.option, 1))
 
 
 def test_readings_are_expected_as_the_truth_has_them() -> None:

@@ -42,7 +42,9 @@ def measured(session: truth.Session, option: Option, seed: int) -> Readings:
 
 
 @pytest.mark.parametrize("cause", ["axis_gap", "bar_skew"])
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize(
+    "seed", [1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 4))]
+)
 def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int) -> None:
     """A chance of 0.96 or more for each of 24 sessions: all of them are named rightly."""
     (rival,) = {"axis_gap", "bar_skew"} - {cause}

@@ -136,12 +136,12 @@ def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
     ("old", "new", "line", "said"),
     [
         ("(orthocal blocks)\n", "", None, "where the blocks go"),
-        ("(orthocal blocks)", "(orthocal blocks)\n(orthocal blocks)", 21, "second place"),
+        ("(orthocal blocks)", "(orthocal blocks)\n(orthocal blocks)", 21, "given twice"),
         ("X Y Z)\n(orthocal note: values", "X Y)\n(orthocal note: values", 4, "axis words"),
         ("(orthocal axes: X Y Z)", "(orthocal axes: X Y Y)", 4, "axis words"),
         ("(orthocal axes: X Y Z)", "(orthocal axes: X Y F)", 4, "axis words"),
-        ("(orthocal pause: M0)", "(orthocal pause: M3)", None, "waits"),
-        ("(orthocal pause: M0)", "(orthocal pause: G4)", None, "waits"),
+        ("(orthocal pause: M0)", "(orthocal pause: M3)", None, "does not wait"),
+        ("(orthocal pause: M0)", "(orthocal pause: G4)", None, "does not wait"),
         ("(orthocal pause: M0)", "(orthocal paus: M0)", None, "Did you mean 'pause'"),
         ("(orthocal slow: 100)", "(orthocal slow: 0)", None, "greater than zero"),
         ("(orthocal slow: 100)", "(orthocal slow: fast)", None, "not a number"),
@@ -230,7 +230,7 @@ def test_the_command_refuses(
     monkeypatch.chdir(tmp_path)
     shown = run("plan", "--cycles", "1", *arguments)
     assert shown.exit_code == code
-    assert said in shown.stderr.replace("\n", " ")
+    assert said in (shown.stderr or shown.stdout).replace("\n", " ")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -256,7 +256,6 @@ def test_it_says_unit_values_and_what_the_approach_hides(tmp_path: Path) -> None
 def test_a_program_names_the_session_that_it_belongs_to(
     options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And the session that is begun with that command names the program."""
     monkeypatch.chdir(tmp_path)
     assert run("plan", *options, "--program", "made.nc").exit_code == 0
     assert run("plan", *options, "--program", "made.csv").exit_code == 0
@@ -267,10 +266,6 @@ def test_a_program_names_the_session_that_it_belongs_to(
     assert dict(zip(told_options[::2], told_options[1::2], strict=True)) == wanted
     with Path("made.csv").open(encoding="utf-8", newline="") as file:
         assert {row["session"] for row in csv.DictReader(file)} == {told}
-    begun = run("measure", "s.yaml", *told_options, "--gauge", "simulated", "--yes")
-    shown = " ".join(begun.stdout.split())
-    made = " ".join(("orthocal plan --program FILE.nc", *told_options))
-    assert f"Blocks are those of this machine's {made}" in shown
 
 
 def test_the_machine_is_part_of_the_command(

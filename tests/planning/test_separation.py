@@ -1,5 +1,6 @@
 """Separations of causes before a reading is taken, against those of the independent truth."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -48,14 +49,21 @@ def effects(cause: str, plan: truth.Plan, rng: np.random.Generator, count: int) 
     return found
 
 
-def of_truth(a: str, b: str, plan: truth.Plan, count: int) -> float:
-    """How much worse b explains what a does, than a itself; typically [σ]."""
+def drawn(cause: str, plan: truth.Plan, count: int) -> list[Mapping[str, float]]:
+    """How far each explanation is from sessions of one cause [σ]."""
     rng = np.random.default_rng(5)
-    margins = []
-    for effect in effects(a, plan, rng, count):
+    found = []
+    for effect in effects(cause, plan, rng, count):
         offsets = OFFSET_MM * rng.choice([-1.0, 1.0], 3)
         session = truth.measure(*HIDDEN, plan, offsets, (effect,), rng)
-        distances = truth.separation(session).distances
+        found.append(truth.separation(session).distances)
+    return found
+
+
+def of_truth(a: str, b: str, of_a: list[Mapping[str, float]]) -> float:
+    """How much worse b explains what a does, than a itself; typically [σ]."""
+    margins = []
+    for distances in of_a:
         # The truth has no sign flip of the whole table: that is what opposite offsets give.
         rival = min(distances[b], distances[truth.HEALTHY] if b == "sign_flip" else np.inf)
         margins.append(max(rival**2 - distances[a] ** 2, 0.0))
@@ -83,12 +91,14 @@ def test_separations_are_those_of_the_truth() -> None:
     session = truth.measure(*HIDDEN, plan, np.zeros(3), (), np.random.default_rng(2))
     readings, model = known(session)
     found = separations(sure(model), readings.plan)
+    alone = ("encoder_scale", "thermal_drift", "gauge_drift", "backlash")
+    draws = {cause: drawn(cause, plan, 60) for cause in dict.fromkeys((*sum(PAIRS, ()), *alone))}
     for a, b in PAIRS:
-        expected = min(of_truth(a, b, plan, 60), of_truth(b, a, plan, 60))
+        expected = min(of_truth(a, b, draws[a]), of_truth(b, a, draws[b]))
         assert sigma(found, a, b) == pytest.approx(expected, rel=0.17, abs=0.1), (a, b)
     traces = dict(zip([cause.id for cause in found.causes], found.trace.tolist(), strict=True))
-    for cause in ("encoder_scale", "thermal_drift", "gauge_drift", "backlash"):
-        expected = of_truth(cause, truth.HEALTHY, plan, 60)
+    for cause in alone:
+        expected = of_truth(cause, truth.HEALTHY, draws[cause])
         assert traces[cause] == pytest.approx(expected, rel=0.17)
 
 

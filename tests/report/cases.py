@@ -58,7 +58,7 @@ def solved() -> Document:
     """Readings with a hostile name, of a machine with a hostile name and active offsets."""
     harmful = cases.hostile().given
     model = changed(harmful.model, name=HOSTILE[3], offsets_mm=JointOffsets(0.25, -1.5, 0.0))
-    return solution_document(case_of(replace(harmful, model=model)), details=True)
+    return solution_document(case_of(replace(harmful, model=model)))
 
 
 def suspicious() -> Document:

@@ -20,7 +20,7 @@ from tests.results import cases
 PROGRAM = find_chromium()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="there is no Chromium on this machine")
 
-WIDTHS = (360, 800, 1600)
+WIDTHS = (360, 390, 800, 1600)
 # Content of an A4 page with the margins of the style sheet, at 96 dots per inch.
 A4_CONTENT = round((210 - 30) / 25.4 * 96)
 # Documents that a command writes as a page.
@@ -51,6 +51,25 @@ CUT = """(() => {
           || box.bottom > frame.bottom + 8 || box.top < frame.top - 8)
         found.push(svg.querySelector('title').textContent + ': ' + e.textContent);
     }
+  }
+  return found;
+})()"""
+
+# Texts of pictures that are smaller than 10 px, and such as overprint each other.
+SMALL = """(() => [...document.querySelectorAll('svg text')].filter(e => {
+  const svg = e.ownerSVGElement, scale = svg.getBoundingClientRect().width
+    / svg.viewBox.baseVal.width;
+  return parseFloat(getComputedStyle(e).fontSize) * scale < 9.99;
+}).map(e => e.textContent))()"""
+OVERPRINTED = """(() => {
+  const found = [];
+  for (const svg of document.querySelectorAll('svg')) {
+    const texts = [...svg.querySelectorAll('text')].map(
+      e => [e.getBoundingClientRect(), e.textContent]);
+    texts.forEach(([a, one], k) => texts.slice(0, k).forEach(([b, other]) => {
+      if (a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 6
+          && b.top < a.bottom - 6) found.push(one + ' / ' + other);
+    }));
   }
   return found;
 })()"""
@@ -95,6 +114,9 @@ def test_page_is_silent_alone_and_fits(chromium: Browser, pages: dict[str, Path]
         assert outside == [pages[kind].as_uri()]
         assert chromium.evaluate(OVERFLOW) == [], width
         assert chromium.evaluate(CUT) == [], width
+        assert chromium.evaluate(OVERPRINTED) == [], width
+        if width >= 390:
+            assert chromium.evaluate(SMALL) == [], width
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -103,12 +125,13 @@ def test_print_is_a4_with_numbered_pages(chromium: Browser, pages: dict[str, Pat
     pdf = chromium.pdf()
     boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", pdf)
     count = len(re.findall(rb"/Type /Page\b", pdf))
-    assert 1 <= count <= (12 if kind == "hostile" else 7)
+    assert 1 <= count <= (12 if kind == "hostile" else 4)
     for width, height in boxes:
         assert float(width) == pytest.approx(595.0, abs=1.0)
         assert float(height) == pytest.approx(842.0, abs=1.0)
     chromium.open(pages[kind], width=A4_CONTENT, media="print")
     assert chromium.evaluate(OVERFLOW) == []
+    assert chromium.evaluate(SMALL) == []
     clipped = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > %d).length"
     assert chromium.evaluate(clipped % (A4_CONTENT + 1)) == 0
 
@@ -179,9 +202,6 @@ def test_an_axis_stays_beside_its_value(chromium: Browser, pages: dict[str, Path
             assert abs(top - value_top) < 2
             assert abs(bottom - value_bottom) < 2
             assert right < 360
-    broken = "[...document.querySelectorAll('.steps strong')].filter(e => e.offsetHeight > 30)"
-    assert chromium.evaluate("document.querySelectorAll('.steps strong').length") >= 3
-    assert chromium.evaluate(f"{broken}.map(e => e.textContent)") == []
 
 
 def test_one_click_selects_a_command(chromium: Browser, pages: dict[str, Path]):
@@ -200,12 +220,12 @@ def test_one_click_selects_a_command(chromium: Browser, pages: dict[str, Path]):
 def test_a_wide_screen_is_used(chromium: Browser, pages: dict[str, Path]):
     boxes = "[...document.querySelectorAll('section')].map(e => { const b ="
     boxes += " e.getBoundingClientRect(); return [b.left, b.right, b.top, b.bottom]; })"
-    for width, columns in ((800, 1), (1200, 2), (1600, 2)):
+    for width, columns in ((800, 1), (1200, 1), (1600, 2)):
         chromium.open(pages["named_in_machine"], width=width)
         found = chromium.evaluate(boxes)
         assert len({round(left) for left, *_ in found}) == columns
         covered = max(right for _, right, *_ in found) - min(left for left, *_ in found)
-        assert covered > 0.9 * width
+        assert covered > min(0.9 * width, 1050 * columns)
         for a, b in combinations(found, 2):
             apart = a[0] >= b[1] - 1 or b[0] >= a[1] - 1
             assert apart or a[2] >= b[3] - 1 or b[2] >= a[3] - 1, (a, b)
@@ -218,7 +238,7 @@ def test_pictures_do_not_glare_in_the_dark(chromium: Browser, pages: dict[str, P
         light = [_luminance(fill) for fill in chromium.evaluate(fills)]
         assert (max(light) < 0.4) is dark
         # Each step of a scale differs from its neighbours, and from the first to the last goes on.
-        scale = "[...document.querySelector('svg g.map').querySelectorAll('.heat[height=\"12\"]')]"
+        scale = "[...document.querySelectorAll('.legend .heat')]"
         steps = chromium.evaluate(f"{scale}.map(e => getComputedStyle(e).fill)")
         levels = [_luminance(fill) for fill in steps]
         assert levels == sorted(levels, reverse=not dark)

@@ -91,12 +91,18 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     found = json.loads(run("report", healthy, "--json", "--after", after, *applied).stdout)
     assert found["after"]["answer"] == "as modelled"
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
-    assert "Promised and measured" in page.stdout
+    assert "found  expected  measured" in page.stdout
     assert "Pass: limit 0.05 mm" in page.stdout
     assert "The correction did what was promised" in page.stdout
     assert "Nothing more: keep this report with the machine." in page.stdout
     assert run("report", healthy, *applied).exit_code == 2
-    assert run("report", healthy, "--limit", 0.1).exit_code == 2
+    # A limit is drawn, and decides nothing before the result is measured.
+    limited = json.loads(run("report", healthy, "--limit", 0.1, "--json").stdout)
+    assert (limited["limit_mm"], limited["after"]) == (0.1, None)
+    # The map afterwards is that of the machine as it was measured then.
+    errors = found["answer"]["workspace"], found["after"]["workspace"]
+    assert errors[1]["before_mm"] < 0.1 * errors[0]["before_mm"]
+    assert errors[1]["before_mm"] != errors[0]["after_mm"]
 
 
 def test_the_same_inputs_and_options_give_the_same_number(healthy: Path, tmp_path: Path):

@@ -57,7 +57,7 @@ def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Export) 
     assert found == pytest.approx({f"JOINT_{k}": value for k, value in enumerate(new)})
     assert "re-home all three axes" in text
     assert "previous +0.100" in text
-    assert "Check: put the gauge" in text
+    assert "Check, gauge at the middle of leg" in text
 
 
 def test_text_says_what_the_controller_says_and_what_is_true(released: Export) -> None:

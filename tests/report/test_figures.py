@@ -57,10 +57,13 @@ def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     names, found, expected, expanded = ("dx_y", "dz_x"), (0.5, 0.4), (0.0, -0.1), (0.02, 0.04)
     left = (0.1, -0.3)
     drawn = figures.deviation_rows(names, found, expected, expanded, left, 0.2)
-    assert "left ± U, mm" in drawn
+    assert "measured ± U" in drawn
     assert "+0.100 ± 0.020" in drawn
-    assert "dz_x is left largest: -0.300 mm" in drawn
-    limits = [float(x) for x in re.findall('<line x1="([0-9.]+)"[^>]*class="due"', drawn)]
+    assert "dz_x is left largest: −0.300 mm" in drawn
+    ((start, width),) = re.findall(
+        '<rect x="([0-9.]+)" y="[0-9.]+" width="([0-9.]+)"[^>]*class="allowed"', drawn
+    )
+    limits = [float(start), float(start) + float(width)]
     places = [x for x, _ in marks(drawn)]  # as found, left; of each difference
     bars = re.findall('<line x1="([0-9.]+)" y1="[0-9.]+" x2="([0-9.]+)"[^>]*class="whisker"', drawn)
     reach = [tuple(map(float, pair)) for pair in bars if pair[0] != pair[1]]
@@ -70,8 +73,8 @@ def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     assert places == pytest.approx(wanted, abs=0.2)
     assert (reach[1][1] - reach[1][0]) / scale == pytest.approx(0.08, abs=0.002)
     alone = figures.deviation_rows(names, found, expected, expanded)
-    assert 'class="due"' not in alone
-    assert "-0.100 ± 0.040" in alone
+    assert 'class="allowed"' not in alone
+    assert "−0.100 ± 0.040" in alone
 
 
 def test_classes_of_colours_hold_all_values_in_round_steps():
@@ -92,7 +95,7 @@ def heat(panel: str) -> dict[str, float]:
     """Area of each colour in a map."""
     found: dict[str, float] = {}
     cells = re.findall(r'<rect [^>]*width="([\d.]+)" height="([\d.]+)" class="heat (h\d)"', panel)
-    for width, height, colour in cells[: -figures.CLASSES]:  # the last are the legend's
+    for width, height, colour in cells:
         found[colour] = found.get(colour, 0.0) + float(width) * float(height)
     return found
 
@@ -102,10 +105,18 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     axis = np.linspace(-70.0, 70.0, 101)
     x, y = np.meshgrid(axis, axis)
     error = np.hypot(x, y)[None] / 100.0  # up to 0.99 mm
-    found = SimpleNamespace(
-        axis_mm=axis, levels_mm=np.array([-20.0]), before_mm=error, after_mm=error / 10.0
-    )
-    before, after = figures.workspace_maps(found)
+
+    def errors(before: np.ndarray, after: np.ndarray, worst: float) -> SimpleNamespace:
+        maps = SimpleNamespace(
+            axis_mm=axis, levels_mm=np.array([-20.0]), before_mm=before, after_mm=after
+        )
+        corner = (70.0, -70.0, worst)
+        return SimpleNamespace(maps=maps, worst_before_mm=corner, worst_after_mm=corner)
+
+    found = errors(error, error / 10.0, -20.0)
+    (before, after), legend = figures.workspace_maps(found)
+    assert ">0.00<" in legend
+    assert marks(before) == [(210.0, 190.0)]  # the lower right corner
     limits = figures.class_limits(0.0, float(error.max()))
     areas, whole = heat(before), sum(heat(before).values())
     above = 0.0
@@ -116,21 +127,59 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
             share = np.pi * radius**2 / 140.0**2
             assert above / whole == pytest.approx(1.0 - share, abs=0.02)
     assert set(heat(after)) == {"h0"}
-    assert "Before, z = −20 mm" in before
+    assert "as found, z = −20 mm" in before
+    assert "expected, z = −20 mm" in after
+    # What was measured afterwards takes the place of what was expected; the limit is a circle.
+    later = errors(error / 2.0, error, 3.0)
+    (_, measured), _ = figures.workspace_maps(found, later, 0.35)
+    assert "measured, z = −20 mm" in measured
+    assert marks(measured) == []  # its worst point lies in no slice
+    edges = re.findall('<line x1="([0-9.]+)" y1="([0-9.]+)"[^>]*class="due"', measured)
+    away = [np.hypot(float(x) - 126.0, float(y) - 106.0) for x, y in edges]
+    # 0.7 mm of the cone, of whose half there is 70 mm on 84 pixels.
+    assert away == pytest.approx(len(away) * [84.0], abs=2.0)
 
 
 def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     place, left = np.array([[0.0, 100.0], [50.0, 0.0], [-50.0, 0.0]]), np.array([0.0, 0.04, -0.04])
-    (panel,) = figures.bed_maps("", place, {"radius only": left})
-    (x0, y0), (x1, y1), (x2, _) = marks(panel)
+    (panel,) = figures.bed_maps("", place, {"radius only": left}, 100.0, (210.0, 330.0, 90.0))
+    _, (x0, y0), (x1, y1), (x2, _) = marks(panel)  # the first is the bed
     assert y0 < y1  # of the picture, which counts downwards
     assert x2 < x0 < x1
-    colours = re.findall(r'<circle [^>]*class="heat h(\d)"', panel)
+    colours = re.findall(r'<circle [^>]*class="heat d(\d)"', panel)
     assert list(map(int, colours)) == pytest.approx([3, 6, 0], abs=1)
+    towers = re.findall(r'<text x="([-\d.]+)" y="([-\d.]+)"[^>]*class="axis">([abc])<', panel)
+    (xa, ya, _), (xb, yb, _), (xc, yc, _) = ((float(x), float(y), t) for x, y, t in towers)
+    assert xa < xc < xb
+    assert yc < ya == yb
+    assert ">front<" in panel
+    # One touch far from all others is ringed, and does not take the colours from them.
+    many = np.tile(place, (4, 1)) + np.arange(12)[:, None]
+    noise = 0.01 * np.cos(np.arange(12.0))
+    noise[7] = 0.5
+    (ringed,) = figures.bed_maps("", many, {"radius only": noise}, 100.0, (210.0, 330.0, 90.0))
+    assert ringed.count('class="ring"') == 1
+    assert "1 stand out, ringed" in ringed
+    assert len(set(re.findall(r'class="heat d(\d)"></circle>', ringed))) > 4
     signs = _signs(place, left, 0.009)
     assert signs[0].strip() == "·"
     assert signs[-1].split() == ["▼", "▲"]
     assert [_sign(v, 0.01) for v in (0.01, 0.03, -0.03, 0.05, -0.05)] == list("·+−▲▼")
+
+
+def test_rails_pass_each_other_as_they_do_in_space():
+    """Drawn from the gaps alone: each common perpendicular is as long as its gap."""
+    gaps = {"xy": 0.3, "yz": -0.2, "zx": 0.1}
+    drawn = figures.rails_sketch(gaps)
+    found = re.findall(
+        '<line x1="([-0-9.]+)" y1="([-0-9.]+)" x2="([-0-9.]+)" y2="([-0-9.]+)" class="fault"', drawn
+    )
+    lengths = [float(np.hypot(c - a, d - b)) for a, b, c, d in (map(float, each) for each in found)]
+    on_paper = [1.0, np.hypot(0.84, 0.5), np.hypot(0.84, 0.5)]  # of 1 px along z, x and y
+    wanted = [abs(gap) * scale for gap, scale in zip(gaps.values(), on_paper, strict=True)]
+    assert np.array(lengths) / lengths[0] == pytest.approx(np.array(wanted) / wanted[0], rel=1e-3)
+    # Rail x lies above rail y: on the paper upwards.
+    assert float(found[0][1]) < float(found[0][3])
 
 
 def test_the_machine_shows_every_gauge_and_what_is_faulty():

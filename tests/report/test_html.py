@@ -16,6 +16,7 @@ from orthoglide_cal.report.document import MARK
 from orthoglide_cal.report.escape import Html, in_html, tag
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
+from orthoglide_cal.results.validity import validity
 from tests.machines import ROOT
 from tests.report.cases import changed, documents, report_of
 from tests.results import cases
@@ -126,7 +127,7 @@ def test_a_report_is_no_certificate(made):
     name, _, outline = made
     words = " ".join(outline.words).lower()
     assert "accredited" not in words
-    if name not in ("failed", "hostile", "healthy"):
+    if name not in ("failed", "hostile", "healthy", "as_left"):
         assert words.count("certificate") <= 1
 
 
@@ -138,9 +139,10 @@ def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
     titles = (section.title or "" for section in (*page.sheet, *page.sections))
     for wanted in (
         *titles, f"k = {answer.k:.2f}", f"{answer.dof} effective degrees of freedom", "95 %",
-        "A. Martin", "2026-03-03 09:31:00 +01:00", "20.9 to 21.6 °C", "hall 3", "no. 41",
-        "2026-0117", "touched the stand", identity_of(cases.healthy()).number, "0" * 64,
-        "orthocal 0.", "Measured by, date",
+        "A. Martin", "2026-03-03 09:31:00 +01:00", "20.9 °C at the start, 21.3 °C at the end",
+        "hall 3", "no. 41", "2026-0117", "due 2027-01-31", "touched the stand",
+        identity_of(cases.healthy()).number, "0" * 64, "orthocal 0.", "Measured by, date",
+        "reproduce it only in full",
     ):  # fmt: skip
         assert wanted in words, wanted
 
@@ -153,7 +155,10 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
         "Authorised by": "B. Petit", "Gauge due": "2027-01-31",
     }  # fmt: skip
     bare = html(report_of(make()).page())
-    assert not [name for name in written if f"<dt>{name}</dt>" in bare]
+    # To what the gauges are traced is asked for on every report.
+    asked = [name for name in written if f"<dt>{name}</dt>" in bare]
+    assert asked == ["Traceability"]
+    assert '<dt>Traceability</dt><dd><span class="blank"' in bare
     given = make().given
     details = {name.lower().replace(" ", "_"): text for name, text in written.items()}
     model = changed(given.model, report=Details(**details))
@@ -164,6 +169,7 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
     head, _, _ = whole.partition("<main>")
     assert "Milling &amp; Sons" in head
     assert "instruction 12" not in head
+    assert "<div>Authorised by B. Petit, date</div>" in whole
 
 
 @pytest.mark.parametrize(
@@ -184,16 +190,20 @@ def test_a_gauge_that_was_due_before_the_measurement_is_marked(
     text = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
     path.write_text(f"{text}report: {{gauge_due: {due}, place: Nantes}}\n", encoding="utf-8")
     given = replace(cases.healthy().given, model=read_machine(path))
-    gauges = (GaugeIdentity(id="41", due=due),)
+    gauges = (GaugeIdentity(id="41", certificate="7", due=due),)
     conditions = given.conditions.changed(finished=finished, gauges=gauges)
     given = replace(given, conditions=conditions)
-    whole = html(report_of(replace(cases.healthy(), given=given)).page())
+    known = cases.healthy().answer.changed(validity=validity(given))
+    whole = html(report_of(replace(cases.healthy(), given=given, answer=known)).page())
     assert "<dt>Place</dt><dd><bdi>Nantes</bdi></dd>" in whole
-    (said,) = re.findall(r"<dt>Gauge due</dt><dd>(.*?)</dd>", whole)
+    (said,) = re.findall(r"<dt>Gauges</dt><dd>(.*?)</dd>", whole)
+    said = re.sub("<.*?>", "", said)
     assert due in said
-    assert ("past on the day of the measurement" in said) == past
-    # As the machine file says it, and as the session says it of its gauge.
-    assert whole.count("past on the day of the measurement") == 2 * past
+    assert ("overdue" in said) == past
+    # And beside the verdict, which is then not green.
+    (verdict,) = re.findall(r'<div class="notice (.*?)</div>', whole)
+    assert ("Gauge 41 is overdue" in verdict) == past
+    assert verdict.startswith("good") != past
 
 
 @pytest.mark.parametrize("name", ["healthy", "failed", "verified"])
@@ -209,9 +219,8 @@ def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
 def test_what_was_not_given_is_a_blank_line():
     outline = outlined(html(report_of(cases.ambiguous()).page()))
     blanks = [value for _, name, value in outline.attributes if value == "not given"]
-    # Measured; protocol, operator, started, finished, temperature; gauge, certificate, due,
-    # resolution; as left three times.
-    assert len(blanks) == 13
+    # Measured, gauges, temperature, operator; protocol, started, finished; traceability.
+    assert len(blanks) == 8
 
 
 def test_markup_escapes_all_but_itself():

@@ -9,17 +9,24 @@ from pathlib import Path
 
 import pytest
 
+from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.files import read_input
+from orthoglide_cal.model import Model
+from orthoglide_cal.planning import ranked
+from orthoglide_cal.planning.plan import MeasurementPlan, Wanted, measurement_plan
+from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.html import html
-from tests.machines import SAMPLES
+from tests.machines import NOMINAL, SAMPLES
 from tests.printer_files import OFF, printer_cfg
+from tests.printers import printer
 from tests.report.cases import documents, report_of
 from tests.results.cases import CASES, case_of
-from tests.truth.delta import V400
+from tests.truth.delta import TOLERANCES, V400
 
 # "> 99 %" stands for any larger share.
 NUMBER = re.compile(r"(?<![\w.])(?<![<>] )[-+−]?\d+(?:\.\d+)?(?![\w.]*\d)( %| µm)?")
@@ -74,6 +81,13 @@ def drawn(case: Case) -> Iterator[float]:
         yield from (1000.0 * abs(sum(own) / len(rows)) for own in zip(*rows, strict=True))
 
 
+def mapped(plan: MeasurementPlan) -> Iterator[float]:
+    """What the map of causes says: whole standard deviations, 99 for any more."""
+    data = plan.model_dump(mode="json")
+    apart = [*data["trace"].values(), *(pair["sigma"] for pair in data["separation"])]
+    yield from (99.0, *(min(int(sigma), 99) for sigma in apart))
+
+
 def missing(document: Document, more: Iterable[float] = ()) -> list[str]:
     known = {*more, *numbers_in(json.loads(json.dumps(document.data(), allow_nan=False)))}
     faults = []
@@ -95,7 +109,7 @@ def test_every_number_of_a_report_is_in_its_json(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in CASES if name != "failed"])
 def test_every_number_of_a_solution_and_of_a_diagnosis_is_in_its_json(name: str) -> None:
     case = CASES[name]()
-    assert missing(solution_document(case, details=True)) == []
+    assert missing(solution_document(case)) == []
     assert missing(diagnosis_document(case), drawn(case)) == []
 
 
@@ -109,3 +123,25 @@ def test_every_number_of_a_printer_is_in_its_json(tmp_path: Path, data: str) -> 
     path = tmp_path / "printer.cfg"
     path.write_text(printer_cfg(V400, OFF), encoding="utf-8")
     assert missing(report_of(case_of(read_input(str(path), stored=data)))) == []
+
+
+@pytest.mark.parametrize(
+    ("machine", "wanted"),
+    [
+        ("orthoglide", Wanted(MeasuringProtocol.SINGLE, stands=1, target_mm=0.02)),
+        ("orthoglide", Wanted(MeasuringProtocol.BEST, cycles=4)),
+        ("linear_delta", Wanted()),
+    ],
+)
+def test_every_number_of_a_plan_is_in_its_json(machine: str, wanted: Wanted) -> None:
+    model = {"orthoglide": NOMINAL, "linear_delta": Model(printer(V400, TOLERANCES))}[machine]
+    plan = measurement_plan(model, wanted)
+    assert missing(plan_document(plan), mapped(plan)) == []
+
+
+def test_every_number_of_a_plan_to_go_on_is_in_its_json() -> None:
+    case = CASES["ambiguous"]()
+    measured, model = case.given.measured, case.given.model
+    plan = measurement_plan(model, Wanted(), ranked(diagnose(measured, model)))
+    document = plan_document(plan, None, case.answer, measured.source)
+    assert missing(document, mapped(plan)) == []

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation.budget import Budget, Contribution, Evaluation
+from orthoglide_cal.estimation.budget import Budget, Contribution, Evaluation, budget_lines
 from orthoglide_cal.model import Model
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
@@ -13,7 +13,6 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.parameters import budget_section
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.figures import separation_lines
-from orthoglide_cal.results import budget_lines
 from tests.machines import NOMINAL, both_models
 
 

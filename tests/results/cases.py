@@ -19,6 +19,22 @@ from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import readings_of, some
 from tests.results.sessions import FINE, TRUE, given, session
 
+# Of a session to which nobody can object.
+COMPLETE = Conditions(
+    protocol="double-posture",
+    operator="A. Martin",
+    started="2026-03-03T09:00:00+01:00",
+    finished="2026-03-03T09:31:00+01:00",
+    temperature_c=(20.7, 21.6),
+    first_and_last_c=(20.9, 21.3),
+    environment=(("place", "hall 3"),),
+    gauges=(
+        GaugeIdentity(id="no. 41", certificate="2026-0117", due="2027-01-31", resolution_mm=0.01),
+        GaugeIdentity(id="no. 42", certificate="2026-0118", due="2027-01-31"),
+    ),
+    retaken=1,
+    notes=((14, "touched the stand"),),
+)
 ISSUED = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
 GAP = np.array([0.3, -0.2, 0.25])
 
@@ -50,21 +66,7 @@ def _made(measured: Readings, model: Model = NOMINAL, conditions: Conditions | N
 @cache
 def healthy() -> Case:
     """Everything given, nothing wrong."""
-    conditions = Conditions(
-        protocol="double-posture",
-        operator="A. Martin",
-        started="2026-03-03T09:00:00+01:00",
-        finished="2026-03-03T09:31:00+01:00",
-        temperature_c=(20.9, 21.6),
-        environment=(("place", "hall 3"),),
-        gauges=(
-            GaugeIdentity(id="no. 41", certificate="2026-0117", resolution_mm=0.01),
-            GaugeIdentity(id="no. 42"),
-        ),
-        retaken=1,
-        notes=((14, "touched the stand"),),
-    )
-    return _made(session(TRUE, 3), NOMINAL, conditions)
+    return _made(session(TRUE, 3), NOMINAL, COMPLETE)
 
 
 @cache
@@ -143,7 +145,8 @@ def hostile() -> Case:
 def as_left() -> tuple[Case, Verification]:
     """Adjusted and measured again."""
     entered = np.round(TRUE, 3)
-    before, after = given(session(TRUE, 14)), given(session(TRUE - entered, 15))
+    before = given(session(TRUE, 14), NOMINAL, COMPLETE)
+    after = given(session(TRUE - entered, 15), NOMINAL, COMPLETE)
     return case_of(before), verify(before, after, entered.tolist(), limit_mm=0.05)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orthoglide_cal.files import Conditions, Input, session_of_readings, write_session
+from orthoglide_cal.files import Conditions, Input, session_of_readings, session_text
 from orthoglide_cal.model import GaugePlan, Model, Readings, double_posture, simulate
 from tests.machines import NOMINAL
 from tests.readings import readings_of
@@ -60,4 +60,5 @@ def given(
 
 def write(measured: Readings, model: Model, path: Path, **more: str) -> None:
     """A session file of readings; `more` are further keys of it."""
-    write_session(session_of_readings(measured, model, {}).model_copy(update=more), path)
+    session = session_of_readings(measured, model, {}).model_copy(update=more)
+    path.write_text(session_text(session), encoding="utf-8")

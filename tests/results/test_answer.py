@@ -172,7 +172,7 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     )
     entered = np.array([each.change(answer.decimals) for each in answer.parameters])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    rows = {row.difference.name: row for row in promise(measured, known, entered, noise)}
+    rows = {row.name: row for row in promise(measured, known, entered, noise)}
     for each in answer.deviations:
         row = rows[each.name]
         for name in ("measured_mm", "modelled_mm", "expected_mm", "expanded_mm"):
@@ -187,7 +187,7 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     readings = simulate(GAPED, TRUE - found(answer), plan)
     assert check.expected_mm == pytest.approx(readings[ends[1]] - readings[ends[0]], abs=0.01)
     solution = solve(measured, case.given.model)
-    plain = next(row for row in solution.promised() if row.difference.name == check.what)
+    plain = next(row for row in solution.promised() if row.name == check.what)
     assert abs(plain.expected_mm - check.expected_mm) > 0.02
 
 
@@ -242,7 +242,7 @@ def test_a_cause_that_moves_nothing_does_not_bar_the_offsets() -> None:
     near = replace(diagnosis, offsets_mm=solution.offsets_mm + 0.001)
     decision = release(solution, near)
     assert decision.usable
-    assert "misread was found" in decision.cautions[0]
+    assert "misread moves no offset" in decision.cautions[0]
     assert not release(solution, replace(near, offsets_mm=solution.offsets_mm + 0.1)).usable
 
 
@@ -305,7 +305,7 @@ def test_the_offsets_keep_their_correlations() -> None:
     assert np.abs(correlation - np.eye(3)).max() > 0.05
 
     def at_most(spread: np.ndarray) -> float:
-        return workspace_error(model, found(answer), spread, answer.k or 0.0).after_max_mm
+        return workspace_error(model, found(answer), spread, answer.k or 0.0).after_mm
 
     assert answer.workspace is not None
     assert answer.workspace.after_mm == pytest.approx(at_most(covariance), rel=1e-9)
@@ -316,7 +316,7 @@ def test_the_causes_keep_their_correlations() -> None:
     case = cases.named_in_machine()
     diagnosis = diagnosis_of(case)
     (effect,) = making.with_causes(case.given.model, diagnosis).accepted
-    assert np.array_equal(effect.covariance, diagnosis.causes[0].effect.covariance)
+    assert np.array_equal(effect.covariance, diagnosis.effects[0].covariance)
     off = effect.covariance - np.diag(np.diag(effect.covariance))
     assert np.abs(off).max() > 0.01 * np.diag(effect.covariance).max()
     assert effect.data_sha256 == case.source.sha256

@@ -6,21 +6,15 @@ from collections import Counter
 import pytest
 
 from orthoglide_cal.diagnosis import Verdict
-from orthoglide_cal.files.input import input_from_document
-from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.results import Answer, answer_to
 from tests import truth
 from tests.bench.chance import band
-from tests.diagnosis.sessions import model_of
+from tests.diagnosis.sessions import known
+from tests.results.sessions import given
 
 # Standard deviation of the hidden joint offsets [mm]: one in twenty is beyond 2 mm.
 OFFSETS = 1.0
 GROUPS = [(machine, gauge) for machine in truth.MACHINES for gauge in truth.GAUGES]
-
-
-def calibrated(session: truth.Session) -> Answer:
-    document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
-    return answer_to(input_from_document(document, model_of(session.machine, session.gauge)))
 
 
 def inside(found: Answer, session: truth.Session) -> int:
@@ -51,7 +45,7 @@ def test_healthy_sessions_are_consistent_and_their_intervals_hold(
             offset_sd=OFFSETS,
             cycles=cycles,
         )
-        found = calibrated(session)
+        found = answer_to(given(*known(session)))
         covered += inside(found, session)
         verdicts[str(found.verdict)] += 1
     low, high = band(count, 0.93, 0.97)
@@ -69,7 +63,7 @@ def test_the_intervals_of_named_sessions_hold(cause: str, gauge: str) -> None:
         session = truth.make_session(
             9000 + seed, truth.PROTOTYPE, truth.GAUGES[gauge], (cause,), offset_sd=OFFSETS
         )
-        found = calibrated(session)
+        found = answer_to(given(*known(session)))
         if tuple(each.id for each in found.causes) == (cause,):
             named += 1
             covered += inside(found, session)

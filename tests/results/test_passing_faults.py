@@ -3,17 +3,11 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.files.input import input_from_document
-from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.results import Answer, answer_to
 from orthoglide_cal.results.verification import verify
 from tests import truth
-from tests.diagnosis.sessions import model_of
-
-
-def given(session: truth.Session):
-    document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
-    return input_from_document(document, model_of(session.machine, session.gauge))
+from tests.diagnosis.sessions import known
+from tests.results.sessions import given
 
 
 def entered(found: Answer) -> np.ndarray:
@@ -35,11 +29,11 @@ def test_what_is_promised_comes_true_without_the_fault(fault: str) -> None:
     checked = 0
     for seed in range(60, 80):
         session = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, (fault,))
-        before = given(session)
+        before = given(*known(session))
         found = answer_to(before)
         if [cause.id for cause in found.causes] != [fault]:
             continue
-        after = given(corrected(session, found))
+        after = given(*known(corrected(session, found)))
         seen = {
             row.difference: row
             for row in verify(before, after, entered(found).tolist()).differences

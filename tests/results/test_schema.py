@@ -74,15 +74,15 @@ def test_every_key_of_the_contract_is_there() -> None:
     parts = {
         "InputFile": "path sha256 kind readings",
         "MachineName": "name kind",
-        "PossibleExplanation": "ids probability rms_mm parameters",
+        "Explanation": "ids probability rms_mm parameters",
         "Release": "usable settled reasons cautions",
         "Parameter": "name unit active found std expanded enter determined",
         "Alone": "parameters rms_after_mm",
         "Residue": "before_mm after_mm",
         "Noise": "used_mm repeats_mm residuals_mm stated_mm floor_mm dof",
-        "DeviationPromise": "name measured_mm modelled_mm expected_mm expanded_mm",
+        "PromisedDifference": "name measured_mm modelled_mm expected_mm expanded_mm",
         "BudgetLine": "source type size unit assumed std",
-        "GoodnessOfFit": "statistic dof p_value repeats_p_value left_mm expected_mm",
+        "LackOfFit": "statistic dof p_value repeats_p_value left_mm expected_mm",
         "Residual": "leg direction posture x_mm y_mm measured_mm modelled_mm with_causes_mm",
         "FoundCause": "id probability where parameters rms_before_mm rms_after_mm"
         " heldout_before_mm heldout_after_mm heldout_ratio aliases times_stated remedy recommended",

@@ -223,15 +223,6 @@ def test_an_axis_that_was_not_touched_has_no_coefficient():
     assert low <= axes["x"].applied_mm <= high
 
 
-def test_the_change_is_what_the_model_predicts():
-    first, second = before(17), after(TRUE, 18)
-    shared = shared_contrasts(first.measured, second.measured, NOMINAL)
-    promised = shared.problem.change(TRUE, TRUE)
-    assert shared.after - shared.before == pytest.approx(promised, abs=0.05)
-    with pytest.raises(ValueError, match="read-only"):
-        shared.covariance[0] = 1.0
-
-
 @pytest.mark.parametrize(
     ("limit", "outcome"),
     [

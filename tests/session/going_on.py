@@ -1,5 +1,6 @@
 """Sessions that go on from others: what is chosen, and what is then in the files."""
 
+import functools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -23,10 +24,16 @@ def read(path: Path) -> Readings:
     return measured
 
 
+@functools.cache
+def _options(path: Path, content: bytes) -> tuple[Option, ...]:
+    """Recommended after a file with this content, best first; ranked once."""
+    given = read_input(str(path))
+    return tuple(each.option for each in ranked(diagnose(given.measured, given.model)))
+
+
 def choice(path: Path, wanted: Callable[[Option], object]) -> tuple[str, ...]:
     """The options of the command that carry out the first recommendation that is wanted."""
-    given = read_input(str(path))
-    options = [each.option for each in ranked(diagnose(given.measured, given.model))]
+    options = _options(path, path.read_bytes())
     number = next(k for k, option in enumerate(options, start=1) if wanted(option))
     return ("--then", str(path), "--choice", str(number), "--yes")
 

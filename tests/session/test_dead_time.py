@@ -26,7 +26,7 @@ FIRST = ("-0.64", "0.41", "-0.95", "0.43")  # of the first steps, as a healthy m
 Press = Callable[[str], None]
 
 
-@pytest.fixture(params=["wedge", "serial"])
+@pytest.fixture
 def at_the_machine(
     request: pytest.FixtureRequest, tmp_path: Path, line: SerialLine
 ) -> Iterator[tuple[Terminal, Press]]:
@@ -53,12 +53,23 @@ def kept(folder: Path) -> dict[int, float]:
     return {number: item.take.value_mm for number, item in state_in(folder).accepted.items()}
 
 
+def by_both(quick: dict[str, object], slow: dict[str, object]) -> pytest.MarkDecorator:
+    """Each gauge with one value quickly, and with the other's where there is time."""
+    rest = [pytest.param(*each, marks=pytest.mark.slow) for each in slow.items()]
+    return pytest.mark.parametrize(
+        ("at_the_machine", "timing"), [*quick.items(), *rest], indirect=["at_the_machine"]
+    )
+
+
 # Of the next gauge of the same posture, or of the next posture.
-@pytest.mark.parametrize(("apart", "before"), [(0.12, 0), (1.0, 1)])
+SOON, LATE = (0.12, 0), (1.0, 1)
+
+
+@by_both({"wedge": SOON, "serial": LATE}, {"wedge": LATE, "serial": SOON})
 def test_a_second_press_is_no_reading(
-    tmp_path: Path, at_the_machine: tuple[Terminal, Press], apart: float, before: int
+    tmp_path: Path, at_the_machine: tuple[Terminal, Press], timing: tuple[float, int]
 ) -> None:
-    terminal, press = at_the_machine
+    (terminal, press), (apart, before) = at_the_machine, timing
     for number in range(before + 1):
         assert terminal.step() == number + 1
         time.sleep(AFTER_A_DRIVE_S + 0.3 if number else 0.3)
@@ -91,15 +102,15 @@ def test_a_second_press_answers_no_question(tmp_path: Path, apart: float, second
         terminal.expect("saved")
 
 
-@pytest.mark.parametrize("period", [0.03, 0.9])
+@by_both({"wedge": 0.03, "serial": 0.9}, {"wedge": 0.9, "serial": 0.03})
 def test_a_gauge_in_continuous_output_stores_nothing(
-    tmp_path: Path, at_the_machine: tuple[Terminal, Press], period: float
+    tmp_path: Path, at_the_machine: tuple[Terminal, Press], timing: float
 ) -> None:
-    terminal, press = at_the_machine
+    (terminal, press), period = at_the_machine, timing
     assert terminal.step() == 1
     until = time.monotonic() + max(2.5, 5.5 * period)
     while time.monotonic() < until:
-        press("0.412")
+        press("0.41")
         time.sleep(period)
     terminal.expect(r"Switch off its\s+continuous output")
     assert terminal.seen.count("ignored: ") <= 8

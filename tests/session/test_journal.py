@@ -15,7 +15,6 @@ from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.events import (
     RECORD,
     Answered,
-    Continued,
     Doubt,
     Ended,
     Event,
@@ -111,8 +110,8 @@ def test_the_format_on_the_disk_is_that_of_version_1() -> None:
         Retake(at=AT, steps=(1, 2), reason="dust"),
         Skipped(at=AT, step=4, reason="cable"),
         Noted(at=AT, step=5, text="door"),
-        Paused(at=AT),
-        Continued(at=AT),
+        Paused(at=AT, kind="paused"),
+        Paused(at=AT, kind="continued"),
         Reopened(at=AT, source=("typed",)),
         Shortened(at=AT, drop=(6, 7), reason="known"),
         Ended(at=AT, reason="complete"),

@@ -198,7 +198,7 @@ def kill_program(folder: Path, kills: list[int], *options: str) -> None:
     while True:
         with Terminal(folder, "s.yaml", *options, *resume) as terminal:
             while True:
-                terminal.child.expect([r"(\d+)\. Gauge [^\r\n]* > $", "orthocal diagnose"])
+                terminal.child.expect([r"(\d+)\. Gauge [^\r\n]* > $", "More: orthocal"])
                 if terminal.child.match.re.groups == 0:
                     assert terminal.finish() == 0
                     return

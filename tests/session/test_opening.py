@@ -65,7 +65,7 @@ def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) 
     assert f"orthocal measure '{shown}' --resume" in left.stderr
     assert "Machine  m⟨U+202E⟩ File none\n" in done.stdout
     assert f"Written to 2 {shown}\n" in done.stdout
-    assert f"orthocal diagnose '2 {shown}'\n" in done.stdout
+    assert f"More: orthocal solve '2 {shown}' --details" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) 
         (("--gauge", "simulated"), "gauge: typed in the session, simulated asked for"),
         (("--seed", "3"), "seed: None in the session, 3 asked for"),
         (("leg_length_mm: 310.25", "leg_length_mm: 310.5"), "leg_length_mm: 310.25 in the session"),
-        (("resolution_mm: 0.01", "resolution_mm: 0.001"), "gauge.resolution_mm: 0.01"),
+        (("resolution_mm: 0.01", "resolution_mm: 0.001"), "machine, gauge: {"),
         (("name: Orthoglide", "name: Other"), "name: Orthoglide prototype in the session"),
     ],
 )
@@ -257,7 +257,7 @@ def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Pa
     assert (again.returncode, "X +0.4  Y -0.3  Z +0.9" in again.stdout) == (130, True)
     code, said = refused(tmp_path, "s.yaml", "--resume", "--offsets-active", "0.4", "-0.3", "0")
     assert code == 2
-    assert "machine, offsets_mm.z: 0.9 in the session, 0.0 in the file" in said
+    assert "machine, offsets_mm: " in said
 
 
 @pytest.mark.parametrize(

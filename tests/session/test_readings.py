@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import read_input, write_session
+from orthoglide_cal.files import read_input, session_text
 from orthoglide_cal.model import GaugePlan, Readings
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session.events import (
@@ -91,7 +91,7 @@ def test_live_readings_are_those_of_the_file(
     live = so_far.measured
     exact = [item.take.minutes for item in so_far.state.accepted.values()]
     assert so_far.minutes == pytest.approx(exact, abs=5.1e-5)
-    write_session(session_values(so_far), tmp_path / "s.yaml")
+    (tmp_path / "s.yaml").write_text(session_text(session_values(so_far)), encoding="utf-8")
     read = read_input(str(tmp_path / "s.yaml"))
     filed = read.measured
     assert isinstance(filed, Readings)

@@ -160,7 +160,7 @@ def test_readings_from_a_pipe(tmp_path: Path, end: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert_fits(done.stdout)
     assert_found(tmp_path, SINGLE, 5, values)
-    assert "orthocal diagnose s.yaml" in done.stdout
+    assert "More: orthocal solve s.yaml --details" in done.stdout
     file = file_of(tmp_path)
     assert (file["protocol"], file["operator"]) == (SINGLE, "Ada")
     assert file["finished"] is not None
@@ -174,7 +174,7 @@ def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:
     found = [parameter["found"] for parameter in result["parameters"]]
     assert np.abs(np.array(found) - hidden).max() < 0.05
     assert "Step 1 of 60" in done.stderr
-    assert f"hidden {hidden[0]:+.4f}" in done.stderr
+    assert f"hidden were x {hidden[0]:+.3f}" in done.stderr
     assert file_of(tmp_path)["environment"] == {"readings_from": "simulated", "seed": "9"}
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .effects import USUAL, Times, sizes
 from .plan import Floats, Ints, frozen, frozen_ints
 from .spheres import tool_from_carriages
 
@@ -330,12 +331,13 @@ def changes(radius: float) -> dict[str, tuple[int, Change]]:
     }
 
 
-def draw_truth(hidden: tuple[str, ...], bed: float, rng: np.random.Generator) -> Truth:
-    """A machine before its calibration, with one to three tolerances of each hidden cause."""
+def draw_truth(
+    hidden: tuple[str, ...], bed: float, rng: np.random.Generator, times: Times = USUAL
+) -> Truth:
+    """A machine before its calibration, with so many tolerances of each hidden cause."""
 
     def sized(cause: str, count: int) -> Floats:
-        values = rng.normal(size=count)
-        return values / np.linalg.norm(values) * rng.uniform(1.0, 3.0) * TOLERANCES[cause]
+        return sizes(rng, count, TOLERANCES[cause], times)
 
     angles = np.append(rng.normal(scale=CALIBRATED["angles"], size=2), 0.0)
     truth = Truth(
@@ -370,6 +372,7 @@ def make_delta_session(
     bumps: tuple[float, float] = (0.0, 30.0),
     shape: Callable[[np.random.Generator, float, float], Floats] = texture,
     outside: tuple[str, Disturb] | None = None,
+    times: Times = USUAL,
 ) -> DeltaSession:
     """Draw one session. The same arguments give the same session.
 
@@ -380,11 +383,12 @@ def make_delta_session(
         bumps: standard deviation [mm] and correlation length [mm] of the bed's local shape.
         shape: draws it: `texture` or `grain`.
         outside: an effect outside the list.
+        times: how large its hidden causes are, in tolerances.
     """
     layout = layout or Layout()
     words = "|".join((machine.name, *hidden, *(outside or ())[:1], str(layout)))
     rng = np.random.default_rng([seed, zlib.crc32(words.encode())])
-    truth = draw_truth(hidden, machine.bed, rng)
+    truth = draw_truth(hidden, machine.bed, rng, times)
     if bumps[0]:
         terms = truth.bed.terms if truth.bed else {}
         truth = replace(truth, bed=Surface(machine.bed, terms, shape(rng, *bumps)))

@@ -36,10 +36,15 @@ class Effect:
     extra: dict[str, float] = field(default_factory=dict)
 
 
-def _sizes(rng: np.random.Generator, count: int, tolerance: float) -> Floats:
-    """A random direction with a length of one to three tolerances."""
+Times = tuple[float, float]
+"""Least and greatest length of a cause's parameters together, in tolerances."""
+USUAL: Times = (1.0, 3.0)
+
+
+def sizes(rng: np.random.Generator, count: int, tolerance: float, times: Times) -> Floats:
+    """A random direction with a length of so many tolerances."""
     values = rng.normal(size=count)
-    return values / np.linalg.norm(values) * rng.uniform(1.0, 3.0) * tolerance
+    return values / np.linalg.norm(values) * rng.uniform(*times) * tolerance
 
 
 def _signed(rng: np.random.Generator, tolerance: float) -> float:
@@ -47,15 +52,15 @@ def _signed(rng: np.random.Generator, tolerance: float) -> float:
     return float(rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 4.0) * tolerance)
 
 
-def draw_machine_cause(cause: str, rng: np.random.Generator) -> Effect:
+def draw_machine_cause(cause: str, rng: np.random.Generator, times: Times = USUAL) -> Effect:
     """Draw one cause of the machine or its bars."""
     tolerance = TOLERANCES[cause]
     if cause == "backlash":
-        widths = np.abs(_sizes(rng, 3, tolerance))
+        widths = np.abs(sizes(rng, 3, tolerance, times))
         lags = widths * rng.uniform(-0.5, 0.5, size=3)
         return Effect(cause, "machine", (*widths.tolist(), *lags.tolist()))
     part = PARTS[cause]
-    values = _sizes(rng, part.stop - part.start, tolerance)
+    values = sizes(rng, part.stop - part.start, tolerance, times)
     return Effect(cause, "machine", tuple(values.tolist()))
 
 

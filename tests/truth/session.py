@@ -8,7 +8,9 @@ import numpy as np
 
 from .effects import (
     CAUSES,
+    USUAL,
     Effect,
+    Times,
     contact_shift,
     draw_machine_cause,
     draw_measurement_cause,
@@ -164,6 +166,7 @@ def make_session(
     pace: float = 0.4,
     cycles: int = 3,
     exact: bool = False,
+    times: Times = USUAL,
 ) -> Session:
     """Draw one session. The same arguments give the same session.
 
@@ -176,6 +179,7 @@ def make_session(
         pace: mean time per posture, [min]; a slow technician sees more of what creeps.
         cycles: repeats of the three postures on each leg.
         exact: legs, places and scale as they should be; drawn otherwise.
+        times: how large causes of the machine are, in tolerances.
     """
     unknown = [cause for cause in hidden if cause not in CAUSES]
     if unknown or (outside is not None and outside not in OUTSIDE):
@@ -185,7 +189,7 @@ def make_session(
     plan = standard_plan(machine, rng, cycles, pace=pace)
     offsets = rng.normal(scale=offset_sd, size=3)
     effects = tuple(
-        draw_machine_cause(cause, rng)
+        draw_machine_cause(cause, rng, times)
         if cause in MACHINE_CAUSES
         else draw_measurement_cause(cause, plan, rng)
         for cause in hidden

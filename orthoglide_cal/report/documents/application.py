@@ -5,7 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 from orthoglide_cal.errors import command
+from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.model import AXES
+from orthoglide_cal.model.machine import Written
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import measure_again
 from orthoglide_cal.results import Application
@@ -26,30 +28,53 @@ def _data(found: Application) -> dict[str, object]:
         "machine": found.file.model.machine.name,
         "undone": found.undone,
         "date": entry.date,
-        "before": dict(zip(AXES, found.before_mm, strict=True)),
-        "after": dict(zip(AXES, found.after_mm, strict=True)),
+        "before": dict(zip(AXES, found.before_mm, strict=False)),
+        "after": dict(zip(AXES, found.after_mm, strict=False)),
         "data_sha256": entry.data_sha256,
+        "written": entry.written.model_dump() if entry.written else None,
     }
 
 
 def _page(found: Application, session: str) -> doc.Page:
     machine = found.file.model.machine
-    rows = tuple(
-        (axis, signed(before, 4), signed(after - before, 4), doc.Strong(signed(after, 4)))
-        for axis, before, after in zip(AXES, found.before_mm, found.after_mm, strict=True)
-    )
-    caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
-    grid = doc.Grid(("axis", "before", "change", "from now on"), rows, caption=caption)
-    if found.undone:
-        items: tuple[doc.Instruction, ...] = (
-            doc.Instruction("The controller must hold the last column again; re-home."),
-        )
+    if found.controller is not None and found.entry.written is not None:
+        grid = _written(found, found.controller, found.entry.written)
+        said = machine.vocabulary.restart
+        if found.controller.adds:
+            said = f"Restart LinuxCNC: it reads its INI only then. {said}"
     else:
-        items = (
-            doc.Instruction("The controller must hold the last column, and be homed since."),
-            doc.Instruction("Measure again in the same way.", measure_again(found.conditions)),
-            doc.Instruction("Compare with what was promised.", command("verify", session, "AFTER")),
+        rows = tuple(
+            (axis, signed(before, 4), signed(after - before, 4), doc.Strong(signed(after, 4)))
+            for axis, before, after in zip(AXES, found.before_mm, found.after_mm, strict=False)
         )
-    title = "Taken back" if found.undone else "Entered in the controller"
-    section = doc.Section(None, (grid, doc.Instructions(items)))
+        caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
+        grid = doc.Grid(("axis", "before", "change", "from now on"), rows, caption=caption)
+        said = "The controller must hold the last column, and be homed since."
+    if found.undone:
+        steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
+    else:
+        steps = [
+            doc.Instruction(said),
+            doc.Instruction("Probe it again in the same way.")
+            if machine.keeps_itself
+            else doc.Instruction("Measure again in the same way.", measure_again(found.conditions)),
+            doc.Instruction("Compare with the prediction.", command("verify", session, "AFTER")),
+        ]
+    title = "To be taken back" if found.undone else "To be recorded"
+    section = doc.Section(None, (grid, doc.Instructions(tuple(steps))))
     return doc.Page(kind=title, title=machine.name, sections=(section,))
+
+
+def _written(found: Application, controller: ControllerFile, written: Written) -> doc.Grid:
+    """The lines of the controller's file that change."""
+    rows = []
+    for each in written.values:
+        now, new = (each.after, each.before) if found.undone else (each.before, each.after)
+        rows.append((str(each.line), each.key, now, doc.Strong(new)))
+    notes = [f"Lines of {written.target}; all others stay.", *controller.remarks]
+    if found.is_first and controller.adds:
+        notes.append(
+            "They are written here for the first time, and the change is added: a value may hold"
+            " more than the offset, such as the place of the switch."
+        )
+    return doc.Grid(("line", "what", "now", "from now on"), tuple(rows), caption=" ".join(notes))

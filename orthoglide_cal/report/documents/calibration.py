@@ -1,17 +1,21 @@
 """The calibration report: one session, its result, and what to do.
 
-The first sheet is what is pinned to the machine: may the parameters be entered, what to do, the
-parameters with their uncertainty, as found and as left. Behind it stands what that rests on.
+The first sheet is what is pinned to the machine: may the parameters be entered, under which
+conditions that holds, what to do, the parameters with U, each difference as found and as left. Of a
+result that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it
+stands what that rests on.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import partial
 
-from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import FoundCause, Verdict
 from orthoglide_cal.errors import file_words
-from orthoglide_cal.files import Conditions, machine_values
-from orthoglide_cal.model import AXES, DataKind, Series
+from orthoglide_cal.files import machine_values
+from orthoglide_cal.model import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case
@@ -20,51 +24,57 @@ from orthoglide_cal.report.documents.diagnosis import (
     cause_blocks,
     fit_blocks,
     headline,
-    next_blocks,
+    next_step,
     note_blocks,
-    ranking_grid,
 )
 from orthoglide_cal.report.documents.parameters import (
+    UNKNOWN,
     alone_block,
     budget_sections,
     open_blocks,
     parameters_grid,
     parameters_title,
 )
-from orthoglide_cal.report.documents.pictures import residual_blocks
-from orthoglide_cal.report.documents.solution import left_after, method_words, noise_grid
+from orthoglide_cal.report.documents.pictures import differences_figure, residual_blocks
+from orthoglide_cal.report.documents.solution import method_words, noise_words
 from orthoglide_cal.report.documents.verification import (
     compared_inputs,
+    left_figure,
     parameters_left,
     verification_notice,
-    verification_outcome,
-    verification_to_do,
+    verification_steps,
 )
 from orthoglide_cal.report.facts import (
     data_words,
-    due_words,
     method_facts,
     moment,
     owner_facts,
+    reserved,
     scope,
+    validity_strip,
 )
-from orthoglide_cal.results import Answer, FoundCause, Identity, Workspace
+from orthoglide_cal.results import Answer, Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import (
-    difference_decimals,
     plain,
     short,
-    signed,
     two_figures,
+    unit_words,
+    with_uncertainty,
 )
 
 _MOST_NOTES = 40
 # A parameter of a cause that many standard deviations from zero is marked on the sketch.
 SEEN = 2.0
+_LEFT_ANYWAY = "What would be left if the result were entered"
 
 
 def calibration_document(
-    case: Case, identity: Identity, left: Verification | None = None
+    case: Case,
+    identity: Identity,
+    left: Verification | None = None,
+    others: Sequence[Case] = (),
+    limit_mm: float | None = None,
 ) -> doc.Document:
     """The document, for any of the renderers.
 
@@ -72,13 +82,20 @@ def calibration_document(
         case: the input and the answer.
         identity: number, time, software.
         left: of the session measured after the adjustment; None without one.
+        others: what else the same file stores, none of it judged worse.
+        limit_mm: largest deviation allowed; None where nobody said.
     """
-    return doc.Document(
-        partial(report_data, case, identity, left), partial(_page, case, identity, left)
-    )
+    arguments = case, identity, left, others, limit_mm
+    return doc.Document(partial(report_data, *arguments), partial(_page, *arguments))
 
 
-def report_data(case: Case, identity: Identity, left: Verification | None) -> dict[str, object]:
+def report_data(
+    case: Case,
+    identity: Identity,
+    left: Verification | None,
+    others: Sequence[Case] = (),
+    limit_mm: float | None = None,
+) -> dict[str, object]:
     """The answer, and what only a report says; lengths in mm."""
     given, answer = case.given.conditions, case.answer
     return {
@@ -91,201 +108,282 @@ def report_data(case: Case, identity: Identity, left: Verification | None) -> di
             "gauges": [gauge.model_dump(mode="json") for gauge in given.gauges],
             "notes": [{"line": line, "note": note} for line, note in given.notes],
         },
+        "limit_mm": limit_mm,
         "answer": answer.model_dump(mode="json"),
         "after": left.model_dump(mode="json") if left else None,
+        "others": [other.answer.model_dump(mode="json") for other in others],
     }
 
 
-def _page(case: Case, identity: Identity, left: Verification | None) -> doc.Page:
-    conditions, machine = case.given.conditions, case.machine
+def _page(
+    case: Case,
+    identity: Identity,
+    left: Verification | None,
+    others: Sequence[Case],
+    limit_mm: float | None,
+) -> doc.Page:
+    machine, answer = case.machine, case.answer
+    recorded = [(answer.input, answer.validity)]
     if left is not None:
-        notice = verification_notice(left)
-        sheet = [verification_to_do(left, case.machine_file)]
-        pages = [verification_outcome(left)]
-    else:
-        notice = decision_notice(case)
-        sheet, pages = [to_do(case)], []
-    background = [_conditions(case), _origin(case, identity)]
-    if case.answer.parameters:
-        sheet += _parameters(case, left)
-        pages += _evidence(case, left)
-        pages += background
+        recorded = [(each, each.validity) for each in (left.before, left.after)]
+    simulated = any(each.simulated for _, each in recorded)
+    strip = validity_strip(recorded, identity.software, machine.probes)
+    sheet = [doc.Section(None, (strip,))]
+    released = answer.release.usable or left is not None
+    if answer.parameters and not released:
+        sheet += _gap(answer)
+    drawn, pages = _differences(case, left, limit_mm), list[doc.Section]()
+    if answer.parameters:
+        sheet += _result(case, left, drawn if released else ())
+        if drawn and not released:
+            # Where the rails are drawn, the first sheet is full.
+            chosen = pages if answer.shims else sheet
+            chosen.append(doc.Section(_LEFT_ANYWAY, drawn))
+        sheet += [_other(other) for other in others]
+        pages += [*_evidence(case), _conditions(case)]
+        pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
     else:
         # There is nothing to pin to the machine, and one sheet of paper says it all.
-        sheet += background
+        sheet.append(to_do(case))
+        sheet += [*(_other(other) for other in others)]
+        sheet += [_conditions(case), _origin(case, identity, left)]
+    authorised = machine.report.authorised_by
+    roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
     return doc.Page(
-        kind="Calibration report",
+        kind="Practice report" if simulated else "Calibration report",
         title=machine.name,
         number=identity.number,
         facts=doc.Facts(
             (
                 *owner_facts(machine),
                 ("Number", doc.Code(identity.number)),
-                ("Measured", moment(conditions.finished or conditions.started)),
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
             )
         ),
-        notice=notice,
+        notice=_notice(case, left),
         sheet=tuple(sheet),
         sections=tuple(pages),
-        signatures=("Measured by", "Adjusted by", "Checked by"),
+        signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
         scope=scope(machine),
+        stamp="SIMULATED" if simulated else None,
     )
 
 
 # --- the first sheet --------------------------------------------------------------------------
 
 
-def _parameters(case: Case, left: Verification | None) -> list[doc.Section]:
-    """The parameters with U, and the deviations as found and as left."""
-    answer, machine = case.answer, case.machine
+def _notice(case: Case, left: Verification | None) -> doc.Notice:
+    """The verdict, with what to know before relying on it; of a refused result what is wrong."""
     if left is not None:
-        measured = doc.Section("Measurements", (doc.Facts(compared_inputs(left)),))
-        sections = [parameters_left(left), measured]
-    else:
-        blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case))
-        sections = [doc.Section(parameters_title(case), blocks)]
-    if answer.as_found is None:
-        return sections
-    raw = answer.input.kind == DataKind.READINGS
-    digits = difference_decimals(raw, machine.instrument.resolution_mm)
-    columns: list[tuple[doc.Blank, ...]] = [
-        (plain(size.rms_mm, digits), signed(size.largest_mm, digits), str(size.largest))
-        for size in (answer.as_found, answer.expected)
-        if size is not None
-    ]
-    after = left.as_left if left else None
-    columns.append(
-        (plain(after.rms_mm, digits), signed(after.largest_mm, digits), after.largest)
-        if after
-        else (None, None, None)
+        return reserved(verification_notice(left), left.reservations)
+    answer, notice = case.answer, decision_notice(case)
+    wrong = "" if answer.release.usable else _wrong(case)
+    if wrong:
+        notice = doc.Notice(notice.tone, wrong, (doc.Strong(f"{notice.title}."), *notice.lines))
+    return reserved(notice, answer.validity.reservations)
+
+
+def _wrong(case: Case) -> str:
+    """What is wrong with the machine or the readings, as a title; "" where only numbers are."""
+    answer = case.answer
+    if not answer.release.sound or not answer.parameters:
+        return ""
+    if answer.verdict is Verdict.NAMED:
+        if answer.shims:
+            size = max(shim.mm for shim in answer.shims)
+            return f"The rails miss each other by {plain(size, 2)} mm"
+        said = " and ".join(map(partial(_sized, case), answer.causes))
+        return said[0].upper() + said[1:]
+    if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
+        return (
+            f"{plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s. is left that no known cause explains"
+        )
+    return headline(case).rstrip(".") if answer.verdict is Verdict.AMBIGUOUS else ""
+
+
+def _sized(case: Case, cause: FoundCause) -> str:
+    """ "a gauge or its stand creeps, 0.05 mm/h": a cause with its largest parameter."""
+    title = CAUSES[cause.id].words(case.machine).title
+    largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
+    if largest is None or not largest.std:
+        return title
+    return f"{title}, by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
+
+
+def _gap(answer: Answer) -> Iterator[doc.Section]:
+    """The rails at their true places, and the shims that make them meet."""
+    if not answer.shims:
+        return
+    gaps = next(cause for cause in answer.causes if cause.id == "axis_gap").parameters
+    rows = tuple(
+        (
+            doc.Strong(gap.name),
+            f"{with_uncertainty(gap.value, gap.expanded)} mm",
+            f"move rail {shim.rail} by {plain(shim.mm, 2)} mm towards {shim.along}",
+        )
+        for gap, shim in zip(gaps, answer.shims, strict=True)
     )
-    rest = "left after correction" if answer.release.usable else "would be left"
     grid = doc.Grid(
-        ("", "as found", "promised" if left else rest, "as left"),
-        tuple(zip(("r.m.s.", "largest", "which"), *columns, strict=True)),
-        caption="Deviation of the legs from parallel motion, mm"
-        + ("." if left else "; as left is blank until it is measured again."),
+        ("rails", "gap ± U", "shim"), rows, words=(0, 1, 2),
+        caption="Shim all three, then measure again. xy: how far rail x lies above rail y, along"
+        " z; and so on. U: 95 %.",
+    )  # fmt: skip
+    picture = figures.rails_sketch({gap.name: gap.value for gap in gaps})
+    key = "The rails where they really are, their gaps enlarged."
+    yield doc.Section(
+        "Where the rails pass each other", (grid, doc.Figure(None, "", (picture,), 0, key))
     )
-    return [*sections, doc.Section("As found, as left", (grid,))]
+
+
+def _result(
+    case: Case, left: Verification | None, drawn: Sequence[doc.Block]
+) -> Iterator[doc.Section]:
+    """What to do, and the parameters with U next to the differences; in small print where they
+    must not be entered.
+    """
+    answer = case.answer
+    if left is not None:
+        rule = left.decision
+        steps = doc.Instructions(tuple(verification_steps(left, case.machine_file)))
+        small = [doc.Paragraph(f"Decision rule: {rule.rule}", small=True)] if rule else []
+        yield doc.Section("Next", (steps, *small, *drawn))
+        yield parameters_left(left)
+        return
+    yield to_do(case)
+    if answer.release.usable:
+        blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case), *drawn)
+        yield doc.Section(parameters_title(case), blocks)
+    else:
+        found = ", ".join(
+            f"{each.name} {UNKNOWN}"
+            if each.found is None
+            else f"{each.name} {with_uncertainty(each.found, each.expanded)} {each.unit}"
+            for each in answer.parameters
+        )
+        causes = " and ".join(answer.named)
+        said = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
+        paragraph = doc.Paragraph(f"{said} {found} (± U, 95 %).", small=True)
+        yield doc.Section(None, (paragraph, *open_blocks(case)))
+
+
+def _differences(
+    case: Case, left: Verification | None, limit_mm: float | None
+) -> tuple[doc.Block, ...]:
+    """Each difference on one axis: as found, as expected, as measured afterwards."""
+    answer = case.answer
+    if left is not None:
+        return (left_figure(left),) if left.differences else ()
+    if not answer.deviations or answer.as_found is None or answer.expected is None:
+        return ()
+    rows = [
+        (row.name, row.measured_mm, row.expected_mm, row.expanded_mm, None)
+        for row in answer.deviations
+    ]
+    sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
+    ends = answer.check is not None and answer.check.ends
+    return (differences_figure(rows, sizes, ends, limit_mm),)
+
+
+def _other(case: Case) -> doc.Section:
+    """What else the same file stores: its verdict, and what is left of it."""
+    notice, rms = decision_notice(case), case.answer.rms
+    title = f"Also judged: {data_words(case.source, case.answer.input.kind, 0)}"
+    told = []
+    if rms is not None:
+        before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
+        told = [doc.Paragraph(f"{before} mm r.m.s. as found, {after} as would be left.")]
+    again = doc.Instruction("See all of it.", case.typed("report"))
+    return doc.Section(title, (notice, *told, doc.Instructions((again,))))
 
 
 # --- the evidence -----------------------------------------------------------------------------
 
 
-def _evidence(case: Case, left: Verification | None) -> list[doc.Section]:
-    """What the result rests on: budget, fit, residuals, diagnosis, error over the workspace."""
+def _evidence(case: Case) -> Iterator[doc.Section]:
+    """What the result rests on: residuals, diagnosis, budget."""
     answer = case.answer
-    sections = list(budget_sections(case))
-    table = left_after(case)
-    if answer.deviations and left is None:
-        table = doc.Section(table.title, (*table.blocks, _deviations(answer)))
-    sections.append(table)
-    if blocks := residual_blocks(answer, case.words.many):
-        sections.append(doc.Section("Residuals (measured − model), µm", tuple(blocks)))
+    blocks = residual_blocks(case)
+    yield doc.Section("Residuals (measured − model)", tuple(blocks))
     if answer.verdict is not None:
         blocks = [doc.Paragraph(headline(case)), *fit_blocks(case), *cause_blocks(case)]
-        if answer.verdict is not Verdict.CONSISTENT and answer.explanations:
-            blocks.append(ranking_grid(case))
-        blocks += [*next_blocks(answer), *note_blocks(case)]
-        sections.append(doc.Section("Diagnosis", tuple(blocks)))
-    if answer.workspace is not None:
-        sections.append(_workspace(case, answer.workspace))
-    return sections
+        if answer.verdict is Verdict.AMBIGUOUS:
+            blocks.append(doc.Instructions((next_step(case),)))
+        blocks += note_blocks(case)
+        yield doc.Section("Diagnosis", tuple(blocks))
+    yield from budget_sections(case)
 
 
-def _deviations(answer: Answer) -> doc.Figure:
-    rows = answer.deviations
-    panel = figures.deviation_rows(
-        [row.name for row in rows],
-        [row.measured_mm for row in rows],
-        [row.expected_mm for row in rows],
-        [row.expanded_mm for row in rows],
-    )
-    key = "○ as found, ■ expected after entering, with U (95 %)."
-    return doc.Figure(None, "Each difference as found, and as expected.", (panel,), 1, key)
-
-
-def _workspace(case: Case, found: Workspace) -> doc.Section:
-    """Tool-position error in slices of the workspace, before and after."""
-    before, after, before_mean, after_mean, left = map(
-        two_figures,
-        (found.before_mm, found.after_mm, found.before_mean_mm, found.after_mean_mm, found.left_mm),
-    )
-    causes = " and ".join(cause.id for cause in case.known)
-    rest = ", which their uncertainty leaves."
-    if causes:
-        rest = f"; {left} mm of that comes from {causes}, which offsets do not remove."
-    timed = "".join(
-        f" What {cause.id} does depends on time or on the way there, and is not included."
-        for cause in case.known
-        if cause.timed
-    )
-    lead = doc.Paragraph(
-        f"Before: up to {before} mm (mean {before_mean}). After the offsets are entered: at most"
-        f" {after} mm (mean {after_mean}){rest}{timed}"
-    )
+def _workspace(
+    case: Case, left: Verification | None, limit_mm: float | None
+) -> Iterator[doc.Section]:
+    """Tool-position error in slices of the workspace, as found and afterwards."""
+    found, after = case.answer.workspace, left.workspace if left else None
+    if found is None:
+        return
+    place = "X{} Y{} Z{}".format
+    worst = place(*(short(value, 0) for value in found.worst_before_mm))
+    lead = f"As found: up to {two_figures(found.before_mm)} mm, at {worst}."
+    if after is None:
+        worst = place(*(short(value, 0) for value in found.worst_after_mm))
+        causes = " and ".join(cause.id for cause in case.known)
+        lead += f" Expected: at most {two_figures(found.after_mm)} mm, at {worst}"
+        lead += (
+            f"; {two_figures(found.left_mm)} mm of that comes from {causes}, which offsets do not"
+            " remove."
+            if causes
+            else ", which is the uncertainty of the offsets."
+        )
+        lead += "".join(
+            f" What {cause.id} does depends on time or on the way there, and is not included."
+            for cause in case.known
+            if cause.timed
+        )
+    else:
+        worst = place(*(short(value, 0) for value in after.worst_before_mm))
+        lead += f" Measured afterwards: up to {two_figures(after.before_mm)} mm, at {worst}."
     low, high = (plain(edge, 0) for edge in found.cube_mm)
-    figure = doc.Figure(
-        "Distance between commanded and true tool position, mm",
-        "",
-        figures.workspace_maps(found.maps) if found.maps else (),
-        key=f"Cube from {low} to {high} mm along x, y and z: what the joint limits allow"
-        f" (workspace by the machine file: {plain(found.stated_edge_mm, 0)} mm).",
-    )
-    return doc.Section("Tool-position error over the workspace", (lead, figure))
+    maps = figures.workspace_maps(found, after, limit_mm)
+    key = f"○ worst point. Cube {low} to {high} mm along x, y and z: what the joint limits allow."
+    if limit_mm is not None:
+        key += f" Dotted: {limit_mm:g} mm."
+    figure = doc.Figure(None, "", maps[0], key=key, legend=maps[1])
+    title = "Tool-position error over the workspace"
+    yield doc.Section(title, (doc.Paragraph(lead), figure))
 
 
 # --- conditions and origin --------------------------------------------------------------------
 
 
 def _conditions(case: Case) -> doc.Section:
-    """Under which conditions, with which gauges: blank where not given."""
+    """How it was measured, and where the gauges stood; blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
     stated, noise = machine.instrument, machine.vocabulary.noise
-    measured = given.finished or given.started
     rows: list[tuple[str, doc.Blank]] = [
-        *method_facts(machine, measured),
-        ("Protocol", _given(given.protocol)),
-        ("Operator", _given(given.operator)),
+        ("Protocol", None if given.protocol is None else doc.Given(given.protocol)),
         ("Started", moment(given.started)),
         ("Finished", moment(given.finished)),
-        ("Temperature", _temperature(given)),
     ]
-    remarks = ((name, text) for name, text in given.environment if name != "temperature_c")
+    # Temperatures stand under the verdict.
+    remarks = ((name, text) for name, text in given.environment if "temperature" not in name)
     rows += [(name.replace("_", " "), doc.Given(text)) for name, text in remarks]
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
-    blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
-    if not machine.vocabulary.probing:
-        own = {gauge.id: gauge for gauge in machine.gauges}
-        gauges: list[tuple[doc.Blank, ...]] = [
-            (
-                doc.Given(gauge.id),
-                _given(gauge.certificate or (known.certificate if known else None)),
-                due_words(gauge.due or (known.due if known else None), measured),
-                None if gauge.resolution_mm is None else short(gauge.resolution_mm, 6),
-            )
-            for gauge in given.gauges
-            for known in [own.get(gauge.id)]
-        ]
-        head, nothing = ("gauge", "certificate", "due", "resolution, mm"), ((None,) * 4,)
-        caption = "Gauges that were used."
-        blocks.append(doc.Grid(head, tuple(gauges) or nothing, words=(0, 1, 2), caption=caption))
-    sizes = (
-        f"The machine file states for its {noise}: resolution {short(stated.resolution_mm, 6)} mm,"
-        f" repeatability {short(stated.repeatability_mm, 6)} mm (one standard deviation)."
+    if machine.probes:
+        rows = [row for row in rows if row[1] is not None]
+    rows.append(
+        (noise.capitalize(), f"resolution {short(stated.resolution_mm, 6)} mm, repeatability"
+         f" {short(stated.repeatability_mm, 6)} mm (one standard deviation), as stated")
+    )  # fmt: skip
+    places = sorted(
+        {
+            (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
+            for row in answer.residuals
+            if row.leg and row.direction and row.gauge_at is not None
+        }
     )
-    blocks.append(doc.Paragraph(sizes, small=True))
-    places = sorted({
-        (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
-        for row in answer.residuals
-        if row.leg and row.direction and row.gauge_at is not None
-    })  # fmt: skip
+    blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
     if places:
         blocks.append(_sketch(case, places))
-        sign = "A reading grows when the leg moves towards the dial."
-        blocks.append(doc.Paragraph(sign, small=True))
     if given.notes and answer.parameters:
         notes = tuple((str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES])
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
@@ -315,9 +413,8 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
                 machine.leg_length_mm, machine.joint_limits_mm, places, faults, rails
             ),
         ),
-        columns=1,
-        key="● tool, ■ carriage, double line: leg, pale line: travel of the carriage, ○ dial with"
-        " the direction in which its reading grows.",
+        columns=0,
+        key="○ dial: its reading grows when the leg moves towards it.",
     )
 
 
@@ -330,36 +427,29 @@ def _seen(cause: FoundCause) -> list[str]:
     ]
 
 
-def _origin(case: Case, identity: Identity) -> doc.Section:
+def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:
     """The input, the software, the numbers behind the uncertainty."""
     answer, model, machine = case.answer, case.given.model, case.machine
+    stated = dict(method_facts(machine))
     rows: list[tuple[str, doc.Blank]] = [
+        *stated.items(),
+        *([] if "Traceability" in stated else [("Traceability", None)]),
         ("Software", identity.software),
-        ("Input", doc.Given(file_words(answer.input.path))),
-        ("SHA-256", doc.Code(answer.input.sha256)),
-        ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
-        ("Machine", doc.Given(machine.name)),
-        ("Geometry", machine.geometry_words),
     ]
+    if left is not None:
+        rows += compared_inputs(left)
+    else:
+        rows += [
+            ("Input", doc.Given(file_words(answer.input.path))),
+            ("SHA-256", doc.Code(answer.input.sha256)),
+            ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
+        ]
+    rows += [("Machine", doc.Given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
         accepted = ", ".join(effect.cause.id for effect in model.accepted)
         rows.append(("Accepted", accepted))
-    blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
-    if answer.method is not None:
-        method = method_words(case)
-        blocks.append(doc.Paragraph(f"Method: {method}. Standard deviation of one reading, mm:"))
-        blocks.append(noise_grid(case))
-        blocks += [doc.Paragraph(warning, small=True) for warning in answer.warnings]
-    return doc.Section("Traceability", tuple(blocks))
-
-
-def _given(text: str | None) -> doc.Given | None:
-    return None if text is None else doc.Given(text)
-
-
-def _temperature(given: Conditions) -> doc.Blank:
-    if given.temperature_c is not None:
-        low, high = (plain(t, 1) for t in given.temperature_c)
-        return f"{low} °C" if low == high else f"{low} to {high} °C"
-    named = dict(given.environment).get("temperature_c")
-    return None if named is None else doc.Given(f"{named} °C")
+    if answer.method is not None and answer.noise is not None:
+        rows.append(("Solved by", method_words(case)))
+        rows.append(("Noise, mm", noise_words(answer)))
+    warnings = (doc.Paragraph(warning, small=True) for warning in answer.warnings)
+    return doc.Section("Traceability", (doc.Facts(tuple(rows)), *warnings))

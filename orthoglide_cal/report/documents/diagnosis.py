@@ -5,44 +5,49 @@ The calibration report shows the same blocks for the verdict, its causes and wha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import NextMeasurement, Verdict
-from orthoglide_cal.errors import file_words
+from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, UnshownFault, Verdict
+from orthoglide_cal.diagnosis.result import CauseParameter, Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
-from orthoglide_cal.model import Series, other_axes
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import SETTLED, Case
+from orthoglide_cal.report.documents.decision import retaken
 from orthoglide_cal.report.documents.parameters import (
     alone_block,
     open_blocks,
     parameters_grid,
     parameters_title,
+    sizes,
+    sizes_grid,
 )
-from orthoglide_cal.report.documents.pictures import residual_sections
-from orthoglide_cal.report.facts import data_words
-from orthoglide_cal.results import Answer, FoundCause
+from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
+from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
     chance,
     counted,
+    decimals_for,
+    listed,
     percent,
     plain,
+    signed,
+    two_figures,
     unit_words,
-    with_uncertainty,
 )
 
 # Verdict → its tone, and what it says.
 _VERDICTS = {
     Verdict.CONSISTENT: (
         doc.Tone.GOOD,
-        "Consistent: nothing shows beyond this {noise}'s noise{also}; the model fits.",
+        "Consistent: nothing shows beyond this {noise}'s noise{also}; the model fits.{unknown}",
     ),
     Verdict.NAMED: (doc.Tone.WARN, "Cause found: {causes}."),
     Verdict.AMBIGUOUS: (
-        doc.Tone.WARN,
-        "Ambiguous: these data leave open what is wrong. Likeliest: {causes}.",
+        doc.Tone.OPEN,
+        "Undecided: these data leave open what is wrong.",
     ),
     Verdict.UNEXPLAINED: (
         doc.Tone.BAD,
@@ -58,61 +63,262 @@ _NOTHING_TO_SPARE = (
 _UNUSUAL = (
     doc.Tone.INFO,
     "Consistent: what is left is larger than usual for this {noise}'s noise{also}, not large"
-    " enough to call the model wrong.",
+    " enough to call the model wrong.{unknown}",
 )
 # How parameters take into account what is open.
 _WIDENED = {
     Verdict.AMBIGUOUS: "U includes the undecided causes.",
     Verdict.UNEXPLAINED: "U includes what is unexplained.",
 }
-# A parameter of one leg and direction has the name of that series.
-_PLACES = {
-    series.name: series.words
-    for series in (Series(leg, direction) for leg in range(3) for direction in other_axes(leg))
-}
-_BEST = 5  # explanations in the ranking
+_NOTHING = "nothing wrong"
+# What one screen has room for.
+_MOST_OPEN = 4  # explanations
+_MOST_CELLS = 3  # sizes side by side
+_MOST_SIZES = 6  # of one cause; of more the largest are shown
 
 
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
-    return doc.Document(
-        partial(case.answer.model_dump, mode="json"), partial(_diagnosis_page, case)
+    data = partial(case.answer.model_dump, mode="json")
+    return doc.Document(data, partial(_page, case), partial(_screen, case))
+
+
+def _screen(case: Case) -> doc.Page:
+    answer = case.answer
+    sections = [doc.Section(None, tuple(blocks)) for blocks in _evidence(case) if blocks]
+    last: list[doc.Block] = [doc.Instructions(tuple(_steps(case)))]
+    last += map(doc.Paragraph, doubts(case, all=False))
+    if answer.ruled_out:
+        last.append(doc.Paragraph(f"Ruled out by hand: {listed(answer.ruled_out)}."))
+    if answer.not_excluded:
+        last.append(
+            doc.Paragraph(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
+        )
+    return doc.Page(
+        kind="Diagnosis",
+        title=None,
+        notice=_notice(case),
+        sections=(*sections, doc.Section("Next", (*last, case.more("diagnose")))),
     )
 
 
-def _diagnosis_page(case: Case) -> doc.Page:
-    answer, words = case.answer, case.words
-    causes = (*cause_blocks(case), *next_blocks(answer))
-    release = answer.release
-    told: tuple[str, ...] = (f"{SETTLED}.",) if release.settled else ()
-    if not release.usable:
+def _notice(case: Case) -> doc.Notice:
+    """The verdict, and what it means for the parameters."""
+    answer, words, release = case.answer, case.words, case.answer.release
+    tone, title = _verdict(case)[0] if release.sound else doc.Tone.BAD, headline(case)
+    if answer.verdict is Verdict.NAMED:
+        ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
+        if len(ids) > 1:
+            title = f"Causes found: {' and '.join(ids)} ({percent(share, 1)})"
+        else:
+            title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
+    elif answer.verdict is Verdict.AMBIGUOUS:
+        said = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
+        # By name: none comes first that the data do not carry.
+        first = sorted(said[:2], key=lambda text: (not text.startswith(_NOTHING), text))
+        title = f"Undecided: {', or '.join(first)}" if len(said) > 1 else title
+        title += f", or {counted(len(said) - 2, 'other')}" if len(said) > 2 else ""
+    told: tuple[doc.Line, ...] = ()
+    if release.settled:
+        told = (f"{SETTLED}.",)
+    elif release.usable:
+        told = (f"The {words.many} may be entered.", *release.cautions)
+    elif release.sound and answer.alone is not None:
+        wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
+        told = (f"Do not enter the {words.many} alone: they would be wrong by up to {wrong}.",)
+        if any(fault.matters for fault in answer.unshown):
+            told = (*told, *release.reasons[1:])
+    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
+        u = f"{two_figures(max(each.expanded for each in answer.parameters))} {case.unit}"
+        why = f": until that is decided they have U = {u}" if case.unit else ""
+        told = (" ".join((f"Do not enter the {words.many}{why}.", *release.reasons[1:])),)
+    else:
         told = (f"Do not enter the {words.many}.", *release.reasons)
+    return doc.Notice(tone, title, told, case.about)
+
+
+def _evidence(case: Case) -> Iterator[list[doc.Block]]:
+    """The numbers that decide, one thought each."""
+    answer, many = case.answer, case.words.many
+    if answer.verdict is Verdict.AMBIGUOUS:
+        yield [_open_grid(case)]
+        yield [*_baselines(case)]
+        return
+    yield [*_sizes(case, offsets=True), *open_blocks(case)]
+    yield [_rms_grid(case), *_baselines(case)]
+    if answer.verdict is Verdict.NAMED:
+        yield brief_residuals(answer, many)
+
+
+def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
+    """Where the causes are, and their parameters; with `offsets` also those of the machine."""
+    answer = case.answer
+    for cause in answer.causes:
+        if cause.where:
+            yield doc.Paragraph(f"{_place_words(case, cause)}.")
+    lines = [
+        (f"{cause.id}, {unit_words(cause.parameters[0].unit)}", _cells(case, cause.parameters))
+        for cause in answer.causes
+        if cause.parameters and not cause.where
+    ]
+    if offsets:
+        found = [
+            (each.name, each.found or 0.0, each.expanded, each.unit)
+            for each in answer.parameters
+            if each.determined
+        ]
+        unit = f", {case.unit}" if case.unit else ""
+        with_it = " with it" * bool(answer.named)
+        lines.append((f"{case.words.many}{with_it}{unit}", sizes(found, not unit)))
+    if lines:
+        yield sizes_grid(lines, 3 if case.unit else 2)
+
+
+def _place_words(case: Case, cause: FoundCause) -> str:
+    """A cause that is at one place, with its size."""
+    rows = [(each.name, each.value, each.expanded, each.unit) for each in cause.parameters]
+    named = [text if len(rows) > 1 else text.partition(" ")[2] for text in sizes(rows, True)]
+    size = f": {', '.join(named)}" if named else ""
+    return f"{cause.id} at {cause.where.removeprefix('at ')}{size}"
+
+
+def _cells(case: Case, parameters: Sequence[CauseParameter]) -> list[str]:
+    """Parameters of a cause, the largest in σ where they are many."""
+    many = len(parameters) > _MOST_SIZES
+    chosen = sorted(parameters, key=lambda each: -abs(each.value) / (each.std or 1.0))
+    rows = [(each.name, each.value, each.expanded, each.unit)
+            for each in (chosen[:_MOST_CELLS] if many else parameters)]  # fmt: skip
+    left = len(parameters) - len(rows)
+    return [*sizes(rows, False), *([f"and {left} smaller"] if left else [])]
+
+
+def _rms_grid(case: Case) -> doc.Grid:
+    """What is left without and with the causes, of readings fitted and not."""
+    answer, lack = case.answer, case.answer.lack_of_fit
+    with_it = ["with them" if len(answer.causes) > 1 else "with it"] if answer.causes else []
+    rows: list[tuple[str, ...]] = []
+    for first in answer.causes[:1]:
+        rows.append(("fitted", plain(first.rms_before_mm, 4), plain(first.rms_after_mm, 4)))
+        before, after = first.heldout_before_mm, first.heldout_after_mm
+        if before is not None and after is not None:
+            where = "later readings" if answer.holdout else "left out of the fit"
+            rows.append((where, plain(before, 4), plain(after, 4)))
+    if lack is not None:
+        if not rows:
+            rows.append(("fitted", plain(lack.left_mm, 4)))
+        blank = [""] * len(with_it)
+        noise = f"{case.words.noise}'s noise{case.words.also}"
+        rows.append((f"{noise} would leave", plain(lack.expected_mm, 4), *blank))
+    return doc.Grid(("r.m.s., mm", f"{case.words.many} only", *with_it), tuple(rows))
+
+
+def _baselines(case: Case) -> Iterator[doc.Block]:
+    """What a printer's extension predicts, compared with what needs no cause."""
+    found = case.answer.baselines
+    if found is None:
+        return
+    where = "the later readings" if case.answer.holdout else "readings left out of the fit"
+    named = {
+        f"{case.words.many} alone": found.parameters_mm,
+        "extension": found.extension_mm,
+        "a quartic surface instead": found.quartic_mm,
+        "the earlier map instead": found.earlier_map_mm,
+    }
+    sizes = [f"{what} {plain(1e3 * mm, 1)}" for what, mm in named.items() if mm is not None]
+    yield doc.Paragraph(f"Errors of predicting {where}, µm r.m.s.: {', '.join(sizes)}.")
+
+
+def _open(answer: Answer) -> list[Explanation]:
+    """The explanations that these data leave open; of some it was not worth fitting."""
+    return [each for each in answer.explanations if each.parameters]
+
+
+def _name(each: Explanation) -> str:
+    if each.pattern is not None:
+        return each.pattern
+    return " with ".join(each.ids) or _NOTHING
+
+
+def _open_grid(case: Case) -> doc.Grid:
+    """What each open explanation leaves, and the parameters under it."""
+    rows = []
+    names = [each.name for each in case.answer.parameters]
+    for each in _open(case.answer)[:_MOST_OPEN]:
+        own = {one.name: signed(one.found, decimals_for(2.0 * one.std)) for one in each.parameters}
+        left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
+        rows.append((_name(each), left, *(own.get(name, "") for name in names)))
+    unit = f", {case.unit}" if case.unit else ""
+    return doc.Grid((f"{case.words.many}{unit}", "r.m.s. left, mm", *names), tuple(rows))
+
+
+def _steps(case: Case) -> Iterator[doc.Instruction]:
+    """What to do next: remedies, the measurement that decides, or entering."""
+    answer, release = case.answer, case.answer.release
+    if answer.verdict is Verdict.AMBIGUOUS:
+        yield from retaken(case)
+        if len(release.reasons) > 1:  # so few readings that more of them come first
+            yield from (
+                doc.Instruction(each.sentence)
+                for each in release.remedies
+                if each.verb != "measure"
+            )
+        else:
+            yield next_step(case)
+        for cause in answer.causes:
+            if cause.where and not cause.in_machine:
+                yield doc.Instruction(f"Or: {cause.remedy}")
+        yield from _accept_shape(case)
+    elif answer.verdict is Verdict.NAMED and any(fault.matters for fault in answer.unshown):
+        # The size of the causes depends on it, too: their remedies come when that is decided.
+        for each in release.remedies:
+            yield doc.Instruction(each.sentence, case.remedied(each))
+        if answer.next_measurement is not None:
+            decides = next_step(case)
+            yield replace(decides, content=f"Or: {decides.content}")
+    elif answer.verdict is Verdict.NAMED:
+        for cause in answer.causes:
+            yield doc.Instruction(cause.remedy)
+            if cause.recommended:
+                typed = case.typed("diagnose", f"--accept {cause.id}")
+                yield doc.Instruction("Or accept it as part of the model", typed)
+    elif not release.usable:
+        for each in release.remedies:
+            yield doc.Instruction(each.sentence, case.remedied(each))
+    if release.settled:
+        yield doc.Instruction("See which readings would show more", case.typed("plan"))
+    elif release.usable:
+        yield doc.Instruction("See what to enter", case.typed("solve"))
+
+
+def _accept_shape(case: Case) -> Iterator[doc.Instruction]:
+    """What lasts may be carried, whatever makes it."""
+    found, shape = case.answer.baselines, case.machine.shape
+    open_ids = (*case.answer.ambiguous_with, *(cause.id for cause in case.answer.causes))
+    if found is not None and shape in open_ids and found.extension_mm < found.parameters_mm:
+        typed = case.typed("diagnose", f"--accept {shape}")
+        yield doc.Instruction("Or make the shape part of the model, whatever makes it", typed)
+
+
+def _page(case: Case) -> doc.Page:
+    answer, words = case.answer, case.words
+    causes = tuple(cause_blocks(case))
     widened = _WIDENED.get(answer.verdict) if answer.verdict else None
+    told = (
+        parameters_grid(case),
+        *((doc.Paragraph(widened),) if widened else ()),
+        *open_blocks(case),
+        *alone_block(case),
+        *note_blocks(case),
+    )
     return doc.Page(
         kind="Diagnosis",
-        title=file_words(case.source.path),
-        facts=doc.Facts(
-            (
-                ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
-                ("Machine", doc.Given(answer.machine.name)),
-            )
-        ),
-        notice=doc.Notice(
-            _verdict(case)[0] if release.sound else doc.Tone.BAD, headline(case), told
-        ),
+        title=None,
+        notice=_notice(case),
+        sheet=(doc.Section("Next", (doc.Instructions(tuple(_steps(case))),)),),
         sections=(
-            *((doc.Section(None, causes),) if causes else ()),
+            *((doc.Section("Causes", causes),) if causes else ()),
             *residual_sections(answer, words.many, fit_blocks(case)),
-            doc.Section(
-                parameters_title(case),
-                (
-                    parameters_grid(case),
-                    *((doc.Paragraph(widened),) if widened else ()),
-                    *open_blocks(case),
-                    *(alone_block(case) if answer.sensitivity else ()),
-                    *note_blocks(case),
-                ),
-            ),
+            doc.Section(parameters_title(case), told),
         ),
     )
 
@@ -133,109 +339,83 @@ def headline(case: Case) -> str:
     titles = " and ".join(CAUSES[cause.id].words(case.machine).title for cause in answer.causes)
     sentence = _verdict(case)[1]
     best, nothing = answer.causes[:1], answer.nothing_wrong or 0.0
+    if answer.beyond_tolerance:
+        far = " or ".join(
+            f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance
+        )
+        sentence = f"Unexplained: only {far} would explain what these readings show."
     if answer.verdict is Verdict.AMBIGUOUS and any(nothing > each.probability for each in best):
-        sentence = "Ambiguous: these data leave open what is wrong, and whether anything is."
-    return sentence.format(causes=titles, noise=words.noise, also=words.also)
+        sentence = "Undecided: these data do not show what is wrong, or whether anything is."
+    unknown = "".join(_unknown(case))
+    return sentence.format(causes=titles, noise=words.noise, also=words.also, unknown=unknown)
+
+
+def _unknown(case: Case) -> Iterator[str]:
+    """What such readings do not determine, and how far it may be off."""
+    names = {each.name for each in case.answer.parameters}
+    for each in case.answer.undetermined:
+        if each.name not in names:
+            within = f"{each.within:.2g} {unit_words(each.unit)}"
+            yield f" They cannot determine {each.name}: it may be off by {within} (1 σ)."
 
 
 def cause_blocks(case: Case) -> Iterator[doc.Block]:
-    """Each cause with place, size and remedy, and what all of them together are worth."""
-    answer, machine = case.answer, case.machine
+    """What is open; each cause with place and size, and what all of them are worth."""
+    answer = case.answer
+    if answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED) and _open(answer):
+        yield _open_grid(case)
     if not answer.causes:
         return
-    gain = tuple(_gain(case))
+    yield from _sizes(case)
+    yield _rms_grid(case)
     for cause in answer.causes:
-        own = tuple(_cause(case, cause))
-        yield doc.Paragraph((doc.Strong(cause.id), f": {CAUSES[cause.id].words(machine).title}"))
-        yield doc.Facts((*own, *gain) if len(answer.causes) == 1 else own)
-    if len(answer.causes) > 1:
-        yield from (doc.Paragraph(doc.Strong("Both together")), doc.Facts(gain))
-    if answer.verdict is Verdict.AMBIGUOUS:
-        yield doc.Paragraph("These data are explained as well by")
         yield doc.Facts(
-            tuple(
-                (" with ".join(ids), " and ".join(CAUSES[id].words(machine).title for id in ids))
-                for ids in answer.rivals
-            )
+            ((cause.id, CAUSES[cause.id].words(case.machine).title), *_cause(case, cause))
         )
+    share = percent(answer.causes[0].probability, 1)
+    if answer.nothing_wrong is not None:
+        share += f"; {percent(answer.nothing_wrong, 1)} that nothing is wrong at all"
+    facts: list[tuple[str, doc.Blank]] = [("probability", share)]
+    if any(each.std for cause in answer.causes for each in cause.parameters):
+        names = {each.name for cause in answer.causes for each in cause.parameters}
+        legend = "; y_x: along y on leg x" * ("y_x" in names)
+        facts.append(("±", f"U, 95 %{legend}"))
+    before, after = answer.causes[0].heldout_before_mm, answer.causes[0].heldout_after_mm
+    if before is not None and after is not None and after >= before:
+        facts.append(("note", "It does not predict better: not recommended as an extension."))
+    yield doc.Facts(tuple(facts))
 
 
 def _cause(case: Case, cause: FoundCause) -> Iterator[tuple[str, doc.Blank]]:
-    if cause.where:
-        yield "where", cause.where
-    if cause.parameters:
-        yield "size", _size(case, cause)
-    yield "remedy", cause.remedy
     doubt = case.machine.companions.get(cause.id)
     if doubt is not None:
         yield "doubt", doubt
-    if cause.recommended:
-        yield "or accept", doc.Typed(case.typed("diagnose", f"--accept {cause.id}"))
-    elif not cause.in_machine:
+    if not cause.in_machine:
         yield "note", "It lies in the measurement: nothing for the controller to correct."
-    else:
+    elif not cause.recommended:
         yield "note", "Making it part of the machine's model is not recommended."
     if cause.aliases and case.answer.verdict is not Verdict.AMBIGUOUS:
         yield "looks like", ", ".join(cause.aliases)
 
 
-def _size(case: Case, cause: FoundCause) -> str:
-    """Its parameters, each with U."""
-    sizes = []
-    for each in cause.parameters:
-        # A single parameter needs no name.
-        place = case.words.axes.get(each.name) or _PLACES.get(each.name, each.name)
-        size = with_uncertainty(each.value, each.expanded) if each.std else f"{each.value:+g}"
-        named = f"{place} {size}" if len(cause.parameters) > 1 else size
-        sizes.append(f"{named} {unit_words(each.unit)}".rstrip())
-    uncertain = any(each.std for each in cause.parameters)
-    return "; ".join(sizes) + (" (± U, 95 %)" if uncertain else "")
-
-
-def _gain(case: Case) -> Iterator[tuple[str, doc.Blank]]:
-    """What all accepted causes together are worth."""
-    answer, first = case.answer, case.answer.causes[0]
-    with_it = "with them" if len(answer.causes) > 1 else "with it"
-
-    def gain(before: float, after: float, what: str) -> str:
-        return (
-            f"{plain(before, 4)} mm {what}with {case.words.many} only,"
-            f" {plain(after, 4)} mm {with_it}"
-        )
-
-    yield "probability", percent(first.probability, 1)
-    if answer.nothing_wrong is not None:
-        yield "", f"{percent(answer.nothing_wrong, 1)} that nothing is wrong at all"
-    yield "residual", gain(first.rms_before_mm, first.rms_after_mm, "r.m.s. ")
-    before, after = first.heldout_before_mm, first.heldout_after_mm
-    if before is None or after is None:
-        return
-    where = "the later readings" if answer.holdout else "readings left out of the fit"
-    off = f"of {where}: off by {gain(before, after, '')}."
-    if after >= before:
-        off += " It does not predict better: not recommended as an extension."
-    yield "prediction", off
-
-
-def next_blocks(answer: Answer) -> Iterator[doc.Block]:
-    """The measurement that would decide what is open."""
-    following = answer.next_measurement
+def next_step(case: Case) -> doc.Instruction:
+    """The measurement that would decide what is open, or that none would."""
+    answer, following = case.answer, case.answer.next_measurement
     if following is not None and following.between:
         first, second = between_words(following)
-        yield doc.Paragraph((doc.Strong("Measure next: "), following.what))
-        yield doc.Paragraph(
-            f"It takes about {following.minutes:.0f} min and distinguishes {first} from {second} by"
-            f" {following.separation_sigma:.1f} standard deviations."
+        told = (
+            f"{following.what} About {following.minutes:.0f} min; it distinguishes {first} from"
+            f" {second} ({following.separation_sigma:.1f} σ)."
         )
-    elif answer.verdict is Verdict.AMBIGUOUS:
-        open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
-        again = (
-            " What is open lies in the measurement: measure there again, and leave the old"
-            " readings out. Then it does not matter which it was."
-        )
-        passing = all(not CAUSES[id].in_machine for id in open_ids)
-        told = f"No further reading of this kind is likely to decide.{again if passing else ''}"
-        yield doc.Paragraph(told)
+        return doc.Instruction(told, case.following(following.session))
+    open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
+    again = (
+        " What is open lies in the measurement: measure there again, and leave the old readings"
+        " out. Then it does not matter which it was."
+    )
+    passing = all(not CAUSES[id].in_machine for id in open_ids)
+    told = f"No further reading of this kind is likely to decide.{again if passing else ''}"
+    return doc.Instruction(told)
 
 
 def between_words(each: NextMeasurement) -> tuple[str, str]:
@@ -244,31 +424,44 @@ def between_words(each: NextMeasurement) -> tuple[str, str]:
     return first, second
 
 
-def ranking_grid(case: Case) -> doc.Grid:
-    """The best of all explanations that were tried."""
-    rows = []
-    for each in case.answer.explanations[:_BEST]:
-        titles = " and ".join(CAUSES[id].words(case.machine).title for id in each.ids)
-        words = each.pattern if each.pattern is not None else titles or "no cause"
-        rows.append((words if len(each.ids) < 2 else " and ".join(each.ids), each.probability))
-    return doc.Grid(
-        ("explanation", "probability"),
-        tuple((words, percent(share)) for words, share in rows),
-        caption="The best explanations of all that were tried.",
-    )
+def doubts(case: Case, all: bool = True) -> Iterator[str]:
+    """What these readings would not show, and causes far beyond their size.
+
+    Without `all` not those of which the decision speaks.
+    """
+    answer, machine = case.answer, case.machine
+    for fault in (each for each in answer.unshown if all or not each.matters):
+        yield (
+            f"These readings would not show if {_fault_words(case, fault)}. What shows it:"
+            f" {fault.check}."
+        )
+    for each in answer.causes:
+        if each.times_stated is not None:
+            yield f"{each.id} has {CAUSES[each.id].beyond_words(machine, each.times_stated)}"
+    for far in answer.beyond_tolerance:
+        words = CAUSES[far.id].beyond_words(machine, far.times)
+        yield f"{far.id} would explain these readings with {words}"
+
+
+def _fault_words(case: Case, fault: UnshownFault) -> str:
+    where = f" ({fault.where})" if fault.where else ""
+    return f"{CAUSES[fault.id].words(case.machine).title}{where}"
 
 
 def note_blocks(case: Case) -> tuple[doc.Block, ...]:
     """Remarks, the sizes that were assumed, and how the answer depends on the tolerances."""
     answer = case.answer
-    notes = list(answer.notes)
+    notes = [note for note in answer.notes if note not in answer.release.cautions]
+    notes += doubts(case)
     if answer.assumed_sizes:
         # Without its size where the cause has none: it happens or it does not.
         sizes = ", ".join(
-            f"{each.id} {each.size:g} {unit_words(each.unit)}" if each.unit else each.id
+            f"{each.id} {each.size:.3g} {unit_words(each.unit)}" if each.unit else each.id
             for each in answer.assumed_sizes
         )
         notes.append(f"Assumed sizes (not in the machine file): {sizes}.")
+    if answer.ruled_out:
+        notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
     found = answer.verdict, {cause.id for cause in answer.causes}
     changed = answer.sensitivity or {}
     if changed and all((each.verdict, set(each.ids)) == found for each in changed.values()):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
 from orthoglide_cal.model import Machine
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.results import BudgetLine, BudgetTotal
+from orthoglide_cal.results import Parameter
 from orthoglide_cal.words import (
     counted,
     coverage_words,
@@ -18,12 +19,14 @@ from orthoglide_cal.words import (
     short,
     signed,
     two_figures,
+    typed,
     unit_words,
+    with_uncertainty,
 )
 
 # Instead of a number that the readings do not give.
 UNKNOWN = "not determined"
-# Source → in words, and what would lessen it.
+# Source → in words, and what would reduce it.
 _SOURCES: Mapping[str, tuple[str, str]] = {
     Origin.NOISE: (
         "scatter of the readings",
@@ -51,7 +54,7 @@ _SOURCES: Mapping[str, tuple[str, str]] = {
         "The data leave them open: see what diagnose says.",
     ),
 }
-# What lessens a cause that may be there, and one of a size that no reading shows.
+# What reduces a cause that may be there, and one whose size no reading shows.
 _OPEN = (
     "These readings hardly show it: measure with other {words.positions}, or state under"
     " tolerances in the machine file how large it can be."
@@ -76,26 +79,87 @@ def common_unit(machine: Machine) -> str:
     return f", {units.pop()}" if len(units) == 1 else ""
 
 
-def parameters_grid(case: Case) -> doc.Grid:
-    """What was found, and only if it may be entered what to type in."""
-    answer = case.answer
-    every, digits = answer.parameters, answer.decimals
-    columns: dict[str, Iterable[doc.Blank]] = {"": [doc.Strong(each.name) for each in every]}
-    if not case.unit:
-        columns["unit"] = [each.unit for each in every]
-    columns["active now"] = [plain(each.active, digits) for each in every]
-    columns[case.words.found] = [
-        UNKNOWN if each.found is None else signed(each.found, digits) for each in every
-    ]
+def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
+    """What was found, and only if it may be entered what to type in.
+
+    What must not be entered has the digits of its U. `brief`: as a screen has room for it.
+    """
+    answer, words = case.answer, case.words
+    every, enter = answer.parameters, answer.release.usable and not answer.release.settled
+    digits = [answer.decimals if enter else decimals_for(each.expanded) for each in every]
+    unit = [unit_words(each.unit) for each in every]
+    alone = answer.alone if brief and not enter else None
+
+    def found(chosen: Sequence[Parameter]) -> list[str]:
+        return [
+            UNKNOWN if each.found is None else signed(each.found, own)
+            for each, own in zip(chosen, digits, strict=True)
+        ]
+
+    columns: dict[str, Sequence[doc.Blank]] = {"": [each.name for each in every]}
+    if not (case.unit or brief):
+        columns["unit"] = unit
+    if alone is None:
+        name = "active" if brief else "active now"
+        columns[name] = [plain(each.active, answer.decimals) for each in every]
+        columns["found" if brief else words.found] = found(every)
+    else:
+        columns[f"{words.many} alone"] = found(alone.parameters)
+        columns[f"with {' and '.join(answer.named)}"] = found(every)
     columns["± U"] = [two_figures(each.expanded) for each in every]
-    if answer.release.usable and not answer.release.settled:
-        columns["type in"] = [doc.Strong(plain(each.new(digits), digits)) for each in every]
-    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
-    if answer.dof is not None:
-        caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
-    rows = tuple(zip(*columns.values(), strict=True))
+    if enter:
+        write = typed if brief and case.unit else plain
+        new = [write(each.new(answer.decimals), answer.decimals) for each in every]
+        columns["enter" if brief else "type in"] = [doc.Typed(each) for each in new]
+    if brief:
+        columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if case.unit else unit
+    caption = None
+    if not brief:
+        caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
+        if answer.dof is not None:
+            caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
+        caption += "."
+    rows, left = tuple(zip(*columns.values(), strict=True)), (0, len(columns) - 1)
     # From afar one reads what to type in, and nothing else.
-    return doc.Grid(tuple(columns), rows, caption=f"{caption}.", tiles="type in" in columns)
+    return doc.Grid(tuple(columns), rows, left if brief else (0,), caption, enter and not brief)
+
+
+def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[str]:
+    """Name, value ± U, and the unit where they have several."""
+    return [
+        f"{name} {with_uncertainty(value, u) if u else f'{value:+g}'.replace('-', '−')}"
+        f"{f' {unit_words(unit)}' if units else ''}"
+        for name, value, u, unit in rows
+    ]
+
+
+def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Grid:
+    """What they are of, and how many of them side by side."""
+    rows = [
+        ("" if start else name, *cells[start : start + width], *[""] * (start + width - len(cells)))
+        for name, cells in lines
+        for start in range(0, len(cells), width)
+    ]
+    columns = width + 1
+    return doc.Grid(("",) * columns, tuple(rows), words=tuple(range(columns)))
+
+
+def largest_words(case: Case) -> str:
+    """The largest contribution to U in one line."""
+    largest = largest_line(case.answer.budget)
+    what = largest.source
+    if what in _SOURCES:
+        what = source_words(what, case.machine)[0]
+    size = (
+        "" if largest.size is None else f", ± {_size(largest).replace(' (assumed)', ', assumed')}"
+    )
+    possible = "possible: " * largest.possible
+    return f"Largest contribution to U (95 %): {possible}{what}{size}."
+
+
+def largest_line(lines: Sequence[BudgetLine]) -> BudgetLine:
+    """Of a budget, the source that adds most."""
+    return max(lines, key=lambda each: sum(std**2 for std in each.std))
 
 
 def alone_block(case: Case) -> tuple[doc.Block, ...]:
@@ -128,9 +192,8 @@ def _open(case: Case) -> Iterator[str]:
     for each in case.answer.undetermined:
         if each.name not in names:
             yield (
-                f"No reading of this kind determines {each.name}: it is taken as the controller"
-                f" has it, to within {each.within:g} {unit_words(each.unit)}, and that is part of"
-                " U. What is found goes with the controller's own values."
+                f"Not determined: {each.name}, taken as stated to within"
+                f" {each.within:.2g} {unit_words(each.unit)}."
             )
 
 
@@ -161,7 +224,7 @@ def budget_section(
     rows.append(("together, u", "", "", *map(two_figures, total.std)))
     reach = map(two_figures, total.expanded)
     rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *reach))
-    largest = max(lines, key=lambda each: sum(std**2 for std in each.std))
+    largest = largest_line(lines)
     what, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name}, {own}" for name, own in named]
@@ -175,7 +238,7 @@ def budget_section(
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
-    """A source in words, and what would lessen it; `possible` if it may be there or not."""
+    """A source in words, and what would reduce it; `possible` if it may be there or not."""
     words = machine.vocabulary
     if source in _SOURCES:
         what, remedy = _SOURCES[source]

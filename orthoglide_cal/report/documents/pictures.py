@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from orthoglide_cal.model import AXES, DataKind, Floats, Series
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.facts import comparison_words
 from orthoglide_cal.results.answer import Answer, Residual
-from orthoglide_cal.words import signed
+from orthoglide_cal.words import plain, signed
 
 SIGNS = "· noise, + − over 2σ, ▲ ▼ over 4σ"
 LEG_LEGEND = f"Mean of the repeats, then one sign for each: {SIGNS}."
@@ -21,6 +23,7 @@ BED_LEGEND = (
 )
 # More signs than this would not fit beside a name: the largest deviations of each stand for all.
 _SIGNS = 30
+_MOST_SERIES = 6  # on a screen, each in half as many postures
 _CELLS = 17  # of a bed in signs, along x and along y
 
 
@@ -46,19 +49,67 @@ def residual_sections(answer: Answer, many: str, fit: Sequence[doc.Block]) -> li
     return [*sections, doc.Section(None, (legend, *fit))]
 
 
-def residual_blocks(answer: Answer, many: str) -> list[doc.Block]:
+def brief_residuals(answer: Answer, many: str) -> list[doc.Block]:
+    """The same without and with the causes, side by side; nothing where a screen has no room.
+
+    Args:
+        answer: to any data.
+        many: what the calibrated parameters are called.
+    """
+    if answer.input.kind != DataKind.READINGS:
+        return [_differences(answer)]
+    if _on_bed(answer):
+        return []
+    without, with_it = (_by_leg(answer.residuals, left) for left in _left(answer, many).values())
+    if len(without.rows) > _MOST_SERIES or len(without.head) > _MOST_SERIES // 2 + 1:
+        return []
+    pairs = zip(without.rows, with_it.rows, strict=True)
+    rows = tuple((*one, "", *other[1:]) for one, other in pairs)
+    ids = " and ".join(cause.id for cause in answer.causes)
+    title = doc.Paragraph(f"Mean residuals, µm: {many} only, and with {ids}.")
+    return [title, doc.Grid(("", *without.head[1:], "  ", *with_it.head[1:]), rows)]
+
+
+def differences_figure(
+    rows: Sequence[tuple[str, float, float, float, float | None]],
+    rms_mm: Sequence[float],
+    single: bool,
+    limit_mm: float | None,
+) -> doc.Figure:
+    """Each difference on one axis: as found, as expected, as measured afterwards.
+
+    Args:
+        rows: name, found, expected, U of the last, measured (None if nothing was yet) [mm].
+        rms_mm: of all as found, expected and measured.
+        single: they are of the tool end against the joint end.
+        limit_mm: largest deviation allowed; None where nobody said.
+    """
+    names, found, expected, expanded, after = zip(*rows, strict=True)
+    measured = None if after[0] is None else after
+    sketch = [f"            found  expected{'' if measured is None else '  measured'}    ± U"]
+    for name, first, second, reach, last in rows:
+        shown = (first, second) if last is None else (first, second, last)
+        numbers = "".join(f"{signed(value, 3):>10}" for value in shown)
+        sketch.append(f"{name:<7}{numbers}  {plain(reach, 3)}")
+    what, meaning = comparison_words(single)
+    key = "○ as found → ■ expected" + (" once entered" if measured is None else " → ● measured")
+    key += f", with U (95 %). {meaning}"
+    if limit_mm is not None:
+        key += f" Green: within the limit of {limit_mm:g} mm."
+    picture = figures.deviation_rows(names, found, expected, expanded, measured, limit_mm)
+    title = f"Differences of readings, {what}, mm"
+    finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
+    return doc.Figure(title, finding, (picture,), 0, key, tuple(sketch))
+
+
+def residual_blocks(case: Case) -> list[doc.Block]:
     """The same as figures; nothing of differences, which have a figure of their own."""
+    answer = case.answer
     if answer.input.kind != DataKind.READINGS:
         return []
-    left = _left(answer, many)
+    left = _left(answer, case.words.many)
     if _on_bed(answer):
-        blocks: list[doc.Block] = []
-        for title, own in _surfaces(answer).items():
-            chosen = {model: values[own] for model, values in left.items()}
-            maps = figures.bed_maps(title, _places(answer)[own], chosen)
-            sketch = _signs(_places(answer)[own], left[list(left)[-1]][own], _sigma_mm(answer))
-            blocks.append(doc.Figure(title or None, "", maps, sketch=sketch, columns=2))
-        return [*blocks, *_distances(answer), doc.Paragraph(BED_LEGEND, small=True)]
+        return [*_bed(LinearDelta.require(case.machine), answer, left), *_distances(answer)]
     rows = answer.residuals
     panels = figures.residual_panels(
         [_series_of(row) for row in rows],
@@ -68,10 +119,25 @@ def residual_blocks(answer: Answer, many: str) -> list[doc.Block]:
         left,
         _sigma_mm(answer),
     )
-    key = "Marks: cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: what the gauge's noise explains (95 %)."
+    key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
     if len(left) > 1:
         key = f"Open: {', filled: '.join(left)}. {key}"
-    return [doc.Figure(None, "By leg, posture and cycle.", panels, key=key)]
+    return [doc.Figure(None, "", panels, key=key)]
+
+
+def _bed(machine: LinearDelta, answer: Answer, left: Mapping[str, Floats]) -> Iterator[doc.Figure]:
+    """The bed as found, and what each model leaves of it."""
+    places, measured = _places(answer), np.array([row.measured_mm for row in answer.residuals])
+    for title, own in _surfaces(answer).items():
+        # Without their mean: the first layer's height is set apart.
+        before = {"before": measured[own] - measured[own].mean()}
+        after = {f"after, {model}": values[own] for model, values in left.items()}
+        maps = figures.bed_maps(
+            title, places[own], before | after, machine.bed_radius_mm, machine.tower_angles_deg
+        )
+        sketch = _signs(places[own], left[list(left)[-1]][own], _sigma_mm(answer))
+        key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
+        yield doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch)
 
 
 def _on_bed(answer: Answer) -> bool:
@@ -183,13 +249,13 @@ def _differences(answer: Answer) -> doc.Grid:
     return doc.Grid(head, rows, caption=comparison_words(answer.input.kind == DataKind.SINGLE)[1])
 
 
-def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float) -> doc.Grid:
+def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = None) -> doc.Grid:
     """One row per series, one column per posture.
 
     Args:
         rows: n readings.
         left_mm: measured − modelled, shape (n,).
-        sigma_mm: standard deviation of one reading.
+        sigma_mm: standard deviation of one reading; None: without signs.
     """
     postures = list(dict.fromkeys(row.posture or "" for row in rows))
     several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
@@ -211,11 +277,14 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float) -> doc.G
     return doc.Grid(("leg, direction", *postures), tuple(zip(cells, *columns, strict=True)))
 
 
-def _mean_and_signs(left: Sequence[tuple[int, float]], sigma_mm: float) -> str:
+def _mean_and_signs(left: Sequence[tuple[int, float]], sigma_mm: float | None) -> str:
     """The mean over the repeats [µm] and a sign for each, in order of time."""
     if not left:
         return ""
     values = np.array([value for _, value in sorted(left)])
+    mean = signed(1000.0 * float(values.mean()), 1)
+    if sigma_mm is None:
+        return mean
     parts = np.array_split(values, min(values.size, _SIGNS))
     marks = "".join(_sign(float(part[np.argmax(np.abs(part))]), sigma_mm) for part in parts)
-    return f"{signed(1000.0 * float(values.mean()), 1)} {marks}"
+    return f"{mean} {marks}"

@@ -6,7 +6,8 @@ The diagnosis shows the best of the next measurements, too.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -17,9 +18,9 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model import Floats, Model, Source
-from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.forecast import SessionForecast
+from orthoglide_cal.planning.next_measurement import RankedMeasurement
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
@@ -27,17 +28,18 @@ from orthoglide_cal.planning.plan import (
     BestDesign,
     MeasurementPlan,
 )
-from orthoglide_cal.planning.separation import TRACE_SIGMA
+from orthoglide_cal.planning.separation import TRACE_SIGMA, SeparatedPair
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import about
+from orthoglide_cal.report.case import about, to_follow
 from orthoglide_cal.report.documents.diagnosis import between_words
 from orthoglide_cal.report.documents.parameters import budget_section, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
-from orthoglide_cal.results import Answer, budget_lines
+from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
     counted,
     decimals_for,
+    listed,
     percent,
     plain,
     short,
@@ -47,6 +49,8 @@ from orthoglide_cal.words import (
 
 _SHOWN_PAIRS = 4
 _SHOWN_NEXT = 6
+_BRIEF_NEXT = 3
+_MOST_LAYOUTS = 5
 # Where the places to probe are written, unless somebody chose another name.
 _PLACES = "places.csv"
 
@@ -65,46 +69,79 @@ def plan_document(
         begun: what the data say that there are already; None without any.
         source: of these data.
     """
-    page = partial(_page, plan, machine_file, begun, source)
+    if begun is not None and plan.next:
+        # The largest U of the lengths that there are; None if there are none to be entered.
+        now = max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
+        plan = plan.changed(now_mm=now)
+    given = plan, machine_file, begun, source
     absent = None if plan.next else {"next"}
-    return doc.Document(partial(plan.model_dump, mode="json", by_alias=True, exclude=absent), page)
+    data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
+    return doc.Document(data, partial(_page, *given), partial(_screen, *given))
+
+
+def _screen(
+    plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
+) -> doc.Page:
+    steps = tuple(_to_do(plan, machine_file, source))
+    if begun is not None and plan.next:
+        notice = _next_notice(plan, begun)
+        grid = _next_grid(plan, plan.next[1:_BRIEF_NEXT])
+        sections = [doc.Section("Or", (grid,))] if grid.rows else []
+    else:
+        notice = _notice(plan)
+        sections = [
+            doc.Section(
+                None, (_sessions_grid(plan, brief=True), *map(doc.Paragraph, _limits(plan)))
+            ),
+            doc.Section(None, tuple(map(doc.Paragraph, _left_open(plan)))),
+        ]
+    return doc.Page(
+        kind="Plan",
+        title=None,
+        notice=notice,
+        sections=(
+            *sections,
+            doc.Section(
+                "Next", (doc.Instructions(steps), doc.Paragraph("More: the same with --details"))
+            ),
+        ),
+    )
 
 
 def _page(
     plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
 ) -> doc.Page:
     model, vocabulary = plan.model, plan.model.machine.vocabulary
-    noise = two_figures(model.machine.instrument.noise_mm)
-    scatter = (vocabulary.noise.capitalize(), f"one reading scatters by {noise} mm")
     session = [("Session", plan.chosen.what)]
-    size = float(np.sqrt(np.mean(model.machine.linearization_points**2)))
-    if size > 0.0:
-        session.append((vocabulary.many.capitalize(), f"about {size:g} mm each are assumed"))
-    facts, notice = (*session, scatter), _notice(plan)
+    if plan.assumed_mm is not None:
+        assumed = f"about {plan.assumed_mm:g} mm each are assumed"
+        session.append((vocabulary.many.capitalize(), assumed))
+    facts, notice = session, _notice(plan)
     first: tuple[doc.Section, ...] = ()
     if begun is not None and plan.next:
         data = f"{file_words(visible(begun.input.path))}, {begun.input.readings}"
-        # The largest U of the lengths that there are; None if there are none to be entered.
-        now = max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
         alone = (doc.Facts(tuple(session)), notice)
-        first = (_next_section(plan, now), doc.Section("A session of its own would give", alone))
-        facts, notice = (("Readings", data), scatter), _next_notice(plan, begun, now)
+        first = (
+            doc.Section("What to measure next, best first", (_next_grid(plan, plan.next, True),)),
+            doc.Section("A separate session would give", alone),
+        )
+        facts, notice = [("Readings", data)], _next_notice(plan, begun)
+    limits = doc.Section(None, tuple(map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))))
     return doc.Page(
         kind="Plan",
         title=plan.machine,
-        facts=doc.Facts(facts),
+        facts=doc.Facts(tuple(facts)),
         notice=notice,
         sheet=(
-            doc.Section(
-                "What to do next", (doc.Instructions(tuple(_to_do(plan, machine_file, source))),)
-            ),
+            doc.Section("Next", (doc.Instructions(tuple(_to_do(plan, machine_file, source))),)),
         ),
         sections=(
             *first,
             _sessions(plan),
+            limits,
             *([_ways(plan)] if plan.compare else []),
             *([_design(plan, plan.design, machine_file, source)] if plan.design else []),
-            budget_section(model.machine, *budget_lines(plan.chosen.budget)),
+            budget_section(model.machine, plan.budget, plan.total),
             _separation(plan),
         ),
     )
@@ -114,28 +151,23 @@ def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, source: Source | None
 ) -> Iterator[doc.Instruction]:
     """Measure what is best next, or the session."""
-    chosen, probing = plan.chosen, plan.model.machine.vocabulary.probing
+    chosen, machine = plan.chosen, plan.model.machine
     if plan.next:
         best = plan.next[0].option
-        typed = None
-        if best.session is not None:
-            typed = command("measure", machine=machine_file, options=best.session)
-        elif not probing and source is not None and source.path != "-":
-            typed = command("measure --then", source.path, machine=machine_file)
-        yield doc.Instruction(best.what, typed)
+        yield doc.Instruction(best.what, to_follow(machine, source, best.session, machine_file))
     elif plan.bar_warning is not None and plan.bar_warning.leaves and plan.design is not None:
         typed = _command(plan.design, plan, machine_file, source)
-        yield doc.Instruction("Measure what the plungers can follow.", typed)
-    elif not probing:
-        yield doc.Instruction("Measure it.", _command(chosen, plan, machine_file, source))
+        yield doc.Instruction("Measure what the plungers can follow", typed)
+    elif not machine.probes:
+        yield doc.Instruction("Measure it", _command(chosen, plan, machine_file, source))
     elif not chosen.can_be_sent:
-        yield doc.Instruction(probing)
+        yield doc.Instruction(machine.vocabulary.probing)
     else:
         typed = _command(chosen, plan, machine_file, source)
-        yield doc.Instruction("Have the places to probe written.", typed)
-        yield doc.Instruction("Probe them in this order, and fill in the column reading_mm.")
+        told = "Have the places written, probe them in this order, and fill in reading_mm"
+        yield doc.Instruction(told, typed)
         typed = command("diagnose", _PLACES, machine=machine_file)
-        yield doc.Instruction("See what they say.", typed)
+        yield doc.Instruction("See what they say", typed)
 
 
 def _command(
@@ -159,27 +191,31 @@ def _reach(model: Model, expanded: Floats) -> str:
     machine = model.machine
     if common_unit(machine):
         return f"each {machine.vocabulary.one} within ± {two_figures(float(expanded.max()))} mm"
+    alike: dict[str, list[str]] = {}
     columns = zip(machine.parameter_names, expanded.tolist(), machine.parameter_units, strict=True)
-    return ", ".join(f"{name} ± {two_figures(u)} {unit_words(unit)}" for name, u, unit in columns)
+    for name, u, unit in columns:
+        alike.setdefault(f"± {two_figures(u)} {unit_words(unit)}", []).append(name)
+    return ", ".join(f"{' '.join(names)} {u}" for u, names in alike.items())
 
 
 def _notice(plan: MeasurementPlan) -> doc.Notice:
-    """What the session gives, what limits it, and what it leaves open."""
+    """What the session gives, and what it lacks."""
     chosen, warning, model = plan.chosen, plan.bar_warning, plan.model
     if warning is not None and warning.leaves:
         return doc.Notice(doc.Tone.BAD, "This cannot be measured so", warning.lines)
-    reach = _reach(model, chosen.budget.expanded_mm)
-    if chosen.tool_mm is not None:
-        reach += f", the tool everywhere within ± {two_figures(chosen.tool_mm)} mm"
-    missing = [name for name, each in chosen.parameters.items() if not each.determined]
-    lines = [
-        *(warning.lines if warning else ()),
-        f"Known: {reach} (95 % if nothing else is wrong).",
-    ]
-    if missing:
-        more = model.machine.vocabulary.more
-        lines.append(f"They do not determine {' and '.join(missing)}. {more}")
+    words = model.machine.vocabulary
+    noise = two_figures(plan.noise_mm)
+    lines = [f"{model.machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
     title = f"{chosen.readings} readings, about {chosen.minutes:.0f} min"
+    reach = f"{_reach(model, chosen.budget.expanded_mm)} (95 %)"
+    if common_unit(model.machine):
+        title += f": {reach}"
+    else:
+        lines.append(f"U: {reach}")
+    lines += warning.lines if warning else ()
+    missing = [name for name, each in chosen.parameters.items() if not each.determined]
+    if missing:
+        lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
     tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
     if plan.target is not None:
         wanted = f"± {plan.target.expanded_mm:g} mm"
@@ -189,65 +225,126 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
                 " take a finer gauge or a better stand."
             )
             if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
-                why = _floor_words(plan, plan.floor)
-            return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (why, *lines))
+                remedy = source_words(plan.floor.largest.source, model.machine)[1]
+                why = f"{_stays(plan, plan.floor)} {remedy}"
+            bad = f"{wanted} cannot be reached so"
+            return doc.Notice(doc.Tone.BAD, bad, (why, f"{title}.", *lines))
         title = f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
         tone = doc.Tone.GOOD
-    return doc.Notice(tone, title, (*lines, _limit(plan), *_rivals(plan)))
+    return doc.Notice(tone, title, tuple(lines))
 
 
-def _floor_words(plan: MeasurementPlan, floor: Budget) -> str:
-    what, remedy = source_words(floor.largest.source, plan.model.machine)
+def _stays(plan: MeasurementPlan, floor: Budget) -> str:
+    """What more readings leave, and of what it is."""
+    what = floor.largest.source
+    what = what if what in CAUSES else source_words(what, plan.model.machine)[0]
     if plan.gauges is None:
-        return f"What stays of it is mostly this: {what}. {remedy}"
-    left = two_figures(float(floor.expanded_mm.max()))
-    return f"After {MOST_CYCLES} cycles ± {left} mm stay: {what}. {remedy}"
+        return f"{what} stays."
+    return f"± {two_figures(float(floor.expanded_mm.max()))} mm stays ({what})."
 
 
-def _limit(plan: MeasurementPlan) -> str:
-    """Noise, or what more readings do not lessen."""
+def _limits(plan: MeasurementPlan) -> Iterator[str]:
+    """What more readings do not reduce, and whether rivals are distinguished."""
     chosen, floor = plan.chosen.budget, plan.floor
     stays = 0.0 if floor is None else float(np.max(floor.std_mm / chosen.std_mm))
     more = "readings" if plan.gauges is None else "cycles"
     if floor is None or stays < 0.6:
-        return f"The scatter of the readings limits it: more {more} help."
-    help_ = "hardly help" if stays > 0.87 else "help little"
-    return f"More {more} {help_}. {_floor_words(plan, floor)}"
-
-
-def _rivals(plan: MeasurementPlan) -> Iterator[str]:
-    """Whether the session distinguishes what hides behind each other."""
+        yield f"The scatter of the readings limits U: more {more} help."
+    else:
+        help_ = "hardly help" if stays > 0.87 else "help little"
+        yield f"More {more} {help_}: {_stays(plan, floor)}"
     sigma = plan.chosen.rivals_sigma
     if sigma is not None:
-        first, second = (CAUSES[id].title for id in plan.model.machine.rivals)
-        told = "are distinguished" if sigma >= CERTAIN_SIGMA else "are not distinguished for sure"
-        yield f"That {first}, and that {second}, {told}: {two_figures(sigma)} standard deviations."
+        told = "" if sigma >= CERTAIN_SIGMA else "not for sure "
+        rivals = " and ".join(plan.model.machine.rivals)
+        yield f"{rivals} are {told}distinguished ({two_figures(sigma)} σ)."
 
 
-def _sessions(plan: MeasurementPlan) -> doc.Section:
-    """The session with other numbers of cycles, or every layout: what it takes, what it gives."""
+def _left_open(plan: MeasurementPlan) -> Iterator[str]:
+    """What cannot be seen, what cannot be distinguished, and a shorter way."""
+    if plan.apart.invisible:
+        yield f"Cannot be seen: {listed([cause.id for cause in plan.apart.invisible])}."
+    near = [" from ".join(pair.causes) for pair in _near(plan)]
+    if near:
+        rest = ", and others" if len(near) > _SHOWN_PAIRS else ""
+        yield f"Cannot be distinguished: {', '.join(near[:_SHOWN_PAIRS])}{rest}."
+    best = plan.design
+    if best is None or best.name == plan.chosen.name:
+        return
+    size = f"{best.readings} readings, {best.minutes:.0f} min"
+    if best.causes:
+        yield f"To distinguish {' and '.join(best.causes)}: {size} (--layout {best.name})."
+    elif best.minutes < plan.chosen.minutes:
+        yield f"Shorter: {size} (--design best); some faults show less."
+
+
+def _near(plan: MeasurementPlan) -> list[SeparatedPair]:
+    """Pairs of causes that the session cannot distinguish."""
+    return [pair for pair in plan.apart.visible.pairs if pair.sigma < TRACE_SIGMA]
+
+
+def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
+    """Layouts, quickest first, that are better than all quicker ones."""
+    kept: list[SessionForecast] = []
+    best = -math.inf
+    for each in sorted(plan.by_cycles, key=lambda each: each.minutes):
+        worth = -max(each.expanded_mm.values()) if each.rivals_sigma is None else each.rivals_sigma
+        if round(worth, 1) > best or each.name == plan.chosen.name:
+            kept.append(each)
+            best = max(best, round(worth, 1))
+    return kept[-_MOST_LAYOUTS:]
+
+
+def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
+    """Numbers of cycles, or layouts: what they take, what they give.
+
+    `brief`: of cycles the largest U, of layouts those that no quicker one beats.
+    """
     machine, cycles = plan.model.machine, plan.gauges is not None
-    tool, rivals = machine.has_cube, bool(machine.rivals)
-    head = ["cycles" if cycles else "layout", "readings", "min", *["noise"] * cycles]
-    head += [*machine.parameter_names, *["tool"] * tool, *["σ"] * rivals]
+    rivals, noise = bool(machine.rivals), cycles and not brief
+    names = [f"{machine.vocabulary.one} ± U, mm"] if cycles and brief else machine.parameter_names
+    tool = "tool ± U, mm" if brief else "tool"
+    head = ["cycles" if cycles else "layout", "readings", "min", *["noise"] * noise]
+    head += [*names, *[tool] * machine.has_cube, *["σ"] * rivals]
     rows = []
-    for each in plan.by_cycles:
+    for each in _worthwhile(plan) if brief and not cycles else plan.by_cycles:
         name = str(each.cycles) if cycles else each.name
         chosen = (each.name, each.cycles) == (plan.protocol, plan.cycles)
-        reach = each.averaged.expanded_mm.tolist() if each.averaged else []
-        row: list[doc.Inline] = [doc.Strong(name) if chosen else name]
-        row += [str(each.readings), f"{each.minutes:.0f}"]
-        if cycles:
-            row.append(two_figures(max(each.noise_std_mm.values())))
-        row += [
-            two_figures(value) if parameter.determined else "–"
-            for value, parameter in zip(reach, each.parameters.values(), strict=True)
+        row: list[doc.Inline] = [
+            doc.Strong(f"→ {name}" if cycles and brief else name) if chosen else name
         ]
+        row += [str(each.readings), f"{each.minutes:.0f}"]
+        if noise:
+            row.append(two_figures(max(each.noise_std_mm.values())))
+        if cycles and brief:
+            row.append(two_figures(max(each.expanded_mm.values())))
+        else:
+            row += [
+                two_figures(parameter.lessened) if parameter.determined else "–"
+                for parameter in each.parameters.values()
+            ]
         if each.tool_mm is not None:
             row.append(two_figures(each.tool_mm))
         if rivals:
             row.append("" if each.rivals_sigma is None else f"{each.rivals_sigma:.1f}")
         rows.append(tuple(row))
+    if fixed := _fixed(plan):
+        rows.append((*fixed, *[""] * rivals))
+    return doc.Grid(tuple(head), tuple(rows), words=() if cycles else (0,))
+
+
+def _fixed(plan: MeasurementPlan) -> tuple[str, ...]:
+    """The row of what no layout determines: ids, and what they add to U; () if nothing is."""
+    names = plan.model.machine.fixed_parameters
+    ids = " and ".join(each.source for each in plan.budget if each.source in names)
+    added = (two_figures(each.fixed) for each in plan.chosen.parameters.values())
+    return (ids, "", "", *added) if ids else ()
+
+
+def _sessions(plan: MeasurementPlan) -> doc.Section:
+    """The session with other numbers of cycles, or every layout."""
+    machine, cycles = plan.model.machine, plan.gauges is not None
+    grid, tool, rivals = _sessions_grid(plan), machine.has_cube, machine.rivals
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     units = ", ".join(f"{name} {unit_words(unit)}" for name, unit in named)
     caption = "In mm." if common_unit(machine) else f"{units}; – is not determined."
@@ -261,18 +358,13 @@ def _sessions(plan: MeasurementPlan) -> doc.Section:
         caption += (
             f" σ: how far {first} and {second} of usual size are apart, in standard deviations."
         )
-    fixed = [
-        each for each in plan.chosen.budget.contributions if each.source in machine.fixed_parameters
-    ]
-    if fixed:
-        ids, added = " and ".join(each.source for each in fixed), Budget(tuple(fixed)).expanded_mm
-        rows.append((ids, "", "", *map(two_figures, added.tolist()), ""))
+    if fixed := _fixed(plan):
         caption += (
-            f" No layout determines {ids}, taken as stated: what it adds (by squares) is the last"
-            " row. In solve, what the readings cannot rule out is added."
+            f" No layout determines {fixed[0]}, taken as stated: what it adds (by squares) is the"
+            " last row. In solve, what the readings cannot rule out is added."
         )
-    grid = doc.Grid(tuple(head), tuple(rows), words=() if cycles else (0,), caption=caption)
-    return doc.Section("How many cycles" if cycles else "Ways to measure, compared", (grid,))
+    title = "How many cycles" if cycles else "Ways to measure, compared"
+    return doc.Section(title, (replace(grid, caption=caption),))
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
@@ -316,7 +408,7 @@ def _design(
         )
         blocks: list[doc.Block] = [doc.Paragraph(f"{reached}: {best.what}, {minutes}.")]
         if best.name != plan.chosen.name:
-            blocks.append(doc.Instructions((doc.Instruction("Have its places written.", typed),)))
+            blocks.append(doc.Instructions((doc.Instruction("Have its places written", typed),)))
         return doc.Section(f"To distinguish {pair}", tuple(blocks))
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
     reach = two_figures(max(best.expanded_mm.values()))
@@ -332,8 +424,8 @@ def _design(
                 (f"{best.readings} readings in {minutes} give ± {reach} mm: ", doc.Typed(typed))
             ),
             doc.Paragraph(
-                f"The plunger keeps {percent(MARGIN)} of the leg from both joints at every posture."
-                f" What is given up: {GIVES_UP}."
+                f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
+                f" every posture. What is given up: {GIVES_UP}."
             ),
         ),
     )
@@ -342,18 +434,11 @@ def _design(
 def _separation(plan: MeasurementPlan) -> doc.Section:
     """Which causes the readings can distinguish."""
     seen, hidden = plan.apart.visible, plan.apart.invisible
-    by = counted(min(plan.cycles, MOST_COMPARED), "cycle")
-    if plan.gauges is None:
-        by = f"these {plan.chosen.readings} readings"
     names = [cause.id for cause in seen.causes]
-    near = [" and ".join(pair.causes) for pair in seen.pairs if pair.sigma < TRACE_SIGMA]
-    named = f": {'; '.join(near[:_SHOWN_PAIRS])}" if near else ""
-    finding = (
-        f"Of {len(seen.pairs)} pairs of causes of their usual size {len(near)} cannot be"
-        f" distinguished by {by}{named}."
-    )
     sketch = separation_lines(names, seen.sigma, seen.trace)
-    figure = doc.Figure(None, finding, (), sketch=sketch)
+    by = "" if plan.gauges is None else f" by {counted(min(plan.cycles, MOST_COMPARED), 'cycle')}"
+    told = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished{by}."
+    figure = doc.Figure(None, told, (), sketch=sketch)
     blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
     if hidden:
         rows = tuple((cause.id, cause.words(plan.model.machine).instrument) for cause in hidden)
@@ -363,35 +448,30 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     return doc.Section("Which causes can be distinguished", tuple(blocks))
 
 
-def _next_notice(plan: MeasurementPlan, begun: Answer, now: float | None) -> doc.Notice:
-    """What to measure besides the data that there are, and what it brings."""
-    best = plan.next[0]
-    title = f"about {max(best.minutes, 1.0):.0f} min: {best.what}"
-    worth = f"With it: {_reach(plan.model, best.expanded)}."
-    target = _target_line(plan, now)
+def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
+    """What to measure in addition to the data that there are, and what it brings."""
+    best, now = plan.next[0], plan.now_mm
+    minutes = f"about {max(best.minutes, 1.0):.0f} min"
+    today = "" if now is None else f" Now it is ± {two_figures(now)} mm."
+    worth = f"With it: {_reach(plan.model, best.expanded)}.{today}"
+    target = _target_line(plan)
     if best.between:
         first, second = between_words(best)
-        settled = f"It leaves one name with a chance of {percent(best.chance)}: it tells {first}"
-        return doc.Notice(
-            doc.Tone.INFO, f"Next, {title}", (f"{settled} from {second}. {worth}", *target)
-        )
-    today = "" if now is None else f" Now it is ± {two_figures(now)} mm."
+        title = f"Next: {minutes} leave one answer with a chance of {percent(best.chance)}"
+        settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
+        return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
     if begun.release.usable:
-        lines = (
-            f"Nothing is open, and the {plan.model.machine.vocabulary.many} may be entered.",
-            f"To know them better, {title}",
-        )
-        return doc.Notice(
-            doc.Tone.GOOD, "Nothing needs to be measured", (*lines, worth + today, *target)
-        )
-    return doc.Notice(doc.Tone.INFO, f"Next, {title}", (worth + today, *target))
+        may = f"Nothing is open, and the {plan.model.machine.vocabulary.many} may be entered."
+        better = f"To know them better: {minutes}. {worth}"
+        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (may, better, *target))
+    return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
 
-def _target_line(plan: MeasurementPlan, now_mm: float | None) -> Iterator[str]:
+def _target_line(plan: MeasurementPlan) -> Iterator[str]:
     """The quickest way to a U that was asked for, with the data that there are."""
     if plan.target is None:
         return
-    target_mm = plan.target.expanded_mm
+    target_mm, now_mm = plan.target.expanded_mm, plan.now_mm
     able = [each for each in plan.next if max(each.expanded_mm.values()) <= target_mm]
     said = "is reached by none of these."
     if now_mm is not None and now_mm <= target_mm:
@@ -402,35 +482,37 @@ def _target_line(plan: MeasurementPlan, now_mm: float | None) -> Iterator[str]:
     yield f"± {target_mm:g} mm {said}"
 
 
-def _next_section(plan: MeasurementPlan, now_mm: float | None) -> doc.Section:
-    """The best of the ranking as a table; `now_mm` is the largest U without it, if it is known."""
-    found = plan.next
-    telling = any(each.between for each in found)
+def _next_grid(
+    plan: MeasurementPlan, found: Sequence[RankedMeasurement], full: bool = False
+) -> doc.Grid:
+    """Of the ranking; `full`: also U as it is, and what the columns mean."""
+    telling = any(each.between for each in plan.next)
+    now_mm = plan.now_mm if full else None
     rows = [
         (
-            str(number),
+            str(plan.next.index(each) + 1),
             f"{each.minutes:.0f}",
             *((percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()),
             two_figures(max(each.expanded_mm.values())),
             each.what,
         )
-        for number, each in enumerate(found[:_SHOWN_NEXT], start=1)
+        for each in found[:_SHOWN_NEXT]
     ]
     if now_mm is not None:
         blank = ("", "") if telling else ()
         rows.insert(0, ("", "", *blank, two_figures(now_mm), "nothing: U as it is"))
     heads = ("", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do")
-    if found[0].between:
-        first, second = between_words(found[0])
+    meaning = None
+    if full and plan.next[0].between:
+        first, second = between_words(plan.next[0])
         meaning = (
             "Settles: the chance that one answer is left. Ranked by that chance per minute, eight"
             f" hours added for coming back if it stays open. σ: how far {first} and {second} are"
             " apart in the new readings, in standard deviations."
         )
-    else:
+    elif full:
         meaning = (
             "Nothing that further readings could tell is open: ranked by how much U they save per"
             " minute, half an hour added for the sitting."
         )
-    grid = doc.Grid(heads, tuple(rows), words=(len(heads) - 1,), caption=meaning)
-    return doc.Section("What to measure next, best first", (grid,))
+    return doc.Grid(heads, tuple(rows), words=(len(heads) - 1,), caption=meaning)

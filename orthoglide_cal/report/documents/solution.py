@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
-from orthoglide_cal.errors import file_words
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
@@ -13,43 +13,91 @@ from orthoglide_cal.report.documents.decision import decision_notice, to_do
 from orthoglide_cal.report.documents.parameters import (
     alone_block,
     budget_sections,
+    largest_words,
     open_blocks,
     parameters_grid,
     parameters_title,
 )
-from orthoglide_cal.report.facts import METHOD_WORDS, comparison_words, data_words
+from orthoglide_cal.report.facts import METHOD_WORDS, comparison_words
+from orthoglide_cal.results import Answer
 from orthoglide_cal.words import counted, difference_decimals, plain, signed, two_figures
 
+# A screen has room for so many differences, or else for the largest.
+_MOST_DIFFERENCES = 6
+_LARGEST_DIFFERENCES = 3
 
-def solution_document(case: Case, details: bool = False) -> doc.Document:
-    """The whole answer; `details`: with what the screen leaves out."""
+
+def solution_document(case: Case) -> doc.Document:
+    """The whole answer."""
     case.answer.require_result()
-    return doc.Document(
-        partial(case.answer.model_dump, mode="json"), partial(_solution_page, case, details)
+    data = partial(case.answer.model_dump, mode="json")
+    return doc.Document(data, partial(_page, case), partial(_screen, case))
+
+
+def _screen(case: Case) -> doc.Page:
+    answer = case.answer
+    found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
+    if answer.budget and answer.release.usable:
+        found.append(doc.Paragraph(largest_words(case)))
+    found += [doc.Paragraph(f"Note: {warning}") for warning in answer.warnings]
+    after = tuple(_improvement(case)) if answer.release.usable else ()
+    steps = to_do(case, brief=True)
+    return doc.Page(
+        kind="Solution",
+        title=None,
+        notice=decision_notice(case),
+        sections=(
+            doc.Section(None, tuple(found)),
+            *([doc.Section(None, after)] if after else []),
+            doc.Section(steps.title, (*steps.blocks, case.more("solve"))),
+        ),
     )
 
 
-def _solution_page(case: Case, details: bool) -> doc.Page:
+def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
+    """Differences as measured and as expected after entering; residuals before and after."""
     answer = case.answer
-    blocks = (parameters_grid(case), *open_blocks(case))
-    more = (*alone_block(case), *_correlations(case)) if details else ()
+    rows = answer.deviations
+    if len(rows) > _MOST_DIFFERENCES and not full:
+        rows = tuple(sorted(rows, key=lambda each: -abs(each.measured_mm))[:_LARGEST_DIFFERENCES])
+    if rows and answer.as_found is not None and answer.expected is not None:
+        after = "expected after" if answer.release.usable else "would be left"
+        raw = answer.input.kind == DataKind.READINGS
+        digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
+        measured = (signed(each.measured_mm, digits) for each in rows)
+        expected = (signed(each.expected_mm, digits) for each in rows)
+        yield doc.Grid(
+            ("Deviation, mm", *(each.name for each in rows), "r.m.s."),
+            (
+                ("measured", *measured, plain(answer.as_found.rms_mm, digits)),
+                (after, *expected, plain(answer.expected.rms_mm, digits)),
+                ("± U", *(plain(each.expanded_mm, digits) for each in rows), ""),
+            ),
+        )
+    if answer.rms is not None:
+        of_what = "readings" if answer.input.kind == DataKind.READINGS else "differences"
+        of_what += case.given.measured.weighing
+        yield doc.Paragraph(
+            f"Residuals of the {of_what}: {plain(answer.rms.before_mm, 4)} mm r.m.s. before,"
+            f" {plain(answer.rms.after_mm, 4)} after."
+        )
+
+
+def _page(case: Case) -> doc.Page:
+    facts = doc.Facts((("Method", method_words(case)), ("Noise, mm", noise_words(case.answer))))
+    what, _ = comparison_words(case.answer.check is not None and case.answer.check.ends)
+    title = f"Differences, {what}" if case.answer.deviations else None
+    blocks = (facts, parameters_grid(case), *open_blocks(case), *alone_block(case))
     return doc.Page(
         kind="Solution",
-        title=file_words(case.source.path),
-        facts=doc.Facts(
-            (
-                ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
-                ("Method", method_words(case)),
-                ("Machine", doc.Given(answer.machine.name)),
-            )
-        ),
+        title=None,
         notice=decision_notice(case),
         sheet=(to_do(case),),
         sections=(
-            doc.Section(parameters_title(case), (*blocks, *more)),
-            left_after(case),
+            doc.Section(parameters_title(case), (*blocks, *_correlations(case))),
+            doc.Section(title, tuple(_improvement(case, full=True))),
             *budget_sections(case),
-            _noise(case),
+            _notes(case),
         ),
     )
 
@@ -73,55 +121,29 @@ def _correlations(case: Case) -> tuple[doc.Block, ...]:
     return (doc.Paragraph(f"Correlations: {pairs}.{together}"),)
 
 
-def left_after(case: Case) -> doc.Section:
-    """Table 4 of the paper: measured, and what is (or would be) left after the correction."""
-    answer = case.answer
-    raw = answer.input.kind == DataKind.READINGS
-    what = f"{'readings' if raw else 'differences'}{case.given.measured.weighing}"
-    quality: tuple[doc.Block, ...] = ()
-    if answer.rms is not None:
-        fitted = " and ".join((case.words.many, *answer.named))
-        quality = (
-            doc.Paragraph(
-                f"Residual r.m.s. of the {what}: {plain(answer.rms.before_mm, 4)} before,"
-                f" {plain(answer.rms.after_mm, 4)} with the {fitted}."
-            ),
-        )
-    table = answer.deviations
-    if not table or answer.as_found is None or answer.expected is None:
-        return doc.Section(None, quality)
-    digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-    usable = answer.release.usable
-
-    left = "left after" if usable else "would be left"
-    measured = (signed(each.measured_mm, digits) for each in table)
-    expected = (signed(each.expected_mm, digits) for each in table)
-    rows = (
-        ("measured", *measured, plain(answer.as_found.rms_mm, digits)),
-        (left, *expected, plain(answer.expected.rms_mm, digits)),
-        ("", *(f"± {plain(each.expanded_mm, digits)}" for each in table), ""),
+def noise_words(answer: Answer) -> str:
+    """Standard deviations of one reading [mm] by what they come from, and the one used for U."""
+    noise = answer.noise
+    if noise is None:
+        return ""
+    sizes = {
+        "repeats": noise.repeats_mm,
+        "residuals": noise.residuals_mm,
+        "stated": noise.stated_mm,
+        "resolution q/√12": noise.floor_mm,
+        "used for U": noise.used_mm,
+    }
+    said = ", ".join(
+        f"{name} {'unknown' if size is None else plain(size, 4)}" for name, size in sizes.items()
     )
-    what, meaning = comparison_words(answer.check is not None and answer.check.ends)
-    grid = doc.Grid(("", *(each.name for each in table), "r.m.s."), rows, caption=meaning)
-    title = "Left after correction" if usable else "Would be left if entered"
-    return doc.Section(f"{title}, mm (differences, {what})", (grid, *quality))
+    spare = f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else ""
+    return f"{said}{spare}"
 
 
-def noise_grid(case: Case) -> doc.Grid:
-    """The standard deviation of one reading from each source, side by side [mm]."""
-    names = ("repeats", "residuals", "stated", "floor", "used")
-    sigmas = [getattr(case.answer.noise, f"{name}_mm", None) for name in names]
-    cells = ("unknown" if sigma is None else plain(sigma, 4) for sigma in sigmas)
-    head = (name.replace("floor", "floor q/√12") for name in names)
-    return doc.Grid(("", *head), (("σ", *cells),))
-
-
-def _noise(case: Case) -> doc.Section:
+def _notes(case: Case) -> doc.Section:
     answer = case.answer
-    dof = answer.noise.dof if answer.noise else 0
-    spare = f"; {counted(dof, 'degree')} of freedom" if dof else ""
     notes = [doc.Paragraph(f"Note: {warning}") for warning in answer.warnings]
     if not (answer.release.usable or answer.named):
         # Otherwise it stands at the top, or is of the parameters alone.
         notes.append(doc.Paragraph(answer.judgement))
-    return doc.Section(f"Standard deviation of one reading, mm{spare}", (noise_grid(case), *notes))
+    return doc.Section(None, tuple(notes))

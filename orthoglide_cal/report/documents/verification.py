@@ -5,15 +5,17 @@ The calibration report shows the same notice, advice and tables once the adjustm
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report import figures
-from orthoglide_cal.report.facts import data_words, moment, owner_facts, scope
+from orthoglide_cal.report.documents.parameters import sizes, sizes_grid
+from orthoglide_cal.report.documents.pictures import differences_figure
+from orthoglide_cal.report.facts import data_words, owner_facts, reserved, scope, validity_strip
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
 from orthoglide_cal.words import (
@@ -27,10 +29,40 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
+_MOST_DIFFERENCES = 6  # that a screen has room for
+
 
 def verification_document(found: Verification, identity: Identity) -> doc.Document:
     """The document, for any of the renderers."""
-    return doc.Document(partial(_data, found, identity), partial(_page, found, identity))
+    given = found, identity
+    return doc.Document(partial(_data, *given), partial(_page, *given), partial(_screen, found))
+
+
+def _screen(found: Verification) -> doc.Page:
+    left = [
+        (name, each.left, each.left_expanded, each.unit) for name, each in found.parameters.items()
+    ]
+    units = {unit for *_, unit in left}
+    unit = units.pop() if len(units) == 1 else ""
+    grid = sizes_grid([(f"left{unit and f', {unit}'}", sizes(left, not unit))], 3 if unit else 2)
+    sections = [doc.Section(None, (grid,))]
+    if found.differences:
+        sections.insert(0, doc.Section(None, (_differences(found),)))
+    steps = doc.Instructions(tuple(verification_steps(found, None, brief=True)))
+    more = doc.Paragraph("More: the same with --details")
+    count = " and ".join(
+        data_words(source, given.kind, given.readings)
+        for given, (source, _) in zip((found.before, found.after), found.inputs, strict=True)
+    )
+    return doc.Page(
+        kind="Verification",
+        title=None,
+        notice=replace(
+            reserved(verification_notice(found), found.reservations),
+            aside=f"{found.machine}, {count}",
+        ),
+        sections=(*sections, doc.Section("Next", (steps, more))),
+    )
 
 
 def _data(found: Verification, identity: Identity) -> dict[str, object]:
@@ -41,8 +73,13 @@ def _data(found: Verification, identity: Identity) -> dict[str, object]:
 def _page(found: Verification, identity: Identity) -> doc.Page:
     machine = found.inputs[1][1].machine
     applied = [("Applied", f"{_triple(found.applied_mm, found)} mm (x, y, z)")]
+    recorded = [(each, each.validity) for each in (found.before, found.after)]
+    simulated = any(each.simulated for _, each in recorded)
+    compared = "independent changes" if found.differences else "touches afterwards"
+    strip = doc.Section(None, (validity_strip(recorded, identity.software, machine.probes),))
     return doc.Page(
-        kind="Verification report",
+        kind="Practice report" if simulated else "Verification report",
+        stamp="SIMULATED" if simulated else None,
         title=found.machine,
         number=identity.number,
         facts=doc.Facts(
@@ -53,8 +90,8 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
                 ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
             )
         ),
-        notice=verification_notice(found),
-        sheet=(verification_outcome(found), parameters_left(found)),
+        notice=reserved(verification_notice(found), found.reservations),
+        sheet=(strip, verification_outcome(found), parameters_left(found)),
         sections=(
             *([_response(found, found.response)] if found.response else []),
             doc.Section(
@@ -64,8 +101,7 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
                         (
                             *compared_inputs(found),
                             ("Machine", doc.Given(found.machine)),
-                            ("Compared", f"{found.compared} {_compared_words(found)}"),
-                            ("Software", identity.software),
+                            ("Compared", f"{found.compared} {compared}"),
                         )
                     ),
                 ),
@@ -74,10 +110,6 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
         signatures=("Measured by", "Checked by"),
         scope=scope(machine),
     )
-
-
-def _compared_words(found: Verification) -> str:
-    return "independent changes" if found.differences else "touches afterwards"
 
 
 def verification_notice(found: Verification) -> doc.Notice:
@@ -90,6 +122,10 @@ def verification_notice(found: Verification) -> doc.Notice:
         join = "but" if better == "better" else "and"
         came = "as promised" if found.kept else f"{join} not as promised"
         title = f"The touches agree {better} than before, {came}"
+        if found.moved:
+            title = "The machine has moved: nothing was entered, and the touches agree worse"
+            told = "Look for what was changed, hit or came loose; then calibrate and probe again."
+            lines = (*lines, told)
         return doc.Notice(doc.Tone.GOOD if found.kept else doc.Tone.WARN, title, lines)
     if not found.kept:
         return doc.Notice(doc.Tone.BAD, "The correction did not do what was promised", lines)
@@ -115,20 +151,31 @@ def _sizes(found: Verification) -> list[str]:
     return ["" if size is None else f"{plain(1000.0 * size, 0)} µm" for size in sizes]
 
 
-def verification_to_do(found: Verification, machine_file: Path | None) -> doc.Section:
-    """What to do after the adjustment was measured; with the machine file as the user gave it."""
-    to_do = doc.Instruction
+def verification_steps(
+    found: Verification, machine_file: Path | None, *, brief: bool = False
+) -> Iterator[doc.Instruction]:
+    """What to do after the adjustment was measured.
+
+    Args:
+        found: the comparison.
+        machine_file: as the user gave it.
+        brief: on a screen, which says the answer above and is no report.
+    """
     if not found.kept:
-        items = [to_do(_answer(found)), to_do("Then measure again and compare again.")]
+        if found.response is not None and not brief:
+            yield doc.Instruction(_answer(found))
+        yield doc.Instruction("Then measure again and compare again")
     elif found.decision is not None and found.decision.outcome is Outcome.FAIL:
-        diagnose = command("diagnose", found.after.path, machine=machine_file)
-        items = [
-            to_do("The offsets are right, yet a deviation is beyond the limit: find its cause."),
-            to_do("Diagnose the last session.", diagnose),
-        ]
+        yield doc.Instruction(
+            "The offsets are right, yet a deviation is beyond the limit: find its cause",
+            command("diagnose", found.after.path, machine=machine_file),
+        )
+    elif brief and found.differences:
+        options = f"--after {command('', found.after.path).split(maxsplit=1)[1]}"
+        write = command("report", found.before.path, machine=machine_file, options=options)
+        yield doc.Instruction("Write the report, and keep it with the machine", write)
     else:
-        items = [to_do("Nothing more: keep this report with the machine.")]
-    return doc.Section("What to do next", (doc.Instructions(tuple(items)),))
+        yield doc.Instruction("Nothing more: keep this report with the machine.")
 
 
 def _answer(found: Verification) -> str:
@@ -227,51 +274,47 @@ def parameters_left(found: Verification) -> doc.Section:
 
 def verification_outcome(found: Verification) -> doc.Section:
     """Promised and measured, difference by difference or in all."""
-    sizes, digits = _sizes(found), _digits(found)
     if not found.differences:
         grid = doc.Grid(
             ("r.m.s. of the heights", "as found", "promised", "as left", "could be"),
-            (("touches, without their mean", *sizes),),
+            (("touches, without their mean", *_sizes(found)),),
             caption="Promised: what the parameters found before would leave. Could be: what those"
             " found afterwards would.",
         )
         return doc.Section("Heights", (grid,))
-    rows: list[tuple[doc.Blank, ...]] = []
-    for d in found.differences:
-        values = (d.before_mm, d.promised_mm, d.after_mm)
-        before, promised, after = (signed(value, digits) for value in values)
-        reach = f"± {plain(d.promised_expanded_mm, digits)}"
-        rows.append((d.difference, before, promised, reach, after))
-    strong = [doc.Strong(size.removesuffix(" mm")) for size in sizes[:3]]
-    rows.append(("r.m.s.", *strong[:2], "", strong[2]))
-    grid = doc.Grid(
-        ("difference", "before", "promised", "U", "measured"),
-        tuple(rows),
-        caption="Deviation from parallel motion, mm.",
-    )
-    limit = found.decision.limit_mm if found.decision else None
-    figure = doc.Figure(
-        None,
-        "What is left of each difference, and what was promised.",
-        (
-            figures.deviation_rows(
-                [d.difference for d in found.differences],
-                [d.before_mm for d in found.differences],
-                [d.promised_mm for d in found.differences],
-                [d.expanded_mm for d in found.differences],
-                [d.after_mm for d in found.differences],
-                limit,
-            ),
-        ),
-        columns=1,
-        key="○ as found, ■ promised, ● left after correction with U (95 %)"
-        + ("." if limit is None else "; dotted: the limit."),
-    )
-    blocks: list[doc.Block] = [grid]
+    blocks: list[doc.Block] = [
+        _differences(found, full=True),
+        replace(left_figure(found), columns=1, sketch=()),
+    ]
     if found.decision is not None:
-        blocks.append(doc.Paragraph(doc.Strong(_decision(found))))
         blocks.append(doc.Paragraph(f"Decision rule: {found.decision.rule}", small=True))
-    return doc.Section("Promised and measured", (*blocks, figure))
+    return doc.Section("Promised and measured", tuple(blocks))
+
+
+def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
+    """Deviations as measured and as promised; on a screen only their r.m.s. where they are many."""
+    rows, digits = found.differences, _digits(found)
+    shown = rows if full or len(rows) <= _MOST_DIFFERENCES else ()
+    totals = [size.removesuffix(" mm") for size in _sizes(found)]
+    lines = (
+        ("before", [signed(each.before_mm, digits) for each in shown], totals[0]),
+        ("promised", [signed(each.promised_mm, digits) for each in shown], totals[1]),
+        ("± U", [plain(each.promised_expanded_mm, digits) for each in shown], ""),
+        ("measured", [signed(each.after_mm, digits) for each in shown], totals[2]),
+    )
+    table = tuple((name, *cells, total) for name, cells, total in lines)
+    return doc.Grid(("Deviation, mm", *(each.difference for each in shown), "r.m.s."), table)
+
+
+def left_figure(found: Verification) -> doc.Figure:
+    """What is left of each difference."""
+    rows = [
+        (each.difference, each.before_mm, each.promised_mm, each.expanded_mm, each.after_mm)
+        for each in found.differences
+    ]
+    sizes = (found.rms_before_mm, found.rms_promised_mm, found.rms_after_mm)
+    limit = found.decision.limit_mm if found.decision else None
+    return differences_figure(rows, sizes, found.kind == DataKind.SINGLE, limit)
 
 
 def _response(found: Verification, response: Coefficient) -> doc.Section:
@@ -309,7 +352,7 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
 
 
 def compared_inputs(found: Verification) -> tuple[tuple[str, doc.Blank], ...]:
-    """Where both sides come from: file, digest, time, operator; blank where not given."""
+    """Where both sides come from: file and digest."""
     rows: list[tuple[str, doc.Blank]] = []
     given_by = zip((found.before, found.after), found.inputs, strict=True)
     for name, (given, (source, _)) in zip(("Before", "After"), given_by, strict=True):
@@ -317,7 +360,5 @@ def compared_inputs(found: Verification) -> tuple[tuple[str, doc.Blank], ...]:
         rows += [
             (name, doc.Given(f"{file_words(given.path)} ({count})")),
             ("SHA-256", doc.Code(given.sha256)),
-            ("Measured", moment(given.finished or given.started)),
-            ("Operator", None if given.operator is None else doc.Given(given.operator)),
         ]
     return tuple(rows)

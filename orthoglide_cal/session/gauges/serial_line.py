@@ -16,7 +16,9 @@ from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge,
 if TYPE_CHECKING:
     import serial
 
-_PORT = re.compile(r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>\d+))?(?:#(?P<channels>[\w,]+))?")
+_PORT = re.compile(
+    r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>[^#]*))?(?:#(?P<channels>[\w,]+))?"
+)
 _ENDS = b"\r\n\t"
 # Longer than any token in use: what exceeds it is noise on the line.
 _LONGEST = 120
@@ -135,6 +137,11 @@ class SerialPort:
                 "Choose typed, simulated, or FORMAT:PORT, such as sylvac:/dev/ttyUSB0, with one of"
                 f" {', '.join(SERIAL_FORMATS)}.",
             )
+        if match["baud"] is not None and not match["baud"].isdecimal():
+            raise UsageError(
+                f"The speed {match['baud']!r} is not a number of baud.",
+                f"{name} usually has @{SERIAL_FORMATS[name].baud}, which may be left out.",
+            )
         self.format = SERIAL_FORMATS[name]
         self.port = match["port"]
         self.baud = int(match["baud"] or self.format.baud)
@@ -143,6 +150,18 @@ class SerialPort:
         self.name = f"{name}:{self.port}"
         self._splitter = Splitter()
         self._line: serial.Serial | None = None
+        self._decimals: dict[object, int] = {}  # the most so far, of a channel in a unit
+
+    def cut_off(self, token: Token) -> str | None:
+        """What to say of a number with fewer decimals than the gauge had before; else None."""
+        decimals = re.search(r"[.,](\d+)", token.raw)
+        if token.value is None or decimals is None:
+            return None
+        known, here = (token.channel, token.unit), len(decimals[1])
+        most = self._decimals[known] = max(here, self._decimals.get(known, 0))
+        if here == most:
+            return None
+        return f"It had {most} decimals before: press again; or q and --resume if you changed that."
 
     def open(self) -> None:
         """Open the port, unless it is open.
@@ -251,6 +270,7 @@ class SerialGauge(LiveGauge):
                     name += f"#{token.channel}"
                     if token.channel.lstrip("0") != channel.lstrip("0"):
                         elsewhere = f"That was channel {token.channel}; channel {channel} is asked."
+                elsewhere = elsewhere or port.cut_off(token)
                 if number != wanted:
                     elsewhere = f"That was gauge {number + 1}; gauge {wanted + 1} is asked."
                 heard.append(Heard(token, name, elsewhere))

@@ -1,0 +1,59 @@
+"""`orthocal history`: did the machine change?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import Number, Text, argument, option
+
+
+def history(
+    files: Annotated[
+        list[str], argument("FILE", f"Sessions of one machine, or a folder. {common.MEASURED}.")
+    ],
+    limit: Annotated[
+        Number,
+        option(
+            "MM",
+            "Largest permitted change. Shows when a drift reaches it.",
+        ),
+    ] = None,
+    dates: Annotated[
+        Text,
+        option(
+            "DATES",
+            "Dates of the files, in their order: 2026-03-02,2026-04-07. Default: from the files.",
+        ),
+    ] = None,
+    machine: common.MachineFile = None,
+    data: common.Data = None,
+    html: common.HtmlFile = None,
+    markdown: common.MarkdownFile = None,
+    details: common.WithDetails = False,
+    json: common.AsJson = False,
+    overwrite: common.Overwrite = False,
+    no_colour: common.NoColour = False,
+) -> None:
+    """Show whether the machine changed between sessions."""
+    from orthoglide_cal.files import printers_in, read_input, sessions_in
+    from orthoglide_cal.report.documents.history import history_document
+    from orthoglide_cal.results.history import compare
+
+    def judge(_: str) -> None:
+        paths: list[Path] = []
+        for path in map(Path, files):
+            within = sessions_in(path) if path.is_dir() else []
+            paths += [each.path for each in within]
+            paths += sorted(printers_in(path)) if path.is_dir() else [path]
+        # Without the machine file of the folder, which would be searched for each time.
+        known = common.given_machine(machine)
+        inputs = [read_input(str(path), known, common.folder_machine, data) for path in paths]
+        for each in inputs:
+            common.require_printer(each.measured.source, data)
+        found = compare(inputs, dates.split(",") if dates else (), limit)
+        document, own = history_document(found, machine), {"overwrite": overwrite}
+        common.deliver(document, as_json=json, html=html, markdown=markdown, details=details, **own)
+
+    common.for_each(files[:1], judge, as_json=json)

@@ -1,0 +1,125 @@
+"""Klipper's klippy.log, and the lines that its console prints while probing.
+
+The log holds the configuration in force, also what is included and stored, and what each
+DELTA_CALIBRATE reckoned with. The console has a line for each touch, with anything in front of it:
+
+    probe at x,y is z=…                     the nozzle's place when the probe triggered
+    probe: at x,y bed will contact at z=…   since 2025: the probe's, less its z offset
+
+Sources: Klipper's documents "Delta calibration" and "Bed Mesh", and its messages.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.printer_file import (
+    ZERO_UNKNOWN,
+    PrinterFile,
+    StoredMesh,
+    read_printer_file,
+)
+from orthoglide_cal.files.printer_settings import LARGEST_MM, Value, within
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.schema import shortened
+
+_CONFIG = re.compile(r"=+ Config file =+\s*")
+_CALCULATING = "Calculating delta_calibrate with:"
+KLIPPY_LOG = re.compile(rf"^({_CONFIG.pattern}|{_CALCULATING}\s*)$", re.MULTILINE)
+_ENDS = re.compile("={10,}")
+_STORED = re.compile(r"(manual_)?height[0-9]+\s*[:=]")
+_STEPS = r"\(([^,()]+, [^,()]+, [^,()]+)\)"
+_HEIGHT, _DISTANCE = rf"\(([^,()]+), {_STEPS}\)", rf"\(([^,()]+), {_STEPS}, {_STEPS}\)"
+# A nozzle that touches the bed itself stands this low when it does.
+_LEVEL_MM = 0.5
+PROBED = re.compile(r"probe(:?) at (\S+?), ?(\S+) (?:is|bed will contact at) z=(\S+)")
+
+
+def read_klippy_log(document: FileText) -> PrinterFile:
+    """The last configuration of a klippy.log, with the last calibration and else what was probed.
+
+    Raises:
+        InvalidFileError: with everything that is wrong in the lines that matter here.
+    """
+    lines = document.text.split("\n")
+    starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]
+    if not starts:
+        raise InputError(
+            "The log does not hold the configuration: its beginning is missing.",
+            "Give the whole klippy.log, or the printer.cfg.",
+            file=document.path,
+        )
+    start = starts[-1] + 1
+    rest = range(start, len(lines))
+    end = next((number for number in rest if _ENDS.fullmatch(lines[number].strip())), len(lines))
+    kept = [""] * start + lines[start:end]
+    found = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
+    unsaved = bool(found) and found[-1] > start
+    calculated = None
+    if found and (unsaved or not any(map(_STORED.match, kept))):
+        calculated = _calculated(document, lines, found[-1])
+    file = read_printer_file(replace(document, text="\n".join(kept)), calculated)
+    if unsaved:
+        remark = (
+            f"SAVE_CONFIG does not follow the calibration of line {found[-1] + 1}: the settings"
+            " before it are in force and are used."
+        )
+        file = replace(file, remarks=(*file.remarks, remark))
+    if file.heights is None and file.mesh is None and PROBED.search(document.text):
+        return read_probed(document, file)
+    return file
+
+
+def _calculated(document: FileText, lines: Sequence[str], at: int) -> Mapping[str, Value]:
+    """Heights and distances that a calibration reckoned with, as [delta_calibrate] stores them."""
+    stored = {}
+    for number, name, each in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
+        text = lines[number].strip() if number < len(lines) else ""
+        if not re.fullmatch(rf"\[(?:{each}(?:, |(?=\])))*\]", text):
+            what = f"This is not a list of {name}s with stepper positions."
+            remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
+            line, value = number + 1, shortened(text) or None
+            raise InputError(what, remedy, file=document.path, line=line, value=value)
+        for index, parts in enumerate(re.findall(each, text)):
+            ends = ("", "_pos") if len(parts) == 2 else ("", "_pos1", "_pos2")
+            for end, part in zip(ends, parts, strict=True):
+                stored[f"{name}{index}{end}"] = Value(number + 1, ((number + 1, part),))
+    return stored
+
+
+def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings, and the touches that Klipper printed as their mesh. Raises InvalidFileError."""
+    faults, rows = Faults(document.path), []
+    for number, line in enumerate(document.text.split("\n"), start=1):
+        for match in PROBED.finditer(line):
+            try:
+                place = [within(match[group], -LARGEST_MM) for group in (2, 3, 4)]
+                rows.append([number, float(match[1] == ":"), *place])
+            except InputError as error:
+                faults.add(error.what, error.remedy, line=number, value=shortened(match[0]))
+    faults.check()
+    lines, at = np.array(rows)[:, 0].astype(int), np.array(rows)[:, 2:]
+    less = np.array(rows)[:, 1] > 0.0  # the probe's offset
+    offset, remarks = np.nan_to_num(settings.probe), settings.remarks
+    usual = 0.0 if less.all() else float(np.median(at[~less, 2]))
+    if offset[2] == 0.0 and abs(usual) > _LEVEL_MM:
+        offset[2] = usual
+        remarks += (f"The probe's z offset is not known: {ZERO_UNKNOWN}",)
+    at[less, :2] -= offset[:2]
+    at[~less, 2] -= offset[2]
+    mesh = StoredMesh("console", at[:, 0], at[:, 1], at[:, 2], np.arange(len(at)), lines, 0, ())
+    return replace(
+        settings,
+        probe=offset,
+        heights=None,
+        distances=None,
+        mesh=mesh,
+        source=document.source,
+        remarks=remarks,
+    )

@@ -1,0 +1,145 @@
+"""M665, M666, G31 and M851: the settings of RepRapFirmware (config.g) and of Marlin (M503).
+
+    RepRapFirmware   endstop = H + M666; G31 has the nozzle's height when the probe triggers
+    Marlin           endstop = H − M666 − Z of M851, which is minus that height
+
+Both: L arms, R delta radius, X, Y, Z what is added to 210, 330 and 90 degrees. RepRapFirmware has
+the radius of the bed, B, and one arm or three in L; Marlin has A, B, C, what each arm exceeds L by.
+Sources: RepRapFirmware's "GCode dictionary", Marlin's documents of M503, M665, M666 and M851.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.printer_file import REPEATABILITY_MM, USUAL_ANGLES_DEG, PrinterFile
+from orthoglide_cal.files.printer_settings import LARGEST_MM, within
+from orthoglide_cal.files.text import FileText, read_document
+from orthoglide_cal.model.instrument import Probe
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, Endstops, LinearDelta, counter_clockwise
+from orthoglide_cal.schema import shortened
+
+_CODE = re.compile(r"\b(M665|M666|M851|G31)\b(.*?)(?=\b[GM][0-9]|$)")
+_WORD = re.compile(r"([A-Z])(\{[^}]*\}|[^A-Z\s]*)")
+_LETTERS = {"M665": "LRHXYZABC", "M666": "XYZ", "M851": "XYZ", "G31": "XYZK"}
+# Only Marlin has, or says, these.
+_MARLIN = re.compile(r"\becho:|\bM851\b|^\s*M500\b", re.MULTILINE)
+SETTINGS = re.compile(
+    r"^(?:recv:|echo:|[0-9:.,> \t])*M665\b[^;\n]*\sL", re.MULTILINE | re.IGNORECASE
+)
+
+_LOADS = re.compile(r"^\s*M501\b", re.MULTILINE | re.IGNORECASE)
+
+_DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
+
+Words = dict[str, tuple[float, ...]]
+
+
+def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
+    """The machine and the probe that these files state; the last of them wins.
+
+    The radius of the bed is NaN where it is not stated.
+
+    Raises:
+        InvalidFileError: with everything that is wrong in one of them.
+    """
+    said: Words = {}
+    for file in (document, *overriding):
+        said |= _words(file)
+    faults, marlin = Faults(document.path), _MARLIN.search(document.text) is not None
+
+    def three(code: str, usual: float = 0.0) -> np.ndarray:
+        return np.array([said.get(code + axis, (usual,))[0] for axis in "XYZ"])
+
+    for letter in "LRH":
+        if "M665" + letter not in said:
+            remedy = f"Add it to the line M665, or give a file that has it: M665 … {letter}…"
+            faults.add(f"M665 with {letter} is missing.", remedy)
+    faults.check()
+    arms, radius = np.array(said["M665L"]) * np.ones(3), said["M665R"][0]
+    if marlin and "M665C" in said:
+        arms += [said.get("M665" + tower, (0.0,))[0] for tower in "ABC"]
+    angles = three("M665") + USUAL_ANGLES_DEG
+    if not 0.0 < radius < arms.min():
+        what = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
+        faults.add(what, "Check both in M665.")
+    if not counter_clockwise(angles.tolist()):
+        faults.add(TOWERS_TURN, "Check X, Y and Z of M665; they are usually below one degree.")
+    faults.check()
+    if marlin:
+        probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
+        endstops = said["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
+    else:
+        probe, endstops = three("G31", math.nan), said["M665H"][0] + three("M666")
+    bed = math.nan if marlin else said.get("M665B", (math.nan,))[0]
+    machine = LinearDelta.model_construct(
+        name=PurePath(document.path).name,
+        arm_length_mm=tuple(arms.tolist()),
+        delta_radius_mm=radius,
+        tower_angles_deg=tuple(angles.tolist()),
+        endstops_mm=Endstops(*endstops.tolist()),
+        bed_radius_mm=bed,
+        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
+    )
+    return PrinterFile(machine, probe, None, None, None, document.source, ())
+
+
+def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
+    """What config.g, and config-override.g if M501 loads it, state; None if there are no arms.
+
+    Args:
+        measured: what these settings were in force for, to be compared with their date.
+    """
+    paths = [folder / name for name in ("config.g", "config-override.g")]
+    files = [read_document(str(path)) for path in paths if path.is_file()]
+    if len(files) == len(paths) and not _LOADS.search(files[0].text):
+        files.pop()
+    if not any(SETTINGS.search(file.text) for file in files):
+        return None
+    names = " and ".join(PurePath(file.path).name for file in files)
+    remarks = [f"The settings are those of {names} in the same folder."]
+    dates = [_DATE.search(file.text.split("\n", 1)[0]) for file in files[-1:]]
+    if measured:
+        dates.append(_DATE.search(measured.text.split("\n", 1)[0]))
+    if len(dates) == 2 and dates[0] and dates[1] and dates[1][0] < dates[0][0]:
+        remarks.append(
+            f"The height map ({dates[1][0]}) is older than the calibration in force"
+            f" ({PurePath(files[-1].path).name}, {dates[0][0]}): the result is wrong. Probe the"
+            " bed again (G29)."
+        )
+    return replace(read_codes(*files), remarks=tuple(remarks))
+
+
+def _words(file: FileText) -> Words:
+    """Code and letter → numbers: {"M665L": (215.0,)}, by the last line that has it."""
+    faults, found = Faults(file.path), Words()
+    for number, line in enumerate(file.text.split("\n"), start=1):
+        for code, rest in _CODE.findall(line.split(";")[0].upper()):
+            own = Words()
+            for letter, text in _WORD.findall(rest):
+                if letter not in _LETTERS[code]:
+                    continue
+                try:
+                    own[code + letter] = _numbers(text, code + letter)
+                except InputError as error:
+                    column, value = f"{letter} of {code}", shortened(letter + text)
+                    faults.add(error.what, error.remedy, line=number, column=column, value=value)
+            if own.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
+                found |= own
+    faults.check()
+    return found
+
+
+def _numbers(text: str, word: str) -> tuple[float, ...]:
+    low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
+    values = tuple(within(part, low) for part in text.split(":"))
+    if len(values) not in ((1, 3) if word == "M665L" else (1,)):
+        raise InputError("The number of values is wrong.", "Write one, or L215:215:215.")
+    return values

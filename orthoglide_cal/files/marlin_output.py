@@ -1,0 +1,246 @@
+"""What Marlin prints of G33 and G29, by the settings that M503 prints or a machine file has.
+
+    G33 V0 or V3   seven heights on a circle, and the settings at that moment
+    G29 V4         "Bed X: … Y: … Z: …" for each touch; so does G30
+    G29, M420 V    "Bilinear Leveling Grid:", whose places are not printed
+
+All heights are counted from the trigger height, places are the probe's; lines may have anything in
+front of them. G33 changes the settings: what was probed before is counted from those after it, with
+the carriages where they were. Sources: Marlin's documents of G29 (bilinear), G33, M420 and M503.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.errors import InputError, UnreachableError
+from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.printer_file import (
+    USUAL_ANGLES_DEG,
+    PrinterFile,
+    StoredMesh,
+    in_turn,
+)
+from orthoglide_cal.files.printer_settings import LARGEST_MM, within
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, counter_clockwise
+from orthoglide_cal.schema import shortened
+
+MARLIN_OUTPUT = re.compile(
+    "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
+)
+_BED = re.compile(r"Bed X: ?(\S+) Y: ?(\S+) Z: ?(\S+)")
+_GRID = re.compile(r"(?<!Subdivided )(?<!ROM )Bilinear Leveling Grid:")
+_ROW = re.compile(r"(?:^|[\s>])[0-9]{1,3}((?:\s+(?:[-+][0-9.]+|nan|=+))+)\s*$")
+_CALIBRATES = "G33 Auto Calibrate"
+_AT_RADIUS = re.compile(r"Checking\.\.\. AC at radius: ?([0-9.]+)")
+_SETTING = re.compile(r"\b(Height|Radius|[ET][xyz]): ?([-+]?[0-9.]+)")
+_RESULTS = re.compile(r"(?:^|[\s>:])\.\s+((?:c|yz) ?:.*)$")
+_RESULT = re.compile(r"\b(c|x|y|z|yz|zx|xy) ?: ?([-+]?[0-9.]+)")
+# Where G33 probes: at the towers x, y, z and opposite of them [deg].
+_PLACES = (*USUAL_ANGLES_DEG, 30.0, 150.0, 270.0)
+_TURNS = dict(zip(("x", "y", "z", "yz", "zx", "xy"), _PLACES, strict=True))
+# So far from the edge the probe stays unless Marlin was compiled otherwise [mm].
+_MARGIN_MM = 10.0
+_ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
+
+
+class _Touch(NamedTuple):
+    """A place of the nozzle and the height there [mm]."""
+
+    line: int
+    x: float
+    y: float
+    height: float
+
+
+class _Reader:
+    """Takes the lines in turn.
+
+    Attributes:
+        now: the machine with the settings in force.
+        seven, touched, grid: settings that were in force, and what was probed with them: G33's
+            heights by name, touches, and the rows of a grid with their lines.
+        radius: of G33's circle [mm]; None where it was not printed.
+        changed: line at which the settings changed; 0 if they did not.
+    """
+
+    def __init__(self, settings: PrinterFile) -> None:
+        self.now = settings.machine
+        self.offset = np.nan_to_num(settings.probe)
+        self.seven: tuple[LinearDelta, dict[str, _Touch]] = self.now, {}
+        self.touched: tuple[LinearDelta, list[_Touch]] = self.now, []
+        self.grid: tuple[LinearDelta, list[tuple[int, list[str]]]] = self.now, []
+        self.radius: float | None = None
+        self.changed = 0
+        self._calibrating = self._in_grid = False
+
+    def take(self, number: int, line: str) -> None:
+        """Raises InputError, without a place, for what is no number."""
+        row = _ROW.search(line) if self._in_grid else None
+        if _GRID.search(line):
+            self.grid, self._in_grid = (self.now, []), True
+        elif row:
+            self.grid[1].append((number, row[1].split()))
+        elif self.grid[1]:
+            self._in_grid = False
+        if match := _BED.search(line):
+            x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
+            if self.touched[0] is not self.now:
+                self.touched = self.now, []
+            touch = _Touch(number, x - self.offset[0], y - self.offset[1], height)
+            self.touched[1].append(touch)
+        self._calibrating |= _CALIBRATES in line
+        if not self._calibrating:
+            return
+        if match := _AT_RADIUS.search(line):
+            self.radius = within(match[1], 0.0)
+        if match := _RESULTS.search(line):
+            found = {
+                name: _Touch(number, 0.0, 0.0, within(text, -LARGEST_MM))
+                for name, text in _RESULT.findall(match[1])
+            }
+            begins = "c" in found or self.seven[0] is not self.now
+            self.seven = self.now, found if begins else {**self.seven[1], **found}
+        elif said := dict(_SETTING.findall(line)):
+            self._set({name: within(text, -LARGEST_MM) for name, text in said.items()}, number)
+
+    def _set(self, said: dict[str, float], number: int) -> None:
+        """Settings as G33 prints them, rounded, in one line or in two. Raises InputError."""
+        endstops = np.array(self.now.endstops_mm)
+        if "Height" in said:
+            adjusted = endstops.min() - endstops
+            adjusted = np.array(
+                [said.get(f"E{a}", v) for a, v in zip("xyz", adjusted, strict=True)]
+            )
+            endstops = said["Height"] + self.offset[2] - adjusted
+        usual = zip("xyz", USUAL_ANGLES_DEG, self.now.tower_angles_deg, strict=True)
+        angles = [known if f"T{a}" not in said else at + said[f"T{a}"] for a, at, known in usual]
+        radius = said.get("Radius", self.now.delta_radius_mm)
+        if not (0.0 < radius < min(self.now.arm_length_mm) and counter_clockwise(angles)):
+            raise InputError(
+                "No delta can have these settings.", "Check them, and the arms (M665 L)."
+            )
+        known = (*self.now.endstops_mm, self.now.delta_radius_mm, *self.now.tower_angles_deg)
+        if np.allclose((*endstops, radius, *angles), known, rtol=0.0, atol=_ROUNDED):
+            return
+        values = {
+            "endstops_mm": Endstops(*endstops.tolist()),
+            "delta_radius_mm": radius,
+            "tower_angles_deg": tuple(angles),
+        }
+        self.now, self.changed = self.now.model_copy(update=values), number
+
+    def on_circle(self, radius: float) -> list[_Touch]:
+        """G33's heights at their places."""
+        turns = {name: math.radians(turn) for name, turn in _TURNS.items()}
+        return [
+            touch
+            if name == "c"
+            else touch._replace(x=radius * math.cos(turns[name]), y=radius * math.sin(turns[name]))
+            for name, touch in self.seven[1].items()
+        ]
+
+    def on_grid(self, reach: float) -> list[_Touch]:
+        """The points of the grid within reach: Marlin makes up the others."""
+        rows = [
+            [math.nan if "=" in t else within(t, -LARGEST_MM) for t in texts]
+            for _, texts in self.grid[1]
+        ]
+        if len({len(row) for row in rows}) != 1:
+            raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
+        heights = np.array(rows)
+        x, y = np.meshgrid(*(np.linspace(-reach, reach, count) for count in heights.shape[::-1]))
+        probed = np.isfinite(heights) & (np.hypot(x, y) <= reach + _ROUNDED)
+        lines = np.repeat([line for line, _ in self.grid[1]], heights.shape[1]).reshape(x.shape)
+        at = (lines, x - self.offset[0], y - self.offset[1], heights)
+        turn = np.argsort(in_turn(probed))
+        columns = (each[probed][turn].tolist() for each in at)
+        return [_Touch(*values) for values in zip(*columns, strict=True)]
+
+
+def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings after all that was printed, with G33's heights, and what else was probed.
+
+    Args:
+        settings: those before it; the radius of the bed is NaN where it is not known.
+
+    Raises:
+        InvalidFileError: everything that is wrong.
+        InputError: it holds no heights, or not their places.
+    """
+    faults, reader, remarks = Faults(document.path), _Reader(settings), []
+    for number, line in enumerate(document.text.split("\n"), start=1):
+        try:
+            reader.take(number, line)
+        except InputError as error:
+            faults.add(error.what, error.remedy, line=number, value=shortened(line.strip()))
+    faults.check()
+    reach, assumed = settings.machine.bed_radius_mm - _MARGIN_MM, reader.radius is None
+    if math.isnan(settings.probe[2]):
+        remarks.append("M851 is not known and is taken as 0: do not add it to H again.")
+
+    def needs_reach(name: str) -> None:
+        if not reach > 0.0:
+            raise InputError(
+                f"{name} does not print where it probed.",
+                "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine",
+                file=document.path,
+            )
+        remarks.append(
+            f"{name} does not print where it probed: as Marlin usually does, to {reach:g} mm from"
+            f" the middle ({_MARGIN_MM:g} mm from the edge), is assumed."
+        )
+
+    def stored(name: str, then: LinearDelta, touches: list[_Touch]) -> StoredMesh:
+        line, *at = np.array(touches).T
+        place = np.column_stack((*at[:2], at[2] + reader.offset[2]))
+        if then is not reader.now:
+            remarks.append(
+                f"The heights of {name} were probed before G33 changed the settings (line"
+                f" {reader.changed}); they are counted from those in force after it."
+            )
+            try:
+                place = reader.now.believed(then, place)
+            except UnreachableError as error:
+                what = f"The arms cannot reach a place of {name}."
+                remedy = "Check the settings (M503, or the machine file)."
+                raise InputError(what, remedy, file=document.path, line=int(line[0])) from error
+        order, lines = np.arange(len(line)), line.astype(int)
+        height = place[:, 2] - reader.offset[2]
+        return StoredMesh(name, place[:, 0], place[:, 1], height, order, lines, 0, ())
+
+    heights = mesh = None
+    if reader.seven[1]:
+        if assumed:
+            needs_reach("G33")
+        remarks.append("G33 with P4 to P10 prints averages around seven places: take P3.")
+        circle = reach if reader.radius is None else reader.radius
+        heights = stored("G33", reader.seven[0], reader.on_circle(circle))
+    if reader.touched[1]:
+        mesh = stored("G29", *reader.touched)
+    elif reader.grid[1]:
+        needs_reach("G29")
+        mesh = stored("G29", reader.grid[0], reader.on_grid(reach))
+    if heights is None and mesh is None:
+        what, remedy = "holds no probed heights with their places", "Send G29 V4"
+        if _CALIBRATES in document.text:
+            what, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
+        remedy += ", and give all the lines that it prints."
+        raise InputError(f"Marlin's output {what}.", remedy, file=document.path)
+    return replace(
+        settings,
+        machine=reader.now,
+        probe=reader.offset,
+        heights=heights,
+        distances=None,
+        mesh=mesh,
+        source=document.source,
+        firmware="marlin",
+        remarks=(*settings.remarks, *remarks),
+    )

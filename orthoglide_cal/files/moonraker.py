@@ -1,0 +1,134 @@
+"""A printer's Moonraker server: its printer.cfg read, written, and its firmware restarted.
+
+Moonraker's "External API": `/server/info`, `/server/files/config/printer.cfg`,
+`/server/files/upload`, `/printer/objects/query`, `/printer/firmware_restart`. A key that the server
+may want is taken from the environment and sent to this server only.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+
+from orthoglide_cal.errors import InputError, UsageError
+
+KEY = "MOONRAKER_API_KEY"
+PORT = 7125
+_TIMEOUT_S = 10.0
+_LARGEST = 5_000_000  # bytes of an answer
+_CONFIG = "/server/files/config/printer.cfg"
+_IDLE = ("standby", "complete", "cancelled", "error")
+_ADDRESS = re.compile(r"(https?)://([^/?#@:\[\]\s]+|\[[0-9a-f:.]+\])(?::([0-9]{1,5}))?/*")
+
+
+def is_address(path: str) -> bool:
+    """Whether a path names a server."""
+    return path.lower().startswith(("http://", "https://"))
+
+
+def base(address: str) -> str:
+    """The address with its port, and nothing behind it. Raises UsageError."""
+    found = _ADDRESS.fullmatch(address.lower())
+    if found is None or not 0 < int(found[3] or PORT) < 65536:
+        raise UsageError(f"{address} is not the address of a server.", "Write http://HOST[:PORT].")
+    scheme, host, port = found.groups()
+    return f"{scheme}://{host}:{port or (PORT if scheme == 'http' else 443)}"
+
+
+def printer_cfg(address: str) -> bytes:
+    """The printer.cfg of a server. Raises InputError: not reached, or no Moonraker."""
+    _asked(address, "/server/info", "klippy_state")
+    return _request(address, _CONFIG)
+
+
+def check_idle(address: str) -> None:
+    """Raise UsageError while the printer prints."""
+    if _asked(address, "/server/info", "klippy_state") != "ready":
+        return  # nothing can print, and a file that keeps it from starting can be restored
+    state = _asked(address, "/printer/objects/query?print_stats", "status", "print_stats", "state")
+    if state not in _IDLE:
+        raise UsageError(
+            f"The printer at {address} is {state}.", "Nothing was changed. Wait until it is idle."
+        )
+
+
+def upload(address: str, data: bytes) -> None:
+    """Put a printer.cfg in the place of the server's.
+
+    Raises:
+        UsageError: the printer prints.
+        InputError: the server does not take it, or holds something else afterwards.
+    """
+    check_idle(address)
+    mark = "----orthocal-" + os.urandom(16).hex()
+    form = f"--{mark}\r\nContent-Disposition: form-data; name="
+    head = f'{form}"root"\r\n\r\nconfig\r\n{form}"file"; filename="printer.cfg"\r\n\r\n'
+    body = head.encode() + data + f"\r\n--{mark}--\r\n".encode()
+    _request(address, "/server/files/upload", body, f"multipart/form-data; boundary={mark}")
+    if printer_cfg(address) != data:
+        raise InputError(
+            "The server holds another printer.cfg than the one just sent.",
+            "Look at the file there before anything is homed.",
+            file=address,
+        )
+
+
+def restart(address: str) -> None:
+    """Restart the firmware, so that it reads its file. Raises UsageError, InputError."""
+    check_idle(address)
+    _request(address, "/printer/firmware_restart", b"")
+
+
+def _asked(address: str, path: str, *keys: str) -> object:
+    """What an answer in JSON has under these keys of its `result`. Raises InputError."""
+    import json
+
+    answer = _request(address, path)
+    try:
+        found = json.loads(answer)["result"]
+        for key in keys:
+            found = found[key]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise _wrong(address, f", or does not report its {keys[-1]}") from error
+    return found
+
+
+def _wrong(address: str, why: str = "") -> InputError:
+    remedy = f"Give the address of Moonraker; its port is usually {PORT}."
+    return InputError(f"The server there is not Moonraker{why}.", remedy, file=address)
+
+
+def _request(address: str, path: str, body: bytes | None = None, kind: str = "") -> bytes:
+    """The answer to a request; one with a body is a POST. Raises InputError."""
+    from http.client import HTTPException
+    from urllib.error import HTTPError
+    from urllib.request import ProxyHandler, Request, build_opener
+
+    request = Request(address + path, data=body, headers={"Content-Type": kind} if kind else {})
+    if key := os.environ.get(KEY):
+        request.add_unredirected_header("X-Api-Key", key)
+    try:
+        # A printer is in the same network: no proxy knows it.
+        with build_opener(ProxyHandler({})).open(request, timeout=_TIMEOUT_S) as answer:
+            data: bytes = answer.read(_LARGEST + 1)
+            if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
+                raise HTTPException("the answer was cut off")
+    except HTTPError as error:
+        what, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
+        if error.code in (401, 403):
+            what = f"The server wants a key ({error.code})."
+            remedy = f"Set the environment variable to its API key: {KEY}."
+        elif error.code == 404 and path == _CONFIG:
+            what, remedy = "The server has no printer.cfg.", "Check that Klipper runs there."
+        raise InputError(what, remedy, file=address) from error
+    except (OSError, HTTPException, ValueError) as error:
+        reason = getattr(error, "reason", None) or error
+        said = "no answer in time" if "timed out" in str(reason) else str(reason) or "cut off"
+        raise InputError(
+            f"The server cannot be read: {said}.",
+            "Check the address, the port, and that the printer is switched on.",
+            file=address,
+        ) from error
+    if len(data) > _LARGEST:
+        raise _wrong(address)
+    return data

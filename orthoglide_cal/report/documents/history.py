@@ -1,0 +1,201 @@
+"""The document of `orthocal history`: what changed, when, how much, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from functools import partial
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from orthoglide_cal.diagnosis.result import CauseParameter as Known
+from orthoglide_cal.errors import command
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report import figures
+from orthoglide_cal.results.history import U95, Drift, History, Story
+from orthoglide_cal.words import (
+    counted,
+    decimals_for,
+    percent,
+    plain,
+    signed,
+    two_figures,
+    unit_words,
+    with_uncertainty,
+)
+
+_ROWS = 9  # sessions on a screen, less one for each line that says more
+_ROOM = 64  # columns beside the dates
+_TOLD = 3  # of its changes in words
+_MONTH = 30.0  # days, in which a drift is told
+
+
+def history_document(found: History, machine_file: Path | None = None) -> doc.Document:
+    """The document; with the machine file as the user gave it."""
+    given = found, machine_file
+    return doc.Document(
+        partial(found.model_dump, mode="json"), partial(_page, *given), partial(_screen, *given)
+    )
+
+
+def _screen(found: History, machine_file: Path | None) -> doc.Page:
+    more = doc.Paragraph("More: the same with --details, or as a page: --html history.html")
+    notice, notes = _notice(found), tuple(map(doc.Paragraph, found.notes[:3]))
+    rows = max(_ROWS - len(notice.lines) - 2 * len(notes) - min(len(found.changes), _TOLD), 3)
+    sections = (
+        doc.Section(None, (_table(found, rows), *notes)),
+        doc.Section("Next", (_steps(found, machine_file), more)),
+    )
+    return doc.Page("History", None, notice=notice, sections=sections)
+
+
+def _page(found: History, machine_file: Path | None) -> doc.Page:
+    notes = [*found.notes, f"The next session will find: {_sizes(found.prediction)} (95 %)."]
+    for count, expanded in found.further.items():
+        pairs = zip(found.pooled, expanded, strict=True)
+        known = ", ".join(f"{each.name} {two_figures(u)}" for each, u in pairs)
+        notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
+    every = doc.Section(
+        "Sessions", (_table(found, len(found.sessions)), *map(doc.Paragraph, notes))
+    )
+    maps = [doc.Section("What is left of each touch", (_shapes(found),))] if found.shapes else []
+    courses = doc.Section("Parameters from session to session", (_courses(found),))
+    steps = doc.Section("What to do next", (_steps(found, machine_file),))
+    evidence = courses, *maps, every
+    return doc.Page(
+        "History", found.machine, notice=_notice(found), sheet=(steps,), sections=evidence
+    )
+
+
+def _notice(found: History) -> doc.Notice:
+    """The verdict, its numbers, and what is open."""
+    told, last = [], found.changes[-1].before if found.changes else None
+    earlier = len(found.changes) - _TOLD
+    for each in found.changes[: -_TOLD - 1 : -1]:
+        at = [session.path for session in found.sessions].index(each.before)
+        when = f"{_label(found, at)} and {_label(found, at + 1)}"
+        told.append(f"Changed between {when}: {_sizes(each.parameters, ' by')}")
+    told += [f"{counted(earlier, 'earlier change')}, marked in the table"] if earlier > 0 else []
+    if found.drift:
+        told.append(f"Drifting: {', '.join(map(_rate, found.drift))}")
+    if found.scatter:
+        sizes = (f"{each.name} {plain(each.std, 3)} {each.unit}" for each in found.scatter)
+        told.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
+    ends = f"{_label(found, 0)} to {_label(found, -1)}"
+    title, *others = told or [f"Unchanged in {counted(len(found.sessions), 'session')}, {ends}"]
+    lines = [f"{each}." for each in others]
+    if last and not any(last in note and "adjustment" in note for note in found.notes):
+        lines.insert(0, "No adjustment is recorded in between.")
+    if found.ambiguous_with:
+        lines.append(f"These dates do not exclude: {', '.join(found.ambiguous_with)}.")
+    if limit := found.limit:
+        said = "no drift towards it is established"
+        if limit.scatter_exceeds:
+            said = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
+        elif limit.parameter is not None:
+            said = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
+            said += " best values are entered now"
+        lines.append(f"Limit {limit.limit_mm:g} mm: {said}.")
+    tone = doc.Tone.GOOD if found.verdict is Story.UNCHANGED else doc.Tone.WARN
+    tone = doc.Tone.OPEN if found.ambiguous_with else tone
+    sure = percent(min(found.probability, 0.9999), 1)
+    return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=found.machine)
+
+
+def _sizes(values: Sequence[Known], by: str = "") -> str:
+    """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
+    kept = [each for each in values if not by or abs(each.value) > each.expanded] or values
+    return ", ".join(
+        f"{each.name}{by} {with_uncertainty(each.value, each.expanded)} {unit_words(each.unit)}"
+        for each in kept
+    )
+
+
+def _rate(drift: Drift) -> str:
+    """A rate with its U, in a month."""
+    if drift.per_day is None or drift.std is None:
+        return drift.name
+    size = with_uncertainty(_MONTH * drift.per_day, U95 * _MONTH * drift.std)
+    return f"{drift.name} {size} {unit_words(drift.unit)} in {_MONTH:g} days"
+
+
+def _label(found: History, at: int) -> str:
+    """Date, with the time where a day has several sessions; the file's name without dates."""
+    session = found.sessions[at]
+    if not found.dated or session.started is None:
+        return PurePath(session.path).stem
+    days = {(each.started or "")[:10] for each in found.sessions}
+    return session.started[: 10 if len(days) == len(found.sessions) else 16].replace("T", " ")
+
+
+def _table(found: History, most: int) -> doc.Grid:
+    """A row for each session, or those around changes; a line where the machine changed.
+
+    Of parameters for which there is no room those that did something.
+    """
+    paths, every = [each.path for each in found.sessions], [*range(len(found.pooled))]
+    gaps = [paths.index(change.before) for change in found.changes]
+    around = (k for gap in reversed(gaps) for k in (gap, gap + 1))
+    wanted = dict.fromkeys((len(paths) - 1, 0, *around, *range(len(paths) - 2, 0, -1)))
+    chosen, names = sorted([*wanted][:most]), [each.name for each in found.pooled]
+    if sum(max(len(name), 6) + 2 for name in names) > _ROOM:
+        moved = {each.name for change in found.changes for each in change.parameters}
+        moved |= {rate.name for rate in found.drift} | {size.name for size in found.scatter}
+        every = [k for k in every if names[k] in moved] or every[:6]
+    decimals = [decimals_for(each.expanded) for each in found.pooled]
+
+    def row(name: str, sizes: Sequence[float], uncertain: bool = False) -> tuple[str, ...]:
+        """Lengths beyond 10 mm are no offsets: they have no sign."""
+        bare = [uncertain or abs(size) > 10.0 for size in sizes]
+        return (name, *((plain if bare[k] else signed)(sizes[k], decimals[k]) for k in every))
+
+    units = [unit_words(found.pooled[k].unit) for k in every]
+    same = len(set(units)) == 1
+    rows = [] if same else [("", *units)]
+    for at, after in zip(chosen, (*chosen[1:], len(paths)), strict=True):
+        rows.append(row(_label(found, at), [each.value for each in found.sessions[at].parameters]))
+        if any(at <= gap < after for gap in gaps):
+            rows.append(tuple("-" * len(cell) for cell in rows[-1]))
+        elif after > at + 1:
+            rows.append((f"… {after - at - 1} more", *("" for _ in every)))
+    rows.append(row("± U", [each.expanded for each in found.sessions[-1].parameters], True))
+    rows.append(row("best now", [each.value for each in found.pooled]))
+    rows.append(row("± U", [each.expanded for each in found.pooled], True))
+    return doc.Grid((units[0] if same else "", *(names[k] for k in every)), tuple(rows))
+
+
+def _steps(found: History, machine_file: Path | None) -> doc.Instructions:
+    see = command("solve", found.sessions[-1].path, machine=machine_file)
+    steps = doc.Instruction(found.next), doc.Instruction("See the last session", see)
+    return doc.Instructions(steps)
+
+
+def _courses(found: History) -> doc.Figure:
+    """A plot for each parameter."""
+    days = [each.started for each in found.sessions if found.dated and each.started]
+    starts = [datetime.fromisoformat(day) for day in days]
+    times = [each.timestamp() for each in starts] or [*range(len(found.sessions))]
+    labels = [f"{each:%Y-%m}" for each in starts] or [str(k + 1) for k in times]
+    paths, panels = [each.path for each in found.sessions], []
+    for k, now in enumerate(found.pooled):
+        rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in found.sessions]
+        changed = [each for each in found.changes if now.name in [p.name for p in each.parameters]]
+        gaps = [paths.index(each.before) for each in changed]
+        limit = found.limit.limit_mm if found.limit and now.unit == "mm" else None
+        edges = [] if limit is None else [now.value - limit, now.value + limit]
+        panels.append(figures.course(now.name, now.unit, times, labels, rows, gaps, edges))
+    key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
+    key += " Dashed: the limit around the best value now." if found.limit else ""
+    return doc.Figure(None, "", tuple(panels), columns=2, key=key)
+
+
+def _shapes(found: History) -> doc.Figure:
+    """The bed as the parameters leave it: first, last; difference where the places are the same."""
+    (place, first, machine), (other, last, _) = found.shapes
+    bed = machine.bed_radius_mm, machine.tower_angles_deg
+    maps = figures.bed_maps("first", place, {"": first}, *bed)
+    maps += figures.bed_maps("last", other, {"": last}, *bed)
+    if np.array_equal(place, other):
+        maps += figures.bed_maps("difference", place, {"": last - first}, *bed)
+    return doc.Figure(None, "", maps)

@@ -1,0 +1,692 @@
+"""Did the machine change? Sessions of one machine, weighed against four stories.
+
+    y_i = θ + steps + rate·t_i + scatter_i + L_i w + e_i,   w ~ N(0, 1),   e_i ~ N(0, V_i)
+
+y_i is what session i found of each parameter, active + found, and of the lasting causes that any
+session shows. L_i w is what all sessions have in common (legs, gauge scale, the touched bed, the
+effect of the temperature): it cancels between them. Steps, rates and scatter have priors of many
+sizes and of subsets of parameters, so the evidence of a story is a sum of Gaussian integrals.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from enum import StrEnum
+from functools import cached_property
+from itertools import combinations, pairwise, zip_longest
+from pathlib import PurePath
+from typing import Literal, NamedTuple
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.diagnosis.assess import Assessment, assess
+from orthoglide_cal.diagnosis.candidates import Candidates, Ids
+from orthoglide_cal.diagnosis.evidence import log_mean, log_sum
+from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
+from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations
+from orthoglide_cal.diagnosis.result import CauseParameter as Known
+from orthoglide_cal.diagnosis.scores import Score
+from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
+from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
+from orthoglide_cal.files import Input, machine_values
+from orthoglide_cal.model import Cause, Floats, Machine, Model
+from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.schema import Schema
+from orthoglide_cal.words import listed, signed
+
+PLAIN = 0.2  # readings that noise leaves so often are not searched for causes
+OPEN = 0.05  # of an explanation relative to the likeliest one: less is not looked at
+RARE = math.log(0.03)  # log prior of a lasting cause
+SIZES = 2.0 ** np.arange(-1.0, 10.0)  # prior ones, in units of what a session knows
+FREE = 1e6  # prior size of what is reported
+FURTHER, MOST_STEPS = math.log(0.5), 20  # log prior of one more step
+# "Unchanged" stands from this probability on: of 400 machines that did not change none is called
+# another thing then, at 0.5 two.
+STANDS = 0.2
+ESTABLISHED, LEFT_OPEN = 0.95, 0.03  # for a second story; for another one
+LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
+WARM_K = 2.0  # a larger difference of temperatures is told
+U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
+
+
+class Story(StrEnum):
+    """What happened between the first session and the last; what matters most first."""
+
+    CHANGED = "changed"
+    DRIFTING = "drifting"
+    SCATTERING = "scattering"
+    UNCHANGED = "unchanged"
+
+
+PRIOR = {Story.CHANGED: 0.2, Story.DRIFTING: 0.1, Story.SCATTERING: 0.1}
+TELLABLE = [tuple(chosen) for count in range(3) for chosen in combinations(PRIOR, count)]
+AGAIN = "Measure once more: one further session decides between them."
+HOMINGS = "Home three times and measure one cycle after each: that decides between them."
+ADVICE = {
+    Story.CHANGED: "Look for a collision, a loose carriage or an exchanged part.",
+    Story.DRIFTING: "Look for wear or warming up; calibrate again before the drift matters.",
+    Story.SCATTERING: "Check home switches and couplings: no calibration is better than homing.",
+    Story.UNCHANGED: "Nothing to do: measure again at the next service, or after a collision.",
+}
+
+
+class DatedSession(Schema):
+    """One session."""
+
+    path: str
+    started: str | None
+    parameters: tuple[Known, ...] = Field(description="active + found, and of lasting causes")
+    own_expanded: tuple[float, ...] = Field(description="U of what does not cancel between them")
+    fitted: tuple[float, ...] = Field(description="by the explanation that is named")
+    causes: Ids = Field((), description="lasting causes that it shows")
+    temperature_c: float | None = None
+    gauges: tuple[str, ...] = ()
+
+
+class Change(Schema):
+    """A step between two sessions, named by their files."""
+
+    before: str
+    after: str
+    parameters: tuple[Known, ...]
+
+
+class Drift(Schema):
+    """A rate; null where no dates are known."""
+
+    name: str
+    unit: str
+    per_day: float | None
+    std: float | None
+
+
+class HomingScatter(Schema):
+    """Standard deviation of a parameter from session to session."""
+
+    name: str
+    unit: str
+    std: float
+
+
+class Reached(Schema):
+    """When a limit is reached, if the best values are entered now."""
+
+    limit_mm: float
+    scatter_exceeds: tuple[str, ...] = Field(description="parameters; 95 % of their scatter")
+    parameter: str | None = Field(None, description="that drifts to it first")
+    days: float | None = Field(None, description="after the last session; not before, 95 %")
+    date: str | None = None
+
+
+_Shape = tuple[Floats, Floats, LinearDelta]
+
+
+class History(Schema):
+    """Sessions of one machine compared, as `history --json` prints it.
+
+    `shapes`: of a bed, in the first and the last session, the places that were touched, (n, 2),
+    what the parameters leave there, (n,) [mm], and the machine.
+    """
+
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+
+    schema_version: Literal[1] = 1
+    machine: str
+    kind: str
+    dated: bool = Field(description="false: the order given counts")
+    sessions: tuple[DatedSession, ...]
+    verdict: Story
+    probability: float
+    ambiguous_with: tuple[Story, ...] = ()
+    changes: tuple[Change, ...] = ()
+    drift: tuple[Drift, ...] = ()
+    scatter: tuple[HomingScatter, ...] = ()
+    pooled: tuple[Known, ...] = Field(description="best values now, from all sessions together")
+    further: Mapping[int, tuple[float, ...]] = Field(description="sessions more → U of the same")
+    prediction: tuple[Known, ...] = Field(description="what the next session will find")
+    also: tuple[Story, ...] = ()
+    limit: Reached | None = None
+    notes: tuple[str, ...] = ()
+    next: str
+    shapes: SkipJsonSchema[tuple[_Shape, ...]] = Field((), exclude=True, repr=False)
+
+
+# --- what one session says ------------------------------------------------------------------------
+
+
+class _Estimate(NamedTuple):
+    """Parameters and lasting causes as one session finds them, (p,) in their units.
+
+    The covariance (p, p) is of what is its own; `common` is what one standard deviation of each
+    other source adds, (p, q), by the source and by what makes it the same in other sessions.
+    """
+
+    values: Floats
+    covariance: Floats
+    common: dict[tuple[str, ...], Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """One session."""
+
+    given: Input  # with what the controller had
+    white: Whitened
+    alone: Fitted  # without causes
+    found: Assessment | None  # None where noise explains the readings
+    last: Machine  # as the controller had it in the last session
+
+    @classmethod
+    def of(cls, given: Input, last: Model) -> _Read:
+        """Judged by the machine of the last session; a printer by what it has in each."""
+        white = Whitened.of(given.measured, given.model if last.machine.probes else last)
+        noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
+        (alone,) = _fits(white, ())
+        plain = dof > 0 and chance_of_residual(alone.sum_of_squares(noise), dof, noise) > PLAIN
+        found = None if plain else assess(white)
+        return cls(given, white, alone, found, last.machine)
+
+    @cached_property
+    def lasting(self) -> dict[Ids, float]:
+        """Set of lasting causes → log likelihood of this session; {} if none explains it."""
+        if self.found is None:
+            return {(): -RARE}
+        sums: dict[Ids, list[float]] = {}
+        if self.found.judgement.verdict is not Verdict.UNEXPLAINED:
+            for ids, probability in self.found.posterior.listed.items():
+                own = sums.setdefault(_lasting(ids), [1e-300, 0.0])
+                own[0] += probability
+                own[1] += math.exp(self.found.at.candidates.log_prior[ids])
+        return {ids: math.log(posterior / prior) for ids, (posterior, prior) in sums.items()}
+
+    def estimate(self, standing: Ids, causes: tuple[Cause, ...]) -> _Estimate:
+        """What it says, if the machine had the standing causes then; `causes` are of any date."""
+        listed = self.found.posterior.listed if self.found and self.lasting else {}
+        own = {ids: p for ids, p in listed.items() if _lasting(ids) == standing}
+        kept = {ids: p for ids, p in own.items() if p >= OPEN * max(own.values())}
+        scores = [self.found.scores[ids] for ids in kept] if self.found else []
+        fits = _fits(self.white, causes, scores) if scores or causes else [self.alone]
+        weights = np.array([*kept.values()] or [1.0]) / (sum(kept.values()) or 1.0)
+        each = [self._under(fit, causes) for fit in fits]
+        values = np.asarray(weights @ [one.values for one in each])
+        apart = np.array([one.values - values for one in each])
+        covariance = np.tensordot(weights, [one.covariance for one in each], axes=1)
+        covariance += (apart.T * weights) @ apart
+        if self.found and not self.lasting:
+            covariance[: len(fits[0].offsets), : len(fits[0].offsets)] += self.found.offsets[1]
+        return each[int(np.argmax(weights))]._replace(values=values, covariance=covariance)
+
+    def _under(self, fit: Fitted, causes: tuple[Cause, ...]) -> _Estimate:
+        """Under one explanation, whose first effects are these causes."""
+        white, active = self.white, self.given.model.machine.active
+        conditions, width = self.given.conditions, len(active)
+        pairs = list(zip(causes, fit.slots, fit.effects, strict=False))
+        slots = [slice(slot.start, slot.start + len(own.names)) for own, slot, _ in pairs]
+        chosen = np.r_[(slice(width), *slots)]
+        unit = np.concatenate([np.ones(width), *(np.full(len(c.names), c.scale) for c in causes)])
+        theta = [effect.theta[: len(own.names)] for own, _, effect in pairs]
+        values = np.concatenate([fit.offsets + active, *theta]) / unit
+        covariance = fit.covariance[np.ix_(chosen, chosen)] / np.outer(unit, unit)
+        estimator = fit.covariance[chosen] @ fit.columns.T / fit.sigma**2 / unit[:, None]
+        common: dict[tuple[str, ...], Floats] = {}
+        end = fit.columns.shape[1]
+        for each in reversed(fit.uncertain):
+            own = slice(end - each.columns.shape[1], end)
+            end, key = own.start, [str(each.source)]
+            shared = estimator @ (fit.columns[:, own] * fit.sizes[own])
+            if each.source == Origin.GAUGE_PLACEMENT:
+                continue
+            if each.source == Origin.GAUGE_SCALE:
+                key += sorted(gauge.id for gauge in conditions.gauges)
+            if each.local:
+                # The symmetric root: nearly the same for nearly the same places.
+                plan = ProbePlan.require(white.plan)
+                grain = plan.texture[~plan.distance]
+                turned = (grain / (np.linalg.norm(grain, axis=0) + 1e-12)).T
+                shared, key = math.sqrt(LASTS) * shared @ turned, [*key, f"{len(grain)} touches"]
+            common[tuple(key)] = shared
+            covariance = covariance - shared @ shared.T
+        for each in fixed_influences(white.problem.model, fit.offsets, white.plan):
+            # The same unknowns, however plausible they were thought to be then.
+            size = CAUSES[each.source].size(self.last) / (each.size or 1.0)
+            common[each.source,] = estimator @ each.reduced(white.matrix).columns * size
+        if conditions.mean_temperature_c is not None:
+            # As `warmth`, but per kelvin the same in all sessions.
+            kelvin = conditions.mean_temperature_c - REFERENCE_C
+            grown = EXPANSION_PER_K * white.machine.expanding_mm * kelvin / math.sqrt(3.0)
+            common[Origin.TEMPERATURE,] = np.where(chosen[:, None] < width, grown, 0.0)
+        shorter = self.last.nominal_rails.lengths - white.machine.nominal_rails.lengths
+        if shorter.any() and ("leg_length",) in common:
+            # What the same readings say with the legs that the controller has now.
+            size = CAUSES["leg_length"].size(self.last) or 1.0
+            values = values - common["leg_length",] @ shorter / size
+        return _Estimate(values, covariance, common)
+
+
+def _lasting(ids: Ids) -> Ids:
+    return tuple(id for id in ids if CAUSES[id].lasting)
+
+
+def _fits(white: Whitened, causes: tuple[Cause, ...], scores: Sequence[Score] = ()) -> list[Fitted]:
+    """Fits of these lasting causes, in place of those of the scores; without scores alone."""
+    none = Candidates(causes, (), (), {(): 0.0})
+
+    def with_causes(score: Score) -> Score:
+        base = (*causes, *(cause for cause in score.base if not cause.lasting))
+        return replace(score, base=base, replanned=score.replanned and with_causes(score.replanned))
+
+    scores = scores or [Score(Linearised.of(white, none), 0.0, (), 1.0)]
+    return fit_explanations([with_causes(score) for score in scores])
+
+
+def _standing(reads: Sequence[_Read]) -> list[Ids]:
+    """Lasting causes at each date: of those of the likeliest set for all that show any."""
+    each = [{ids: log + RARE * len(ids) for ids, log in read.lasting.items()} for read in reads]
+    shown = [own for own in each if own and max(own.items(), key=lambda pair: pair[1])[0]]
+    total = {
+        ids: sum(own.get(ids, min(own.values())) for own in shown) for own in shown for ids in own
+    }
+    best = {*max(sorted(total), key=total.__getitem__, default=())}
+    fits = [{ids: log for ids, log in own.items() if best >= {*ids}} for own in each]
+    return [max(own, key=own.__getitem__, default=()) for own in fits]
+
+
+# --- the stories ----------------------------------------------------------------------------------
+
+
+class _Move(NamedTuple):
+    """A step or a drift: of which parameters, of which prior size; a step with its place."""
+
+    story: Story
+    at: int
+    subset: tuple[int, ...]
+    size: float
+
+
+class _Told(NamedTuple):
+    """A story with its log evidence, its parts, and the scatter (p,) that it needs."""
+
+    log: float
+    parts: tuple[_Move, ...]
+    scatter: Floats
+
+    @property
+    def stories(self) -> tuple[Story, ...]:
+        """What happened, what matters most first."""
+        own = [part.story for part in self.parts] + [Story.SCATTERING] * bool(self.scatter.any())
+        return tuple(each for each in Story if each in own) or (Story.UNCHANGED,)
+
+
+class _Table:
+    """Estimates of n sessions of p parameters, in units of what a session knows."""
+
+    def __init__(
+        self, estimates: Sequence[_Estimate], times: Floats, groups: Iterable[Sequence[int]]
+    ) -> None:
+        own = np.array([each.covariance for each in estimates])
+        self.unit = np.sqrt(np.median(np.diagonal(own, axis1=1, axis2=2), axis=0))
+        count, width = len(estimates), len(self.unit)
+        self.own = own / np.outer(self.unit, self.unit) + 1e-6 * np.eye(width)
+        self.centre = np.median([each.values for each in estimates], axis=0)
+        self.values = np.array([each.values - self.centre for each in estimates]) / self.unit
+        columns = [np.tile(np.eye(width), (count, 1, 1))]
+        for key in dict.fromkeys(key for each in estimates for key in each.common):
+            like = next(each.common[key] for each in estimates if key in each.common)
+            shared = np.array([each.common.get(key, 0.0 * like) for each in estimates])
+            shared = shared / self.unit[:, None]
+            if shared.shape[2] > width:
+                # Few directions tell what many unknowns do.
+                size, turn = np.linalg.eigh(np.einsum("npq,npr->qr", shared, shared))
+                shared = shared @ turn[:, size > 1e-8 * size.max()]
+            columns.append(shared)
+        self.base = np.concatenate(columns, axis=2)
+        self.span = float(np.ptp(times)) or 1.0
+        after = np.arange(count) > np.arange(count - 1)[:, None]
+        line = (times - times.mean())[None] / self.span
+        self.courses = {Story.CHANGED: 1.0 * after, Story.DRIFTING: line}
+        one_or_two = (chosen for k in (1, 2) for chosen in combinations(range(width), k))
+        self.subsets = list(dict.fromkeys(map(tuple, (*one_or_two, *groups, range(width)))))
+
+    def design(self, parts: Iterable[_Move], later: float = 0.0) -> tuple[Floats, Floats]:
+        """Columns (n, p, m) of base and parts, so much later, and prior precisions (m,)."""
+        width = len(self.unit)
+        columns, prior = [self.base], [1.0 * (np.arange(self.base.shape[2]) >= width)]
+        for part in parts:
+            course = self.courses[part.story][part.at]
+            if part.story is Story.DRIFTING:
+                course = course + later / self.span
+            columns.append(course[:, None, None] * np.eye(width)[:, list(part.subset)])
+            prior.append(np.full(len(part.subset), part.size**-2.0))
+        return np.concatenate(columns, axis=2), np.concatenate(prior)
+
+    def solve(
+        self, parts: Iterable[_Move], scatter: Floats
+    ) -> tuple[Floats, Floats, float, Floats, Floats]:
+        """Unknowns (m,), covariance (m, m), log evidence; weighted columns, (V + scatter²)⁻¹."""
+        columns, prior = self.design(parts)
+        inverse = np.asarray(np.linalg.inv(self.own + np.diag(scatter**2)), dtype=np.float64)
+        weighted = inverse @ columns
+        normal = np.einsum("npm,npk->mk", columns, weighted, optimize=True) + np.diag(prior)
+        right = np.einsum("npm,np->m", weighted, self.values)
+        covariance = np.linalg.inv(normal)
+        found = covariance @ right
+        log = right @ found - np.einsum("np,npq,nq->", self.values, inverse, self.values)
+        log += np.linalg.slogdet(inverse)[1].sum() - np.linalg.slogdet(normal)[1]
+        log += np.log(prior[prior > 0.0]).sum()
+        return np.asarray(found), np.asarray(covariance), 0.5 * float(log), weighted, inverse
+
+    def gains(self, story: Story, parts: Iterable[_Move], scatter: Floats) -> Floats:
+        """Log evidence that one more part adds, (places, subsets, sizes)."""
+        course = self.courses[story]
+        found, covariance, _, weighted, inverse = self.solve(parts, scatter)
+        count, width, _ = weighted.shape
+        shared = (course @ weighted.reshape(count, -1)).reshape(len(course), width, -1)
+        own = (course**2 @ inverse.reshape(count, -1)).reshape(len(course), width, width)
+        known = own - shared @ covariance @ shared.swapaxes(1, 2)
+        seen = course @ np.einsum("npq,nq->np", inverse, self.values) - shared @ found
+        logs = np.empty((len(course), len(self.subsets), len(SIZES)))
+        for number, chosen in enumerate(map(list, self.subsets)):
+            size, turn = np.linalg.eigh(known[:, chosen][:, :, chosen])
+            apart2 = np.einsum("gij,gi->gj", turn, seen[:, chosen])[:, None] ** 2
+            spread = SIZES[:, None] ** 2
+            scale = 1.0 + spread * np.maximum(size, 0.0)[:, None]
+            logs[:, number] = 0.5 * (apart2 * spread / scale - np.log(scale)).sum(axis=2)
+        return logs
+
+    def scattered(self, parts: Sequence[_Move]) -> tuple[float, Floats]:
+        """Log evidence with scatter of any size and subset, and the likeliest scatter (p,)."""
+        width = len(self.unit)
+        tried = [size * own for own in (np.ones(width), *np.eye(width)) for size in SIZES]
+        logs = np.array([self.solve(parts, scatter)[2] for scatter in tried])
+        return log_mean(logs), tried[int(logs.argmax())]
+
+    def tell(self, told: Sequence[Story]) -> _Told:
+        """A story with its best parts; its evidence sums over their sizes, places and subsets."""
+        scatter = np.zeros(len(self.unit))
+        parts = self._search(told, scatter)
+        log = self.solve(parts, scatter)[2]
+        if Story.SCATTERING in told:
+            parts = self._search(told, self.scattered(parts)[1])
+            log, scatter = self.scattered(parts)
+        for part in parts:
+            # The chosen one stands for all that the other parts leave open.
+            gains = self.gains(part.story, [each for each in parts if each is not part], scatter)
+            subset, size = self.subsets.index(part.subset), int(np.argmax(part.size == SIZES))
+            log += log_mean(gains) - float(gains[part.at, subset, size])
+        for story, prior in PRIOR.items():
+            log += math.log(prior if story in told else 1.0 - prior)
+        steps = sum(part.story is Story.CHANGED for part in parts)
+        return _Told(log + max(steps - 1, 0) * FURTHER, tuple(parts), scatter)
+
+    def _search(self, told: Sequence[Story], scatter: Floats) -> list[_Move]:
+        """The best step and drift, and further steps as long as they are likelier than not."""
+        parts: list[_Move] = []
+
+        def best(story: Story, others: list[_Move]) -> tuple[float, _Move]:
+            gains = self.gains(story, others, scatter)
+            place, subset, size = np.unravel_index(int(gains.argmax()), gains.shape)
+            part = _Move(story, int(place), self.subsets[subset], float(SIZES[size]))
+            return log_mean(gains), part
+
+        for story in (story for story in told if story in self.courses):
+            parts.append(best(story, parts)[1])
+        while parts and Story.CHANGED in told:
+            for k, part in enumerate(parts):
+                parts[k] = best(part.story, parts[:k] + parts[k + 1 :])[1]
+            log, more = best(Story.CHANGED, parts)
+            if log + FURTHER < 0.0 or len(parts) >= MOST_STEPS:
+                break
+            parts.append(more)
+        return parts
+
+
+# --- the history ----------------------------------------------------------------------------------
+
+
+class _Facts:
+    """What follows from the story that is told; its steps and rates are free of their priors."""
+
+    def __init__(self, table: _Table, told: _Told, names: Sequence[str], units: Sequence[str]):
+        self.table, self.names, self.units = table, names, units
+        parts = sorted(told.parts, key=lambda part: part.at)
+        self.parts = [part._replace(size=FREE) for part in parts]
+        self.found, self.covariance, *_ = table.solve(self.parts, told.scatter)
+        self.own = np.median(table.own, axis=0) + np.diag(told.scatter**2)
+        left = table.values - table.design(self.parts)[0] @ self.found
+        spread = (left**2).sum(axis=0) / max(len(left) - 1 - len(told.parts), 1)
+        size = np.sqrt(np.maximum(spread - np.median(table.own, axis=0).diagonal(), 0.0))
+        self.scatter = [
+            HomingScatter(name=names[k], unit=units[k], std=float(size[k] * table.unit[k]))
+            for k in np.flatnonzero(told.scatter).tolist()
+        ]
+
+    def known(self, values: Floats, covariance: Floats, chosen: Iterable[int]) -> tuple[Known, ...]:
+        """Values (q,) of these parameters with their covariance, in their units."""
+        std = np.sqrt(np.diagonal(covariance)).tolist()
+        return tuple(
+            Known(name=self.names[k], unit=self.units[k], value=value, std=u, expanded=U95 * u)
+            for k, value, u in zip(chosen, values.tolist(), std, strict=True)
+        )
+
+    def state(
+        self, at: int, later: float = 0.0, measured: bool = False, more: int = 0
+    ) -> tuple[Known, ...]:
+        """The parameters at a session or so much later, or what a session finds of them then.
+
+        `more`: with so many more sessions like this one.
+        """
+        table, covariance = self.table, self.covariance
+        columns = table.design(self.parts, later)[0][at].copy()
+        if more:
+            gained = more * columns.T @ np.linalg.solve(self.own, columns)
+            covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
+        columns[:, len(self.names) : table.base.shape[2]] *= measured
+        spread = columns @ covariance @ columns.T + self.own * measured
+        values = columns @ self.found * table.unit + table.centre
+        return self.known(values, spread * np.outer(table.unit, table.unit), range(len(values)))
+
+    def sizes(self, story: Story) -> Iterator[tuple[int, tuple[Known, ...]]]:
+        """Place and size of each step; rates per unit of time."""
+        start, time = self.table.base.shape[2], self.table.span if story is Story.DRIFTING else 1.0
+        for part in self.parts:
+            slot = slice(start, start := start + len(part.subset))
+            unit = self.table.unit[list(part.subset)] / time
+            if part.story is story:
+                spread = self.covariance[slot, slot] * np.outer(unit, unit)
+                yield part.at, self.known(self.found[slot] * unit, spread, part.subset)
+
+    def reached(self, limit_mm: float, last: datetime | None) -> Reached:
+        """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
+        beyond = [s.name for s in self.scatter if s.unit == "mm" and U95 * s.std > limit_mm]
+        now = {each.name: each.std for each in self.state(-1)}
+        found = Reached(limit_mm=limit_mm, scatter_exceeds=tuple(beyond))
+        for rate in (each for _, rates in self.sizes(Story.DRIFTING) for each in rates):
+            times = np.linspace(0.0, limit_mm / max(abs(rate.value), 1e-12), 100_001)
+            off = abs(rate.value) * times + ONE_SIDED * np.hypot(now[rate.name], rate.std * times)
+            days = float(times[np.argmax(off >= limit_mm)])
+            if rate.unit == "mm" and last and (found.days is None or days < found.days):
+                day = (last + timedelta(days=min(days, 36500.0))).date().isoformat()
+                found = found.changed(parameter=rate.name, days=days, date=day)
+        return found
+
+
+_IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
+
+
+def moment_of(given: Input, stated: str | None = None) -> datetime | None:
+    """When it was measured: as stated (else UsageError), as it says, or as its name says."""
+    named = _IN_NAME.search(PurePath(given.measured.source.path).name)
+    name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
+    try:
+        found = datetime.fromisoformat((stated or given.conditions.started or name).strip())
+    except ValueError:
+        if stated is None:
+            return None
+        raise UsageError(f"{stated!r} is no date.", "Write --dates 2026-03-02,2026-04-07") from None
+    return found.replace(tzinfo=found.tzinfo or UTC)
+
+
+def compare(
+    inputs: Sequence[Input], dates: Sequence[str] = (), limit_mm: float | None = None
+) -> History:
+    """What happened to a machine from session to session.
+
+    Args:
+        inputs: two or more sessions of it.
+        dates: of them, in the order given; () for what they say themselves.
+        limit_mm: largest change that is allowed of a length; None for no limit.
+
+    Raises:
+        UsageError: not one machine, or dates that do not fit.
+        UnusableResultError: a session does not determine the parameters.
+    """
+    if len(inputs) < 2:
+        raise UsageError("A history needs two sessions or more.", "Name files, or their folder.")
+    if len(dates) not in (0, len(inputs)):
+        what = f"There are {len(dates)} dates for {len(inputs)} sessions."
+        raise UsageError(what, "Give --dates one date for each, in the order of the files.")
+    if limit_mm is not None and limit_mm <= 0.0:
+        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
+    said = [moment_of(given, day) for given, day in zip_longest(inputs, dates)]
+    moments = [each for each in said if each is not None]
+    dated = len(moments) == len(inputs)
+    if dated:
+        order = np.argsort([each.timestamp() for each in moments], kind="stable")
+        inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
+    machine = inputs[-1].model.machine
+    notes = [] if dated else ["Not every file has a date: the order given counts."]
+    notes += _one_machine([given.model for given in inputs])
+    reads = []
+    for given in inputs:
+        try:
+            reads.append(_Read.of(given, inputs[-1].model))
+        except UnusableResultError as error:
+            what = f"{given.measured.source.path}: {error.what}"
+            raise UnusableResultError(what, error.remedy) from error
+    standing = _standing(reads)
+    causes = tuple(cause for id, cause in CAUSES.items() if any(id in own for own in standing))
+    estimates = [read.estimate(own, causes) for read, own in zip(reads, standing, strict=True)]
+    names, units = [*machine.parameter_names], [*machine.parameter_units]
+    for cause in causes:
+        names += [f"{cause.id} {name}" for name in machine.named(cause.names).values()]
+        units += [cause.unit] * len(cause.names)
+    ends = np.cumsum([0, len(machine.active), *(len(cause.names) for cause in causes)]).tolist()
+    times = np.arange(len(inputs), dtype=np.float64)
+    if dated:
+        times = np.array([(each - moments[0]).total_seconds() / 86400.0 for each in moments])
+    table = _Table(estimates, times, [range(3), *(range(*pair) for pair in pairwise(ends))])
+    tales = [table.tell(stories) for stories in TELLABLE if len(stories) < len(inputs)]
+    logs = np.array([each.log for each in tales])
+    chances = np.exp(logs - log_sum(logs)).tolist()
+    weighed = list(zip(chances, tales, strict=True))
+    # Two sessions tell no step from a drift or scatter.
+    best = tales[1] if len(inputs) == 2 else max(tales[1:], key=lambda each: each.log)
+    best = tales[0] if chances[0] > STANDS else best
+    share = {story: sum(p for p, each in weighed if each.stories[0] is story) for story in Story}
+    there = {story: sum(p for p, each in weighed if story in each.stories) for story in Story}
+    verdict, *others = best.stories
+    least = STANDS if verdict is Story.UNCHANGED else LEFT_OPEN
+    rivals = sorted((s for s in {*Story} - {verdict} if share[s] > least), key=lambda s: -share[s])
+    facts = _Facts(table, best, names, units)
+    sessions = []
+    for k, (read, own, each) in enumerate(zip(reads, standing, estimates, strict=True)):
+        conditions = read.given.conditions
+        total = sum((shared @ shared.T for shared in each.common.values()), each.covariance)
+        known = DatedSession(
+            path=read.given.measured.source.path,
+            started=moments[k].isoformat() if dated else conditions.started,
+            parameters=facts.known(each.values, total, range(len(names))),
+            own_expanded=tuple((U95 * np.sqrt(each.covariance.diagonal())).tolist()),
+            fitted=tuple(one.value for one in facts.state(k)),
+            causes=own,
+            temperature_c=conditions.mean_temperature_c,
+            gauges=tuple(gauge.id for gauge in conditions.gauges),
+        )
+        sessions.append(known)
+    homing = Story.SCATTERING in (verdict, *rivals)
+    rates = []
+    for rate in (rate for _, every in facts.sizes(Story.DRIFTING) for rate in every):
+        size, std = (rate.value, rate.std) if dated else (None, None)
+        rates.append(Drift(name=rate.name, unit=rate.unit, per_day=size, std=std))
+    return History(
+        machine=machine.name,
+        kind=machine.kind,
+        dated=dated,
+        sessions=tuple(sessions),
+        verdict=verdict,
+        probability=min(share[verdict], 1.0),
+        ambiguous_with=tuple(rivals),
+        changes=tuple(
+            Change(before=sessions[at].path, after=sessions[at + 1].path, parameters=step)
+            for at, step in facts.sizes(Story.CHANGED)
+        ),
+        drift=tuple(rates),
+        scatter=tuple(facts.scatter),
+        pooled=facts.state(-1),
+        further={n: tuple(u.expanded for u in facts.state(-1, more=n)) for n in (1, 2, 5)},
+        prediction=facts.state(-1, float(np.median(np.diff(times))), measured=True),
+        also=tuple(story for story in others if there[story] >= ESTABLISHED),
+        limit=None if limit_mm is None else facts.reached(limit_mm, moments[-1] if dated else None),
+        notes=(*notes, *_circumstances(reads, sessions)),
+        next=(HOMINGS if homing else AGAIN) if rivals else ADVICE[verdict],
+        shapes=tuple(_shape(reads[k]) for k in (0, -1)) if machine.probes else (),
+    )
+
+
+def _one_machine(models: Sequence[Model]) -> list[str]:
+    """What differs between the machines of the sessions; raises UsageError if they are several."""
+    last, every = models[-1].machine, [machine_values(model) for model in models]
+    other = {key for each in every for key in each if each[key] != every[-1].get(key)}
+    if last.probes and "kind" not in other:
+        for model in models:
+            model.machine.check_same(last)
+        return []
+    if other & {"kind", "name", "leg_length_mm", "joint_limits_mm"}:
+        names = listed(list(dict.fromkeys(model.machine.name for model in models)))
+        raise UsageError(
+            f"These are sessions of several machines ({names}): {', '.join(sorted(other))} differ.",
+            "Name the files of one, or the machine that all are judged by: --machine FILE",
+        )
+    other -= {"offsets_mm", "history", "gauges", "report"}
+    judged = "All are judged by the machine of the last session; others differ in"
+    return [f"{judged} {', '.join(sorted(other))}."] if other else []
+
+
+def _circumstances(reads: Sequence[_Read], sessions: Sequence[DatedSession]) -> Iterator[str]:
+    """What else differed between the sessions, and which causes they show."""
+    warm = [each.temperature_c for each in sessions if each.temperature_c is not None]
+    if warm and max(warm) - min(warm) > WARM_K:
+        swing = f"{min(warm):.1f} to {max(warm):.1f} °C"
+        yield f"The temperature differs ({swing}); what follows it is not a change of the machine."
+    if len({each.gauges for each in sessions if each.gauges}) > 1:
+        yield "The gauges differ; the scale error of each set is accounted for."
+    if len({tuple(read.white.machine.nominal_rails.lengths) for read in reads}) > 1:
+        yield "The arm lengths in the firmware differ: parameters are compared at the last ones."
+    for (one, before), (two, after) in pairwise(zip(reads, sessions, strict=True)):
+        old, new = one.given.model.machine, two.given.model.machine
+        moved = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
+        entered = ", ".join(f"{name} {signed(by, 3)}" for name, by in moved if abs(by) > 1e-9)
+        if entered and not new.probes:
+            yield f"Recorded adjustment between {before.path} and {after.path}: {entered} mm."
+    for id in dict.fromkeys(id for each in sessions for id in each.causes):
+        shown = [each.path for each in sessions if id in each.causes]
+        where = "all sessions: it is pooled" if len(shown) == len(sessions) else listed(shown)
+        yield f"{id} shows in {where}."
+
+
+def _shape(read: _Read) -> _Shape:
+    """As of `shapes`."""
+    plan, machine = ProbePlan.require(read.white.plan), LinearDelta.require(read.white.machine)
+    touched = ~plan.distance
+    return plan.place[touched, :2], read.white.plain(read.alone.left)[touched], machine

@@ -1,0 +1,130 @@
+"""Under which conditions a result holds, and what a reader has to know of them before signing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import datetime
+
+from pydantic import Field
+
+from orthoglide_cal.files import Input
+from orthoglide_cal.schema import Schema
+from orthoglide_cal.words import plain
+
+STEP_K = 2.0  # a change of temperature beyond this is said beside the verdict
+_MADE_UP = "simulated"
+
+
+class UsedGauge(Schema):
+    """A gauge of a session; what the session does not say of it, the machine file may."""
+
+    id: str
+    certificate: str | None = None
+    due: str | None = Field(None, description="day on which it is to be calibrated again")
+    overdue: bool = Field(description="that day was past when it was used")
+    resolution_mm: float | None = None
+
+
+class Validity(Schema):
+    """Conditions of one measurement; null or empty where nobody recorded them."""
+
+    measured: str | None = Field(description="when it ended, else began")
+    operator: str | None
+    gauges: tuple[UsedGauge, ...]
+    temperature_start_c: float | None
+    temperature_end_c: float | None
+    simulated: bool
+    reservations: tuple[str, ...] = Field(description="what to know before relying on it")
+
+
+def validity(given: Input) -> Validity:
+    """Of one input."""
+    conditions, machine = given.conditions, given.model.machine
+    measured = conditions.finished or conditions.started
+    gauges = []
+    for gauge in conditions.gauges:
+        own = next((each for each in machine.gauges if each.id == gauge.id), None)
+        due = gauge.due or (own.due if own else None) or machine.report.gauge_due
+        certificate = gauge.certificate or (own.certificate if own else None)
+        gauges.append(
+            UsedGauge(
+                id=gauge.id, certificate=certificate, due=due, overdue=_past(due, measured),
+                resolution_mm=gauge.resolution_mm,
+            )
+        )  # fmt: skip
+    said = dict(conditions.environment)
+    sources = (said.get(name) or "" for name in ("readings_from", "source"))
+    found = Validity(
+        measured=measured,
+        operator=conditions.operator,
+        gauges=tuple(gauges),
+        temperature_start_c=conditions.temperature_start_c,
+        temperature_end_c=conditions.temperature_end_c,
+        simulated=any(each.startswith(_MADE_UP) for each in sources),
+        reservations=(),
+    )
+    return found.changed(reservations=tuple(_reservations(given, found)))
+
+
+def _past(due: str | None, measured: str | None) -> bool:
+    try:
+        if due is None or measured is None:
+            return False
+        return datetime.fromisoformat(measured).date() > datetime.fromisoformat(due).date()
+    except ValueError:
+        return False  # a time that somebody wrote in words
+
+
+def _reservations(given: Input, found: Validity) -> Iterator[str]:
+    if found.simulated:
+        yield "Simulated: no machine was measured."
+    for gauge in found.gauges:
+        if gauge.overdue:
+            yield f"Gauge {gauge.id} is overdue: its calibration was due on {gauge.due}."
+    known = given.conditions.temperatures_c
+    if known and max(known) - min(known) > STEP_K:
+        yield f"The temperature changed by {plain(max(known) - min(known), 1)} K while measuring."
+    if not (found.simulated or given.model.machine.probes):
+        missing = tuple(_missing(given, found))
+        if missing:
+            yield f"Not recorded: {', '.join(missing)}."
+
+
+def _missing(given: Input, found: Validity) -> Iterator[str]:
+    stated = (
+        ("date", found.measured),
+        ("operator", found.operator),
+        ("temperature", found.temperature_start_c is not None),
+        ("gauges", found.gauges),
+    )
+    yield from (name for name, value in stated if not value)
+    for gauge in found.gauges:
+        if not gauge.certificate:
+            yield f"certificate of gauge {gauge.id}"
+        if not gauge.due:
+            yield f"due date of gauge {gauge.id}"
+
+
+def compared_reservations(before: Validity, after: Validity) -> tuple[str, ...]:
+    """What is to be known of two measurements together: of each, and of both."""
+    said = []
+    for when, own, other in (("Before", before, after), ("After", after, before)):
+        for each in own.reservations:
+            both = each in other.reservations
+            if not both or own is before:
+                said.append(f"{'Before and after' if both else when}: {each[0].lower()}{each[1:]}")
+    used = [[gauge.id for gauge in each.gauges] for each in (before, after)]
+    if all(used) and set(used[0]) != set(used[1]):
+        said.append(
+            f"Other gauges were used: {', '.join(used[0])} before, {', '.join(used[1])} after."
+        )
+    ends = [
+        [each for each in (one.temperature_start_c, one.temperature_end_c) if each is not None]
+        for one in (before, after)
+    ]
+    if all(ends):
+        first, second = (sum(each) / len(each) for each in ends)
+        if abs(second - first) > STEP_K:
+            step = f"{plain(first, 1)} °C before, {plain(second, 1)} °C after"
+            said.append(f"The temperature was another one: {step}.")
+    return tuple(said)

@@ -1,0 +1,106 @@
+"""Where the machine stands, as a running LinuxCNC says.
+
+`linuxcncrsh` answers one line for each line over TCP (its manual page). Only questions are sent:
+nothing here can move a machine.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+from contextlib import ExitStack
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.model import AXES, Floats
+from orthoglide_cal.words import MM_PER_INCH
+
+PORT = 5007
+NEAR_MM = 0.05  # farther from the posture, a reading is questioned
+_TIMEOUT_S = 2.0
+_ADDRESS = re.compile(r"linuxcnc(?::([^:\[\]\s]+|\[[^\]\s]+\])(?::([0-9]{1,5}))?)?")
+_UNITS = {"MM": 1.0, "INCH": MM_PER_INCH, "CM": 10.0}
+_IDENTITY = "1"  # joints are the axes of the tool
+
+
+class Stood(NamedTuple):
+    """How far a machine stood from a posture (the largest difference of a joint), and where."""
+
+    away_mm: float
+    words: str
+
+
+class Standing:
+    """The joints of a running controller.
+
+    Args:
+        host, port: of linuxcncrsh.
+
+    Raises:
+        UsageError: there is no LinuxCNC, or one that cannot be followed.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self._open = ExitStack()
+        try:
+            connection = socket.create_connection((host, port), _TIMEOUT_S)
+            self._socket = self._open.enter_context(connection)
+            lines = connection.makefile("r", encoding="ascii", errors="replace")
+            self._lines = self._open.enter_context(lines)
+            self._ask("hello EMC orthocal 1.0", "HELLO ACK")
+            (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
+            self._unit_mm = _UNITS[unit]
+            self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == [_IDENTITY]
+        except (OSError, KeyError, ValueError) as error:
+            self.close()
+            raise UsageError(
+                f"No LinuxCNC can be followed at {host}:{port}: {error}.",
+                "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh); or"
+                " measure without --follow.",
+            ) from error
+
+    def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
+        """Where the machine stands.
+
+        Args:
+            joints, tool: of the posture that is wanted; a controller without kinematics is driven
+                to either [mm], shape (3,).
+            home_mm: joint value of the isotropic posture; a controller may count from there.
+
+        Raises:
+            OSError: nothing answers any more.
+            ValueError: the answer is no place.
+        """
+        answer = self._ask("get joint_pos", "JOINT_POS")[: len(AXES)]
+        stands = self._unit_mm * np.array([float(text) for text in answer])
+        wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
+        away = float(np.abs(wanted - stands).max(axis=1).min())
+        axes = zip(AXES, stands.tolist(), strict=True)
+        said = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
+        return Stood(away, f"the controller stood at {said}")
+
+    def close(self) -> None:
+        """End the connection."""
+        self._open.close()
+
+    def _ask(self, question: str, answer: str) -> list[str]:
+        """The words of an answer behind its name. Raises OSError."""
+        self._socket.sendall(question.encode() + b"\n")
+        for _ in range(3):  # what was sent is echoed first
+            line = self._lines.readline(400).strip().upper()
+            if line.startswith(answer):
+                return line.removeprefix(answer).split()
+            if not line.startswith(question.upper()):
+                raise ConnectionError(f"the answer is {line!r}" if line else "it has closed")
+        raise ConnectionError("no answer")
+
+
+def follow(address: str) -> Standing:
+    """The controller of `--follow linuxcnc[:HOST[:PORT]]`. Raises UsageError."""
+    found = _ADDRESS.fullmatch(address)
+    port = int(found[2] or PORT) if found else 0
+    if found is None or not 0 < port < 65536:
+        raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
+    return Standing((found[1] or "localhost").strip("[]"), port)

@@ -1,0 +1,183 @@
+"""`orthocal apply --to`: three values in the controller's file, and the way back."""
+
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests import truth
+from tests.files.test_controller_file import INI
+from tests.linuxcnc import LinuxCnc, missing
+
+from .program import answer, done, refused, run, words
+
+PROGRAM = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", "mill.ini", "--yes")
+FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with a machine file, a measurement and a controller's file."""
+    monkeypatch.chdir(tmp_path)
+    machine = truth.machine_yaml(truth.LARGE, truth.MICRON)
+    Path("machine.yaml").write_text(machine, encoding="utf-8")
+    truth.write_readings(FIRST, Path("before.csv"))
+    Path("mill.ini").write_text(INI, encoding="utf-8")
+
+
+def offsets(path: str = "mill.ini") -> list[float]:
+    """The three home offsets, as another reader takes them."""
+    found, section = [], ""
+    for line in Path(path).read_text(encoding="utf-8").splitlines():
+        section = line.strip() if line.strip().startswith("[") else section
+        if (
+            section.startswith("[JOINT_")
+            and line.strip().startswith("HOME_OFFSET")
+            and "EXTRA" not in line
+        ):
+            found.append(float(line.split("=")[1].split("#")[0]))
+    return found
+
+
+def history() -> list[dict]:
+    return yaml.safe_load(Path("machine.yaml").read_text(encoding="utf-8")).get("history") or []
+
+
+def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
+    machine = Path("machine.yaml").read_text(encoding="utf-8")
+    found = [
+        each["enter"]
+        for each in answer("solve", "before.csv", "--machine", "machine.yaml")["parameters"]
+    ]
+    said = done("apply", "before.csv", "--to", "mill.ini", "--yes")
+    assert "first time" in " ".join(said.split())
+    expected = [a + b for a, b in zip((0.5, -12.25, 0.0), found, strict=True)]
+    assert offsets() == pytest.approx(expected, abs=1e-9)
+    (entry,) = history()
+    assert entry["written"]["target"] == str(Path("mill.ini").resolve())
+    assert [each["after"] for each in entry["written"]["values"]] == [
+        line.split("=")[1].split("#")[0].strip()
+        for line in Path("mill.ini").read_text(encoding="utf-8").splitlines()
+        if line not in INI.splitlines()
+    ]
+    assert "--to" in refused(2, "apply", "--undo", "--yes")
+    done("apply", "--undo", "--to", "mill.ini", "--yes")
+    assert Path("mill.ini").read_text(encoding="utf-8") == INI
+    assert not history()
+    assert machine.splitlines()[0] in Path("machine.yaml").read_text(encoding="utf-8")
+
+
+def test_nothing_is_written_without_consent() -> None:
+    before = {path.name: path.read_bytes() for path in Path().iterdir()}
+    assert "--yes" in refused(2, "apply", "before.csv", "--to", "mill.ini")
+    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
+
+
+def test_what_somebody_changed_since_is_not_written_over() -> None:
+    done("apply", "before.csv", "--to", "mill.ini", "--yes")
+    after = truth.second_session(FIRST, 7)
+    truth.write_readings(after, Path("after.csv"))
+    text = Path("mill.ini").read_text(encoding="utf-8").replace("-12", "-13").replace("-11", "-13")
+    Path("mill.ini").write_text(text, encoding="utf-8")
+    assert "Somebody changed it" in refused(2, "apply", "after.csv", "--to", "mill.ini", "--yes")
+    assert "changed since" in refused(2, "apply", "--undo", "--to", "mill.ini", "--yes")
+    assert Path("mill.ini").read_text(encoding="utf-8") == text
+    assert len(history()) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [(INI.replace("HOME_OFFSET = 0.500", "HOME = 1"), "missing"),
+     ("# nothing\n", "known controller"),
+     ("[printer]\nkinematics: delta\n", "Name the file of its own controller")],
+)  # fmt: skip
+def test_a_file_that_cannot_be_written_leaves_everything(content: str, said: str) -> None:
+    Path("mill.ini").write_text(content, encoding="utf-8")
+    result = run("apply", "before.csv", "--to", "mill.ini", "--yes")
+    assert result.exit_code in (2, 3)
+    assert said in words(result.stderr)
+    assert Path("mill.ini").read_text(encoding="utf-8") == content
+    assert history() == []
+
+
+@pytest.mark.parametrize("on", ["again", "undo"])
+def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("orthoglide_cal.files.controller_file.write_controller_file", killed)
+        run("apply", "before.csv", "--to", "mill.ini", "--yes")
+    assert Path("mill.ini").read_text(encoding="utf-8") == INI
+    assert len(history()) == 1
+    assert "was not written" in " ".join(done().split())
+    if on == "again":
+        told: list[str] = []
+        with monkeypatch.context() as patch:
+            # A LinuxCNC with these offsets runs here.
+            patch.setattr("orthoglide_cal.files.halcmd.live_offsets", lambda: (0.5, -12.25, 0.0))
+            patch.setattr("orthoglide_cal.files.halcmd.set_live_offsets", told.extend)
+            done("apply", "before.csv", "--to", "mill.ini", "--yes")
+        assert [float(text) for text in told] == offsets() != [0.5, -12.25, 0.0]
+        (entry,) = history()
+        assert entry["written"]["live"]
+        assert "was not written" not in " ".join(done().split())
+        done("apply", "--undo", "--to", "mill.ini", "--yes")
+    else:
+        done("apply", "--undo", "--to", "mill.ini", "--yes")
+    assert Path("mill.ini").read_text(encoding="utf-8") == INI
+    assert history() == []
+
+
+@pytest.mark.slow
+def test_two_hundred_kills_lose_nothing() -> None:
+    """Whenever it is killed, each file is whole, and the record says more than the controller."""
+    chance = random.Random(5)
+    started = time.monotonic()
+    subprocess.run([*PROGRAM, "before.csv"], check=True, capture_output=True)
+    takes = time.monotonic() - started
+    written = Path("mill.ini").read_bytes()
+    undone = 0
+    for _ in range(200):
+        undo = len(history()) == 1 and Path("mill.ini").read_bytes() == written
+        what = ["--undo"] if undo else ["before.csv"]
+        process = subprocess.Popen([*PROGRAM, *what], stdout=-3, stderr=-3)
+        time.sleep(takes * chance.uniform(0.5, 1.1))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert Path("mill.ini").read_bytes() in (written, INI.encode())
+        assert len(history()) in (0, 1)
+        if Path("mill.ini").read_bytes() == written:
+            assert len(history()) == 1
+        undone += undo
+    assert undone > 20
+    left = [path for path in Path().iterdir() if path.suffix == ".tmp"]
+    assert all(path.name.startswith(".") for path in left)
+
+
+@pytest.mark.skipif(missing() is not None, reason=str(missing()))
+def test_a_real_linuxcnc_moves_by_what_was_promised() -> None:
+    with LinuxCnc() as machine:
+        original, before = machine.ini.read_bytes(), machine.homed_by
+        found = [
+            each["enter"]
+            for each in answer("solve", "before.csv", "--machine", "machine.yaml")["parameters"]
+        ]
+        done("apply", "before.csv", "--to", str(machine.ini), "--yes")
+        # Told to the running controller: it homes by as much more as was promised.
+        assert differences(before, machine.home()) == pytest.approx(found, abs=2e-5)
+        machine.stop()
+        machine.start()
+        assert differences(before, machine.homed_by) == pytest.approx(found, abs=2e-5)
+        done("apply", "--undo", "--to", str(machine.ini), "--yes")
+        assert machine.home() == pytest.approx(before, abs=2e-5)
+        assert machine.ini.read_bytes() == original
+
+
+def differences(first: list[float], second: list[float]) -> list[float]:
+    return [a - b for a, b in zip(first, second, strict=True)]

@@ -1,0 +1,114 @@
+"""`history` from the command line: a folder, one screen, a page, JSON, what is refused."""
+
+from __future__ import annotations
+
+from contextlib import chdir
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.cells import cell_len
+
+from orthoglide_cal.files import session_of_readings, session_text
+from orthoglide_cal.model import Readings
+from tests.cli.program import DOUBLE, SESSION, answer, done, refused, run, words
+from tests.results.histories import draw
+from tests.truth.delta import (
+    KOSSEL,
+    Layout,
+    delta_csv,
+    delta_yaml,
+    make_delta_session,
+    probe_bed,
+)
+
+KEYS = {
+    "schema_version", "machine", "sessions", "verdict", "probability", "ambiguous_with", "changes",
+    "drift", "scatter", "pooled", "also", "next",
+}  # fmt: skip
+
+
+def written(folder: Path, story: str, count: int) -> Path:
+    """A folder with the sessions of a drawn history, a file for each day."""
+    folder.mkdir()
+    for given in draw(story, 5, count).inputs:
+        assert isinstance(given.measured, Readings)
+        day = given.conditions.started
+        session = session_of_readings(given.measured, given.model, {})
+        text = session_text(session.model_copy(update={"started": day}))
+        (folder / f"{day[:10]}.yaml").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("story", "count", "says", "changed"),
+    [
+        ("step", 10, "! Changed between 2026-", True),
+        ("unchanged", 3, "✔ Unchanged in 3 sessions", False),
+        ("step and drift", 7, "in 30 days", True),
+        ("scatter", 5, "Scattering from session to session", False),
+        ("cause", 4, "axis_", True),
+    ],
+)
+def test_one_screen_says_what_happened(tmp_path, story, count, says, changed):
+    with chdir(written(tmp_path / "mill", story, count)):
+        shown = done("history", ".")
+        lines = shown.splitlines()
+        assert len(lines) <= 24, shown
+        assert max(map(cell_len, lines)) <= 80
+        assert says in words(shown)
+        assert "best now" in shown
+        assert ("----------" in shown) == changed
+        # What it prints to type works.
+        (typed,) = [line.partition("orthocal ")[2] for line in lines if "orthocal solve" in line]
+        assert run(*typed.split()).exit_code in (0, 4)
+
+
+def test_json_and_page_say_the_same(tmp_path):
+    with chdir(written(tmp_path / "mill", "step", 4)):
+        found = answer("history", ".", "--limit", "0.5")
+        assert set(found) >= KEYS
+        (change,) = found["changes"]
+        files = [each["path"] for each in found["sessions"]]
+        assert files.index(change["after"]) == files.index(change["before"]) + 1
+        assert found["limit"]["limit_mm"] == 0.5
+        run("history", *reversed(files), "--html", "page.html", "--limit", "0.5")
+        page = Path("page.html").read_text(encoding="utf-8")
+        assert page.count('id="course-') == 2 * 3  # title and description of each plot
+        assert change["parameters"][0]["name"] + " by" in page
+        for path in files:
+            assert path.removesuffix(".yaml") in page
+        every = done("history", ".", "--details")
+        assert "With 5 further sessions" in every
+        assert found["changes"] == answer("history", *files)["changes"]
+
+
+def test_a_printer_is_compared_too(tmp_path):
+    """Its touches as tables; the radius is another one from the second on."""
+    machine = KOSSEL
+    with chdir(tmp_path):
+        Path("machine.yaml").write_text(delta_yaml(machine), encoding="utf-8")
+        for day in (2, 9, 16):
+            session = make_delta_session(3, machine, (), Layout(places=37))
+            if day > 2:
+                longer = replace(session.truth, radius=session.truth.radius + 1.0)
+                rng = np.random.default_rng(day)
+                session = probe_bed(machine, longer, (), session.layout, rng)
+            Path(f"touches_2026-03-{day:02}.csv").write_text(delta_csv(session), encoding="utf-8")
+        files = sorted(map(str, Path().glob("*.csv")))
+        found = answer("history", *files)
+        assert found["verdict"] == "changed"
+        assert found["changes"][0]["before"] == files[0]
+        changed = {each["name"]: each["value"] for each in found["changes"][0]["parameters"]}
+        assert changed["radius"] == pytest.approx(1.0, abs=0.2)
+        run("history", *files, "--html", "page.html")
+        assert "What is left of each touch" in Path("page.html").read_text(encoding="utf-8")
+
+
+def test_what_is_refused():
+    assert "two sessions" in refused(2, "history", DOUBLE)
+    assert "no such file" in refused(3, "history", DOUBLE, "missing.csv")
+    assert "1 dates for 2" in refused(2, "history", DOUBLE, SESSION, "--dates", "2026-03-02")
+    assert "no date" in refused(2, "history", DOUBLE, SESSION, "--dates", "2026-03-02,may")
+    assert "greater than zero" in refused(2, "history", DOUBLE, SESSION, "--limit", "0")

@@ -1,0 +1,94 @@
+"""A printer behind a Moonraker server: read, written, restarted; and servers that are none."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.moonraker import MISSING, Moonraker, StandIn
+from tests.printer_files import OFF, printer_cfg
+from tests.truth.delta import Delta
+
+from .program import answer, done, run, words
+
+GOOD = printer_cfg(Delta(), OFF).encode()
+INFO = {"result": {"klippy_state": "ready"}}
+
+
+def of_state(state: object) -> dict:
+    return {"result": {"status": {"print_stats": {"state": state}}}}
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("MOONRAKER_API_KEY", "http_proxy"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MOONRAKER_API_KEY", "s3cret")
+    Path("printer.cfg").write_bytes(GOOD)
+    server = StandIn(info=INFO, printer=GOOD)
+    both = [answer("solve", each)["parameters"] for each in ("printer.cfg", server.address)]
+    assert both[0] == both[1]
+    assert {key for _, key in server.asked} == {"s3cret"}
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [
+        ({"info": b"<html>router</html>"}, "not Moonraker"),
+        ({"info": [1]}, "not Moonraker"),
+        ({"info": {"result": {}}}, "not Moonraker"),
+        ({}, "404"),
+        ({"info": 401}, "MOONRAKER_API_KEY"),
+        ({"info": INFO}, "no printer.cfg"),
+        ({"info": INFO, "printer": b"[printer]\nkinematics: del", "cut": 50}, "cannot be read"),
+        ({"info": INFO, "printer": b"\xff\xfe\x00"}, "UTF-16"),
+    ],
+)
+def test_servers_that_are_of_no_use(answers: dict, said: str) -> None:
+    result = run("solve", StandIn(**answers).address)
+    assert result.exit_code == 3
+    assert said in words(result.stderr)
+
+
+@pytest.mark.parametrize(
+    "address", ["http://127.0.0.1:9", "http://:80", "http://a:b", "http://a/b"]
+)
+def test_addresses_that_are_of_no_use(address: str) -> None:
+    result = run("solve", address)
+    assert result.exit_code in (2, 3)
+    assert "ddress" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("state", "asked"),
+    [(of_state("standby"), True), (of_state(None), False), ({"result": {"status": {}}}, False)],
+)
+def test_only_a_printer_that_says_that_it_is_idle_is_written_to(state: dict, asked: bool) -> None:
+    server = StandIn(info=INFO, printer=GOOD, query=state)
+    result = run("apply", server.address, "--to", server.address, "--yes")
+    assert result.exit_code in (2, 3)  # this server takes nothing
+    assert any(path.endswith("/upload") for path, _ in server.asked) == asked
+
+
+@pytest.mark.skipif(MISSING is not None, reason=str(MISSING))
+def test_a_real_server_is_written_and_restored_and_never_while_it_prints(tmp_path: Path) -> None:
+    server = Moonraker(tmp_path, GOOD)
+    try:
+        server.klipper.state = "printing"
+        result = run("apply", server.address, "--to", server.address, "--yes")
+        assert result.exit_code == 2
+        assert "is printing" in words(result.stderr)
+        assert server.file.read_bytes() == GOOD
+        assert "gcode/script" not in server.klipper.asked
+        server.klipper.state = "standby"
+        done("apply", server.address, "--to", server.address, "--yes")
+        assert server.file.read_bytes() != GOOD
+        assert server.klipper.asked.count("gcode/script") == 1
+        done("apply", "--undo", "--to", server.address, "--yes")
+        assert server.file.read_bytes() == GOOD
+        assert server.klipper.asked.count("gcode/script") == 2
+    finally:
+        server.stop()

@@ -1,0 +1,282 @@
+"""Wrong input gives one plain message, in JSON where that is asked for."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from orthoglide_cal.cli.app import app
+from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.files import machine_from_text, read_input, shipped_folder, write_text
+from orthoglide_cal.session.gauges.serial_line import SERIAL_FORMATS, SerialGauge, SerialPort
+from tests.session.terminal import Terminal, run_program
+from tests.session.virtual import answered, readings_of, steps_of, typed
+
+from .program import DOUBLE, SESSION, SIX, answer, lines, refused, run
+
+PROTOTYPE = (shipped_folder() / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
+DELTA = str(shipped_folder() / "linear_delta.yaml")
+
+
+@pytest.mark.parametrize("verb", ["solve", "diagnose", "plan", "report", "export", "validate"])
+def test_a_session_is_not_judged_by_a_machine_of_another_kind(verb: str) -> None:
+    result = run(verb, SESSION, "--machine", DELTA)
+    assert result.exit_code == 3
+    said = result.stdout + result.stderr
+    assert all(word in " ".join(said.split()) for word in ("session.yaml", "linear_delta", "kind"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "path"),
+    [
+        (("plan", "--target", "-1"), 2, None),
+        (("plan", "none.csv"), 3, "none.csv"),
+        (("machine", "show", "none.yaml"), 3, "none.yaml"),
+        (("machine", "new", "--kind", "hexapod", "--yes"), 2, None),
+        (("simulate", "--noise", "-1"), 2, None),
+        (("apply",), 2, None),
+        (("apply", SIX), 2, SIX),
+        (("measure", "a.yaml", "--until", "0"), 2, "a.yaml"),
+        (("report", "none.csv", "--limit", "1"), 3, "none.csv"),
+        (("solve", DOUBLE, "--nonsense"), 2, None),
+        (("plan", "--cycles", "many"), 2, None),
+    ],
+)
+def test_every_error_is_an_object_with_json(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    code: int,
+    path: str | None,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(*arguments, "--json")
+    assert (result.exit_code, result.stderr) == (code, "")
+    (said,) = lines(result)
+    assert said["input"] == (path and {"path": path})
+    assert said["error"]
+
+
+@pytest.mark.parametrize("verb", ["solve", "report"])
+@pytest.mark.parametrize("path", [SIX, DOUBLE])
+def test_what_must_not_be_entered_exits_with_4(verb: str, path: str) -> None:
+    result = run(verb, path)
+    assert result.exit_code == (4 if "Do not enter" in result.stdout else 0)
+    assert (result.exit_code == 4) == (path == SIX)
+
+
+def test_apply_says_nothing_is_entered_before_it_asks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("machine.yaml").write_text(PROTOTYPE, encoding="utf-8")
+    assert "Nothing is recorded." in refused(4, "apply", SIX, "--yes")
+    before = Path("machine.yaml").read_bytes()
+    for options, answers in (((DOUBLE,), "n"), ((DOUBLE,), "y"), (("--undo",), "n")):
+        with Terminal(tmp_path, *options, command=("apply",), agreed=False) as terminal:
+            terminal.expect(r"\[y/N\]: ")
+            assert "Entered" not in terminal.seen
+            assert "Taken back" not in terminal.seen
+            unasked = Path("machine.yaml").read_bytes()
+            assert (unasked == before) == (options == (DOUBLE,))
+            terminal.type(answers)
+            assert terminal.finish() == 0
+        assert (Path("machine.yaml").read_bytes() == unasked) == (answers == "n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "column", "words"),
+    [
+        ("{x: 0, y: 0, z: 0}", "{x: 0, y: -161, z: 0}", "offsets_mm.y", "travel of 160 mm"),
+        ("width_mm: 80", "width_mm: 311", "parallelogram_width_mm", "wider than it is long"),
+    ],
+)
+def test_a_machine_that_cannot_be_is_refused(old: str, new: str, column: str, words: str) -> None:
+    assert old in PROTOTYPE
+    with pytest.raises(InputError, match=words) as caught:
+        machine_from_text(PROTOTYPE.replace(old, new), "m.yaml")
+    assert caught.value.column == column
+
+
+def test_the_same_time_for_all_is_none(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    head, rows = "x_mm,y_mm,reading_mm,minutes\n", "1,0,0.1,{0}\n0,1,0.2,{0}\n0,0,0.1,{1}\n"
+    machine = machine_from_text(Path(DELTA).read_text(encoding="utf-8"), "m.yaml")
+    for last, same in (("0", True), ("1", False)):
+        path.write_text(head + rows.format("0", last))
+        remarks = read_input(str(path), machine).measured.remarks
+        assert any("same" in remark for remark in remarks) == same
+
+
+def test_a_folder_that_is_read_only_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path, *_: object, **__: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    with pytest.raises(InputError, match="Read-only file system"):
+        write_text(tmp_path / "a", "text")
+
+
+def test_what_killed_writes_left_is_removed_after_an_hour(tmp_path: Path) -> None:
+    names = (".a.yaml.0123456789ab.tmp", ".b.0123456789ab.tmp", ".mine.tmp", "c.0123456789ab.tmp")
+    for name in names:
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (time.time() - 3700.0,) * 2)
+    os.utime(tmp_path / names[1])
+    write_text(tmp_path / "d", "text")
+    assert {path.name for path in tmp_path.iterdir()} == {*names[1:], "d"}
+
+
+@pytest.mark.parametrize("text", ["a\x1b[31mb", "a\u202eb", "a\x07"])
+def test_names_with_control_characters_make_a_session_that_can_be_read(
+    tmp_path: Path, text: str
+) -> None:
+    options = ("--operator", text, "--gauge-id", text, "--certificate", text)
+    shape = ("--protocol", "single", "--cycles", "1", "--gauge", "simulated", "--seed", "1")
+    assert run_program(tmp_path, "s.yaml", *shape, *options).returncode == 0
+    said = read_input(str(tmp_path / "s.yaml")).conditions
+    assert said.operator == said.gauges[0].id == said.gauges[0].certificate
+    assert said.operator is not None
+    assert "⟨U+" in said.operator
+
+
+@pytest.mark.parametrize("speed", ["abc", "", "96k"])
+def test_a_speed_that_is_no_number_is_named(speed: str) -> None:
+    with pytest.raises(UsageError, match="baud") as caught:
+        SerialPort(f"mahr:/dev/ttyUSB9@{speed}")
+    assert repr(speed) in caught.value.what
+
+
+@pytest.mark.parametrize("name", ["plain", "sylvac"])
+def test_a_number_cut_off_on_its_way_is_no_reading(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    sent = iter(["+0.123", "+0.12", "+0.124", "+1.123"])
+    monkeypatch.setattr(SerialPort, "read", lambda *_: [SERIAL_FORMATS[name].parse(next(sent))])
+    gauge, step = SerialGauge([f"{name}:/dev/ttyUSB0"]), steps_of()[0]
+    told = []
+    for _ in range(4):
+        gauge.begin(step, 0)
+        told += [item.elsewhere for item in gauge.poll(asked=False)]
+    assert [bool(each) for each in told] == [False, True, False, False]
+    assert "3 decimals before" in (told[1] or "")
+
+
+def test_pasted_lines_are_not_lost_in_silence(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml", "--gauge", "simulated", "--seed", "1") as terminal:
+        terminal.step()
+        terminal.type("0.1\r0.2\r0.3")
+        terminal.expect(r"ignored: [123] lines? typed too soon")
+        terminal.expect("Drive to")
+        terminal.step()
+
+
+def test_a_stopped_session_says_how_to_come_back(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as first:
+        first.step()
+        assert (
+            "fg, if it was stopped with Ctrl-Z"
+            in run_program(tmp_path, "s.yaml", "--resume").stderr
+        )
+
+
+def test_a_number_beyond_the_travel_is_called_so_whatever_came_before(tmp_path: Path) -> None:
+    right = typed(readings_of(steps_of()))
+    _, screen = answered(tmp_path / "s.journal", [*right[:8], "45"])
+    assert "further from" in screen.text
+    assert "travel of 10 mm" in screen.text
+
+
+def test_topics_of_the_guide_complete() -> None:
+    words = {"COMP_WORDS": "orthocal guide axis_", "COMP_CWORD": "2"}
+    asked = {"_ORTHOCAL_COMPLETE": "complete_bash", **words}
+    said = CliRunner().invoke(app, [], env=asked, prog_name="orthocal").stdout
+    assert said.split() == ["axis_gap", "axis_squareness"]
+
+
+# ---- the verdict remembers
+
+
+@pytest.fixture(scope="module")
+def doubtful(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A session with two wrong readings, each questioned and kept; and what the screen showed."""
+    path = tmp_path_factory.mktemp("doubtful") / "s.journal"
+    right = readings_of(steps_of(), 1)
+    wrong = {9: 0.5, 19: -0.3}
+    lines = []
+    for step, value in enumerate(right, start=1):
+        lines += [f"{value + wrong.get(step, 0.0):.2f}", *(["k"] if step in wrong else [])]
+    dialogue, screen = answered(path, lines)
+    dialogue.publish()
+    return dialogue.path, screen.text
+
+
+def test_the_verdict_remembers_what_was_questioned_and_kept(doubtful: tuple[Path, str]) -> None:
+    path, shown = doubtful
+    assert "Or was step 3 wrong? r 3 reads both again." in shown
+    found = answer("solve", str(path))
+    assert found["verdict"] in ("unexplained", "ambiguous")
+    first = found["release"]["remedies"][0]
+    assert (first["verb"], first["options"]) == ("measure", "--resume")
+    assert "r 9 (0.490 mm from the last cycle), r 19 (" in first["sentence"]
+    for verb in ("solve", "diagnose"):
+        said = " ".join(run(verb, str(path)).stdout.split())
+        assert "r 9 (0.490 mm" in said
+        assert f"orthocal measure {path} --resume" in said
+
+
+def test_a_kept_reading_is_retaken_after_the_end(
+    doubtful: tuple[Path, str], tmp_path: Path
+) -> None:
+    """Its stands were moved since, and so were those of the last leg: all of both again."""
+    for suffix in (".yaml", ".journal"):
+        copy = doubtful[0].with_suffix(suffix)
+        (tmp_path / copy.name).write_bytes(copy.read_bytes())
+    with Terminal(tmp_path, "s.yaml", "--resume", agreed=False) as terminal:
+        terminal.expect("Questioned and kept: r 9, r 19")
+        terminal.expect("none > ")
+        terminal.type("r 9")
+        terminal.expect("y/n > ")
+        terminal.type("y")
+        assert terminal.step() == 1
+        terminal.type("q")
+        assert terminal.finish() == 130
+    with Terminal(tmp_path, "s.yaml", "--resume", agreed=False) as terminal:
+        assert terminal.step() == 1
+
+
+def test_a_contradiction_offers_both_readings(tmp_path: Path) -> None:
+    right = typed(readings_of(steps_of(), 1))
+    slip = f"{float(right[8]) + 0.5:.2f}"
+    lines = [*right[:8], slip, "r 3", right[2], right[8], right[9]]
+    dialogue, _ = answered(tmp_path / "s.journal", lines)
+    assert list(dialogue.state.accepted) == [1, 2, 4, 5, 6, 7, 8, 3, 9, 10]
+    assert [old.take.step for old in dialogue.state.replaced] == [9, 3]
+
+
+def test_a_caution_is_a_note_too(tmp_path: Path) -> None:
+    path = tmp_path / "few.csv"
+    rows = "x,iso,y,0\nx,max,y,0.1\ny,iso,z,0\ny,max,z,0.2\nz,iso,x,0\nz,max,x,0.1\n"
+    path.write_text(f"leg,posture,direction,reading_mm\n{rows}")
+    found = answer("solve", str(path))
+    assert found["release"]["cautions"]
+    assert set(found["release"]["cautions"]) <= set(found["notes"])
+
+
+@pytest.mark.parametrize("protocol", ["double", "single"])
+@pytest.mark.parametrize("kept", [False, True])
+def test_the_end_of_measure_is_one_screen(tmp_path: Path, protocol: str, kept: bool) -> None:
+    """With a machine file, so that all steps of the round are named."""
+    (tmp_path / "machine.yaml").write_text(PROTOTYPE, encoding="utf-8")
+    given = ("--gauge", "simulated", "--seed", "1", "--protocol", protocol)
+    stdin = "\n" * 8 + "3.3\nk\n" * kept
+    done = run_program(tmp_path, "s.yaml", *given, stdin=stdin)
+    assert done.returncode == (4 if kept else 0)
+    shown = done.stdout[done.stdout.index("Session complete") :].splitlines()
+    assert 10 < len(shown) <= 24
+    assert max(map(len, shown)) <= 80

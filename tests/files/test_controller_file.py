@@ -1,0 +1,211 @@
+"""A controller's file: three values change, every other byte stays, and all of it comes back."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from orthoglide_cal.errors import InputError, InvalidFileError, OrthocalError, UsageError
+from orthoglide_cal.files.controller_file import controller_file, write_controller_file
+
+INI = """\
+# Fräse 7; HOME_OFFSET = 9 in a remark
+[EMC]
+MACHINE = mill7
+[HAL]
+HALFILE = a.hal
+HALFILE = b.hal
+[TRAJ]
+LINEAR_UNITS = mm
+[JOINT_0]
+HOME = 0.0
+HOME_OFFSET = 0.500
+HOME_OFFSET_EXTRA = 7
+[JOINT_1]
+HOME_OFFSET=-12.25   # the switch; 0.500 behind it
+[JOINT_2]
+  HOME_OFFSET = 0
+[SPINDLE_0]
+HOME_OFFSET = 3
+"""
+CHANGES = {"x": 0.421, "y": -0.296, "z": 0.861}
+CFG = """\
+[printer]
+kinematics: delta
+[stepper_a]
+homing_speed: 50
+
+#*# <---------------------- SAVE_CONFIG ---------------------->
+#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
+#*#
+#*# [printer]
+#*# delta_radius = 140.100000
+#*#
+#*# [stepper_a]
+#*# angle = 210.000000
+#*# position_endstop = 300.100000
+#*# [stepper_b]
+#*# angle = 330.000000
+#*# position_endstop = 300.200000
+#*# [stepper_c]
+#*# position_endstop = 300.300000
+"""
+VALUES = {"radius": 140.2, "a": 300.5, "b": 300.2, "c": 299.9}
+
+
+def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
+    """As a running controller takes them, wherever their sections stand."""
+    head, *joints = INI.split("[JOINT_")
+    path = tmp_path / "mill.ini"
+    path.write_text("[JOINT_".join((head, *reversed(joints))), encoding="utf-8")
+    texts = [each.text for each in controller_file(str(path)).settings.values()]
+    assert texts == ["0.500", "-12.25", "0"]
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+@pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("inch", 25.4), ("Imperial", 25.4)])
+def test_three_values_change_and_come_back(
+    tmp_path: Path, ends: str, encoding: str, unit: str, factor: float
+) -> None:
+    data = INI.replace("= mm", f"= {unit}").replace("\n", ends).encode(encoding)
+    path, link = tmp_path / "mill.ini", tmp_path / "link.ini"
+    path.write_bytes(data)
+    path.chmod(0o640)
+    link.symlink_to(path)
+    before = controller_file(str(link))
+    written, new = before.changed(CHANGES, 3)
+    write_controller_file(before, new)
+    assert link.is_symlink()
+    assert path.stat().st_mode & 0o777 == 0o640
+    lines = zip(data.split(b"\n"), path.read_bytes().split(b"\n"), strict=True)
+    differing = [number for number, (old, new) in enumerate(lines, start=1) if old != new]
+    assert differing == [11, 14, 16] == [each.line for each in written.values]
+    for each, old, name in zip(written.values, (0.5, -12.25, 0.0), "xyz", strict=True):
+        rounding = 0.5e-3 if factor == 1.0 else 0.5e-5
+        assert float(each.after) == pytest.approx(old + CHANGES[name] / factor, abs=rounding)
+    assert b"# the switch; 0.500 behind it" in path.read_bytes()
+    after = controller_file(str(path))
+    write_controller_file(after, after.restored(written))
+    assert path.read_bytes() == data
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
+        ("[SPINDLE_0]", "[JOINT_0]", "twice"),
+        ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
+        ("HOME_OFFSET = 0.500", "#HOME_OFFSET = 0.5", "missing"),
+        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
+        ("HOME_OFFSET = 0.500", "HOME_OFFSET = nan", "not a number"),
+        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
+        ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
+        ("LINEAR_UNITS = mm", "", "unit is missing"),
+        ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
+    ],
+)
+def test_what_is_not_clear_is_refused_with_its_place(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    path = tmp_path / "mill.ini"
+    path.write_text(INI.replace(old, new), encoding="utf-8")
+    with pytest.raises(InvalidFileError, match=said) as caught:
+        controller_file(str(path))
+    fault = caught.value.problems[0]
+    assert fault.remedy
+    assert fault.line or fault.column
+
+
+def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(CFG, encoding="utf-8")
+    before = controller_file(str(path))
+    written, data = before.changed(VALUES, 4)
+    assert [(each.line, each.before, each.after) for each in written.values] == [
+        (10, "140.100000", "140.200000"),
+        (14, "300.100000", "300.500000"),
+        (19, "300.300000", "299.900000"),
+    ]
+    write_controller_file(before, data)
+    after = controller_file(str(path))
+    assert after.restored(written) == CFG.encode()
+
+
+def test_a_block_that_klipper_ignores_is_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(CFG + "[fan]\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"line 20.*ignores"):
+        controller_file(str(path))
+
+
+@pytest.mark.parametrize("line", ["delta_radius: 140.3", "delta_radius = 140.3 # 140.100000"])
+def test_a_printer_s_own_line_is_never_overruled(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(CFG.replace("[printer]\n", f"[printer]\n{line}\n", 1), encoding="utf-8")
+    file = controller_file(str(path))
+    assert file.settings["radius"].text == "140.3"
+    with pytest.raises(InvalidFileError, match="line 2"):
+        file.changed(VALUES, 4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [("0.921", "0.922", r"\[JOINT_0\] HOME_OFFSET holds 0.922"), ("mill7", "mill8", "something")],
+)
+def test_what_was_changed_since_is_not_restored(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    path = tmp_path / "mill.ini"
+    path.write_text(INI, encoding="utf-8")
+    before = controller_file(str(path))
+    written, data = before.changed(CHANGES, 3)
+    path.write_bytes(data.replace(old.encode(), new.encode()))
+    after = controller_file(str(path))
+    with pytest.raises(UsageError, match=said):
+        after.restored(written)
+    with pytest.raises(UsageError, match="changed meanwhile"):
+        write_controller_file(before, data)
+
+
+def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "mill.ini"
+    path.write_text(INI, encoding="utf-8")
+    before = controller_file(str(path))
+    path.chmod(0o444)
+    with pytest.raises(InputError, match="read-only"):
+        write_controller_file(before, b"nothing")
+    assert path.read_text(encoding="utf-8") == INI
+    assert [each.name for each in tmp_path.iterdir()] == ["mill.ini"]
+
+
+@pytest.mark.parametrize("count", [150, pytest.param(5000, marks=pytest.mark.slow)])
+def test_mutants_change_and_come_back_or_are_refused(tmp_path: Path, count: int) -> None:
+    chance, path = random.Random(7), tmp_path / "file"
+    done = 0
+    for number in range(count):
+        data = bytearray((INI if number % 2 else CFG).encode())
+        for _ in range(chance.randrange(1, 4)):
+            at = chance.randrange(len(data))
+            match chance.randrange(4):
+                case 0:
+                    data[at] = chance.randrange(256)
+                case 1:
+                    del data[at : at + chance.randrange(1, 30)]
+                case 2:
+                    data[at:at] = data[at - 20 : at + chance.randrange(1, 40)]
+                case _:
+                    data[at:at] = chance.choice((b"\r", b"\n", b"#", b"[", b"=", b"\0", b"9" * 30))
+        path.write_bytes(data)
+        try:
+            before = controller_file(str(path))
+            written, new = before.changed(CHANGES if before.adds else VALUES, 3)
+            write_controller_file(before, new)
+            after = controller_file(str(path))
+            assert after.restored(written) == bytes(data)
+            done += 1
+        except OrthocalError:
+            continue
+    assert done > 0.15 * count

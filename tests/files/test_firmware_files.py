@@ -1,0 +1,259 @@
+"""heightmap.csv, klippy.log, and what consoles of Klipper and Marlin print."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.files import (
+    default_machine,
+    machine_text,
+    printer_settings,
+    read_input,
+    read_machine,
+)
+from orthoglide_cal.model import Model
+from tests import firmware_files as made
+from tests.printer_files import OFF, printer_cfg
+from tests.printers import printer
+
+from .helpers import MODEL, problems
+
+EVERY = ("heightmap.csv", "klipper.txt", "new.txt", "g29.txt", "grid.txt", "g33.txt", "klippy.log")
+
+
+def texts(machine: made.Delta, truth: made.Truth) -> dict[str, str]:
+    """Of each format, what a printer wrote; without noise."""
+    return {
+        "heightmap.csv": made.height_map(machine, truth),
+        "klipper.txt": made.klipper_console(machine, truth),
+        "new.txt": made.klipper_console(machine, truth, new=True),
+        "g29.txt": made.m503(machine) + made.g29(machine, truth),
+        "grid.txt": made.m503(machine) + made.grid(machine, truth),
+        "g33.txt": made.m503(machine) + made.g33(machine, truth),
+        "klippy.log": made.klippy_log(machine, truth),
+    }
+
+
+def put(folder: Path, name: str, text: str) -> str:
+    (folder / name).write_text(text, encoding="utf-8")
+    return str(folder / name)
+
+
+def with_settings(folder: Path, machine: made.Delta = made.UNEVEN) -> None:
+    """config.g, and a printer.cfg with the probe's offsets."""
+    put(folder, "config.g", made.config_g(machine))
+    cfg = printer_cfg(machine, made.Truth(), sections="")
+    x, y, z = made.OFFSET
+    probe = f"[probe]\nx_offset: {x}\ny_offset: {y}\nz_offset: {z}\n"
+    put(folder, "printer.cfg", cfg.replace("[bed_mesh]", probe + "[bed_mesh]"))
+
+
+def found(given) -> np.ndarray:
+    """The six parameters by the readings [mm, deg]."""
+    return np.array(given.model.machine.active) + solve(given.measured, given.model).offsets_mm
+
+
+def made_machine(folder: Path) -> str:
+    return put(folder, "machine.yaml", machine_text(Model(printer(made.UNEVEN))))
+
+
+def remarks(*given) -> str:
+    return " ".join(read_input(*given).measured.remarks)
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    """A folder with config.g and printer.cfg."""
+    with_settings(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_each_format_tells_what_the_machine_is(own: Path, name: str) -> None:
+    """The files state settings and heights; what the truth is neither states."""
+    known = read_machine(made_machine(own)) if name == "grid.txt" else None
+    given = read_input(put(own, name, texts(made.UNEVEN, OFF)[name]), known)
+    assert np.abs(found(given) - true_parameters()).max() < 3e-4
+
+
+def true_parameters() -> np.ndarray:
+    """Of UNEVEN with OFF: an endstop is stated for the arms' foot at the true radius."""
+    arms, radius = np.array(made.UNEVEN.arms), made.UNEVEN.radius + OFF.radius
+    foot = np.sqrt(arms**2 - made.UNEVEN.radius**2) - np.sqrt(arms**2 - radius**2)
+    endstops = made.UNEVEN.endstops + OFF.endstops + foot
+    return np.array([*endstops, radius, *np.add(made.UNEVEN.angles, OFF.angles)[:2]])
+
+
+def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -> None:
+    text = made.height_map(made.UNEVEN, OFF)
+    two = read_input(put(own, "two.csv", text)).measured
+    three = read_input(put(own, "three.csv", made.height_map(made.UNEVEN, OFF, version=3))).measured
+    np.testing.assert_array_equal(two.plan.place, three.plan.place)
+    np.testing.assert_array_equal(two.value, three.value)
+    assert len(two) == 69  # of 81 places, those in a circle of 90 mm
+    np.testing.assert_allclose(two.plan.place[0, :2], [-40.0 + 12.0, -80.0 - 7.5])
+    assert two.plan.order[:5].tolist() == [0, 1, 2, 3, 4]
+    # The second line goes back, from its right end.
+    assert two.plan.order[5:12].tolist() == [11, 10, 9, 8, 7, 6, 5]
+    assert two.line[:6].tolist() == [4, 4, 4, 4, 4, 5]
+    # A place that reads zero was probed: it has decimals.
+    first = text.split("\n")[3].split(",")[2]
+    zero = read_input(put(own, "zero.csv", text.replace(first, "  0.000", 1))).measured
+    assert (len(zero), zero.value[0]) == (69, 0.0)
+
+
+def test_an_override_counts_where_it_is_loaded_and_tells_the_age_of_a_map(own: Path) -> None:
+    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    head = "; config-override.g file generated in response to M500 at 2024-03-05 17:2{}\n"
+    line = "M665 L310.000:310.500:311.000 R151.5 H379.000 B95.0 X0.100 Y0.200 Z0.000\n"
+    put(own, "config-override.g", head.format(0) + line)
+    assert read_input(path).model.machine.delta_radius_mm == made.UNEVEN.radius
+    put(own, "config.g", made.config_g(made.UNEVEN) + "M501 ; load it\n")
+    machine = read_input(path).model.machine
+    assert (machine.delta_radius_mm, machine.bed_radius_mm) == (151.5, 95.0)
+    assert machine.arm_length_mm == (310.0, 310.5, 311.0)
+    assert machine.tower_angles_deg == (210.1, 330.2, 90.0)
+    assert machine.endstops_mm == pytest.approx(made.UNEVEN.endstops)  # M666 of config.g
+    assert "is older" not in remarks(path)
+    put(own, "config-override.g", head.format(2) + line)
+    assert "older than the calibration in force (config-override.g, 2024" in remarks(path)
+
+
+def test_the_settings_may_be_named(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "printer"
+    elsewhere.mkdir()
+    with_settings(elsewhere)
+    every = texts(made.UNEVEN, OFF)
+    for name, settings in (("heightmap.csv", "config.g"), ("klipper.txt", "printer.cfg")):
+        path = put(tmp_path, name, every[name])
+        given = read_input(path, printer_settings(elsewhere / settings))
+        assert np.abs(found(given) - true_parameters()).max() < 3e-4
+        [fault] = problems(read_input, path)
+        assert fault.what == "The file does not say which printer it is from."
+        assert f"--machine {settings}" in fault.remedy
+    # A machine file does not tell where the probe is.
+    known = read_machine(made_machine(tmp_path))
+    given = read_input(path, known)
+    assert "z offset is not known" in " ".join(given.measured.remarks)
+    assert abs(np.median(given.measured.value)) < 1e-9
+
+
+def test_what_was_probed_before_g33_changed_the_settings_counts_from_those_after(
+    tmp_path: Path,
+) -> None:
+    before, after = made.UNEVEN, made.Delta(**{**vars(made.UNEVEN), "radius": 151.0})
+    text = made.m503(before) + made.g29(before, OFF) + made.g33(after, OFF, results=False)
+    given = read_input(put(tmp_path, "c.txt", text))
+    assert given.model.machine.delta_radius_mm == 151.0
+    line = text[: text.index("\n.Height")].count("\n") + 2
+    assert f"before G33 changed the settings (line {line})" in " ".join(given.measured.remarks)
+    assert given.measured.source.excerpt.data == "mesh"
+    # The carriages are where they were: the nozzle is believed elsewhere, by 150 -> 151 mm.
+    arms = np.array(before.arms)
+    foot = np.sqrt(arms**2 - 150.0**2) - np.sqrt(arms**2 - 151.0**2)
+    true = true_parameters()
+    assert np.abs(found(given) - true).max() < 3e-4
+    assert foot.min() > 0.5
+
+
+def test_a_log_has_the_calibration_that_was_saved_last_or_says_that_none_was(own: Path) -> None:
+    log = made.klippy_log(made.UNEVEN, OFF, saved=True)
+    saved = read_input(put(own, "klippy.log", log)).measured
+    assert saved.source.excerpt.words == "7 heights and 3 distances"
+    assert saved.line[0] == log[: log.index("height0")].count("\n") + 1
+    assert not any("SAVE_CONFIG does not" in remark for remark in saved.remarks)
+    mesh = read_input(str(own / "klippy.log"), stored="mesh").measured
+    assert mesh.source.excerpt.data == "mesh"
+    log = made.klippy_log(made.UNEVEN, OFF)
+    open_ = read_input(put(own, "open.log", log)).measured
+    np.testing.assert_allclose(open_.plan.place, saved.plan.place, atol=1e-9)
+    assert any("SAVE_CONFIG does not follow" in remark for remark in open_.remarks)
+    assert open_.line[0] == log[: log.index("Calculating")].count("\n") + 2
+    [fault] = problems(read_input, put(own, "cut.log", log[log.index("Calculating") :]))
+    assert "beginning is missing" in fault.what
+    [fault] = problems(read_input, put(own, "cut.log", log.replace("[(0.0, (", "[(0.0, ")))
+    assert (fault.what, fault.line) == (
+        "This is not a list of heights with stepper positions.", open_.line[0]
+    )  # fmt: skip
+
+
+PLACEHOLDER = "a placeholder, not a measurement"
+NOTHING = (
+    ("config.g", made.config_g(made.UNEVEN), "no readings", "such as heightmap.csv"),
+    ("g33.txt", made.m503(made.UNEVEN) + made.g33(made.UNEVEN, OFF, results=False),
+     "G33 was not told to print them", "G33 V0 or V3"),
+    ("ubl.txt", made.m503(made.UNEVEN) + "Bed Topography Report:\n(0,0) (8,0)\n",
+     "holds no probed heights with their places", "G29 V4"),
+    ("grid.txt", made.m503(made.UNEVEN) + made.grid(made.UNEVEN, OFF),
+     "G29 does not print where it probed", "G29 V4"),
+    ("map.csv", "\n".join(made.height_map(made.UNEVEN, OFF).split("\n")[:3]) + "\n0,0\n0,0\n",
+     "The map has 2 lines", "G29"),
+    ("zero.csv", made.height_map(made.UNEVEN, OFF).split("\n", 3)[0] + "\n"
+     "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0, 0\n 0, 0\n",
+     PLACEHOLDER, "G29"),
+    ("flat.csv", made.height_map(made.UNEVEN, OFF).split("\n", 3)[0] + "\n"
+     "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0.000, 0.000\n"
+     " 0.000, 0.000\n", PLACEHOLDER, "Probe the bed"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text", "what", "remedy"), NOTHING, ids=[n[0] for n in NOTHING])
+def test_what_is_recognised_and_holds_nothing_is_told_so(
+    own: Path, name: str, text: str, what: str, remedy: str
+) -> None:
+    [fault] = problems(read_input, put(own, name, text))
+    assert what in fault.what
+    assert remedy in fault.remedy
+    assert fault.file == str(own / name)
+
+
+@pytest.mark.parametrize("value", ["0.000000", "0.250000"])
+def test_a_mesh_of_one_value_is_a_placeholder_in_printer_cfg_too(own: Path, value: str) -> None:
+    cfg = printer_cfg(made.UNEVEN, OFF)
+    line = re.compile(r"^(#\*# \t  ).*$", re.MULTILINE)
+    path = put(own, "p.cfg", line.sub(lambda m: m[1] + ", ".join([value] * 9), cfg))
+    assert read_input(path).measured.source.excerpt.data == "calibration"
+    [fault] = problems(read_input, path, None, default_machine, "mesh")
+    assert PLACEHOLDER in fault.what
+    assert fault.line == cfg[: line.search(cfg).start()].count("\n") + 1
+
+
+def test_a_calibration_stored_behind_a_mesh_may_be_newer(own: Path) -> None:
+    cfg = printer_cfg(made.UNEVEN, OFF)
+    path = put(own, "p.cfg", cfg)
+    assert "older" not in remarks(path, None, default_machine, "mesh")
+    parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]
+    turned = cfg[: parts[0]] + cfg[parts[1] :] + cfg[parts[0] : parts[1]]
+    path = put(own, "p.cfg", turned)
+    assert "the mesh is older" in remarks(path, None, default_machine, "mesh")
+    assert "older" not in remarks(path)
+
+
+def test_faults_have_their_line_and_their_file(own: Path) -> None:
+    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    put(own, "config.g", made.config_g(made.UNEVEN).replace("H379.0", "H{global.high}"))
+    [fault] = problems(read_input, path)
+    assert (fault.file, fault.line, fault.column) == (str(own / "config.g"), 4, "H of M665")
+    put(own, "config.g", made.config_g(made.UNEVEN).replace(" H379.0", ""))
+    [fault] = problems(read_input, path)
+    assert "M665 with H is missing" in fault.what
+    put(own, "config.g", made.config_g(made.UNEVEN).replace("R150.0", "R299.5"))
+    [fault] = problems(read_input, path)
+    assert "not between 0 and the arms' length" in fault.what
+    with_settings(own)
+    text = made.klipper_console(made.UNEVEN, OFF)
+    [fault] = problems(read_input, put(own, "c.txt", text.replace("is z=", "is z=1e9", 1)))
+    assert fault.line == 2
+    text = made.m503(made.UNEVEN) + made.g29(made.UNEVEN, OFF)
+    [fault] = problems(read_input, put(own, "c.txt", text.replace("Bed X: ", "Bed X: --", 1)))
+    assert fault.line == text[: text.index("Bed X")].count("\n") + 1
+
+
+def test_a_printers_file_is_no_machine_file_of_an_orthoglide(own: Path) -> None:
+    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    with pytest.raises(UsageError, match="Leave --machine out"):
+        read_input(path, MODEL)

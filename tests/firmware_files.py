@@ -1,0 +1,201 @@
+"""Files of other firmwares, and what consoles print, of a printer whose truth is known.
+
+Written after the firmwares' documents, not after the program that reads them.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from tests.printer_files import OFF, STEP, printer_cfg
+from tests.truth.delta import Delta, Floats, Truth, indicated, touches
+
+UNEVEN = Delta(
+    "uneven", (300.0, 301.5, 299.25), 150.0, (209.0, 331.5, 90.0), (380.0, 381.0, 379.5), 100.0
+)
+EQUAL = Delta(
+    "equal", (300.0, 300.0, 300.0), 150.0, (209.0, 331.5, 90.0), (380.0, 381.0, 379.5), 100.0
+)
+# Of the probe: where it is, and the nozzle's height when it triggers [mm].
+OFFSET = (-12.0, 7.5, 2.35)
+USUAL = (210.0, 330.0, 90.0)
+
+
+def towers(values: Floats | list[float], names: str = "XYZ") -> str:
+    return " ".join(f"{name}{value:.5f}" for name, value in zip(names, values, strict=True))
+
+
+def config_g(machine: Delta) -> str:
+    height = 379.0
+    arms = ":".join(f"{arm:.3f}" for arm in machine.arms)
+    return f"""\
+; Configuration file for a delta, firmware 3.5 M665 L999
+G90                                        ; absolute
+M669 K3
+m665 R{machine.radius} L{arms} B{machine.bed} H{height} {towers(np.subtract(machine.angles, USUAL))}
+M666 {towers(np.subtract(machine.endstops, height))} A0.00 B0.00 ; endstops
+M558 P8 C"zprobe.in" H5 F300 T9000
+G31 K1 X50 Y50 Z9
+G31 P500 X{OFFSET[0]} Y{OFFSET[1]} Z{OFFSET[2]}
+M557 R90 S20
+"""
+
+
+def heights(machine: Delta, truth: Truth, x: Floats, y: Floats, noise: float = 0.0) -> Floats:
+    """How much higher than its offset the nozzle stood when the probe triggered over (x, y)."""
+    above = np.full(len(x), OFFSET[2])
+    high = touches(machine, truth, x - OFFSET[0], y - OFFSET[1], above, 0.0 * above) - above
+    return high + noise * np.random.default_rng(1).normal(size=len(x))
+
+
+def height_map(machine: Delta, truth: Truth, version: int = 2, noise: float = 0.0) -> str:
+    """A round map of nine by nine places, 20 mm apart."""
+    side = np.arange(-80.0, 81.0, 20.0)
+    x, y = (each.ravel() for each in np.meshgrid(side, side))
+    reached = np.hypot(x, y) <= 90.0
+    cells = np.full(len(x), "      0", dtype=object)
+    found = heights(machine, truth, x[reached], y[reached], noise)
+    cells[reached] = [f"{high:7.4f}" for high in found]
+    rows = [",".join(row) for row in cells.reshape(9, 9)]
+    title = "RepRapFirmware height map file v2 generated at 2024-03-05 17:21, min error -0.123"
+    head = ["xmin,xmax,ymin,ymax,radius,xspacing,yspacing,xnum,ynum"]
+    head += ["-80.00,80.00,-80.00,80.00,90.00,20.00,20.00,9,9"]
+    if version == 3:
+        head = ["axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1"]
+        head += ["X,Y,-80.00,80.00,-80.00,80.00,90.00,20.00,20.00,9,9"]
+    return "\n".join((title, *head, *rows)) + "\n"
+
+
+def disc(count: int = 37, radius: float = 80.0) -> tuple[Floats, Floats]:
+    turn, away = np.arange(count) * 2.4, radius * np.sqrt((np.arange(count) + 0.5) / count)
+    return (away * np.cos(turn)).round(2), (away * np.sin(turn)).round(2)
+
+
+def klipper_console(machine: Delta, truth: Truth, new: bool = False, noise: float = 0.0) -> str:
+    """Each place twice, as with `samples: 2`."""
+    x, y = (np.repeat(each, 2) for each in disc())
+    high = heights(machine, truth, x, y, noise)
+    if new:
+        lines = [
+            f"Recv: // probe: at {a:.3f},{b:.3f} bed will contact at z={z:.6f}"
+            for a, b, z in zip(x, y, high, strict=True)
+        ]
+    else:
+        lines = [
+            f"17:21:05  // probe at {a:.3f},{b:.3f} is z={z + OFFSET[2]:.6f}"
+            for a, b, z in zip(x - OFFSET[0], y - OFFSET[1], high, strict=True)
+        ]
+    return "\n".join(("Send: BED_MESH_CALIBRATE", *lines, "Mesh Bed Leveling Complete")) + "\n"
+
+
+def m503(machine: Delta) -> str:
+    height = min(machine.endstops) - OFFSET[2]
+    return f"""\
+Send: M503
+Recv: echo:; Delta settings: L<diagonal rod> R<radius> H<height> S<segments per sec> XYZ<angles>
+Recv: echo:  M665 L300.00 R{machine.radius} H{height} S160.00 \
+{towers(np.subtract(machine.angles, USUAL))} {towers(np.subtract(machine.arms, 300.0), "ABC")}
+Recv: echo:; Endstop adjustment:
+Recv: echo:  M666 {towers(min(machine.endstops) - np.array(machine.endstops))}
+Recv: echo:  M851 X{OFFSET[0]} Y{OFFSET[1]} Z{-OFFSET[2]} ; (mm)
+Recv: ok
+"""
+
+
+def g29(machine: Delta, truth: Truth, noise: float = 0.0) -> str:
+    """Verbose: a line for each touch."""
+    x, y = disc()
+    high = heights(machine, truth, x, y, noise)
+    lines = [f"Recv: Bed X: {a} Y: {b} Z: {z:.4f}" for a, b, z in zip(x, y, high, strict=True)]
+    return "\n".join(("Send: G29 V4", *lines, "Recv: ok", ""))
+
+
+def grid(machine: Delta, truth: Truth) -> str:
+    """Nine by nine places; what is out of reach was made up."""
+    side = np.linspace(10.0 - machine.bed, machine.bed - 10.0, 9)
+    x, y = (each.ravel() for each in np.meshgrid(side, side))
+    high = np.full(len(x), 7.77)
+    reached = np.hypot(x, y) <= machine.bed - 10.0 + 1e-9
+    high[reached] = heights(machine, truth, x[reached], y[reached])
+    high[0] = np.nan
+    texts = ["   =====" if np.isnan(z) else f" {z:+.4f}" for z in high]
+    rows = [f"{k:2}{''.join(row)}" for k, row in enumerate(np.reshape(texts, (9, 9)))]
+    index = "".join(f"{k:8}" for k in range(9))
+    fine = "Subdivided with CATMULL ROM Leveling Grid:\n     0\n 0 +9.0000 +9.0000\n"
+    return "\n".join(("Bilinear Leveling Grid:", index, *rows, "", fine))
+
+
+def g33(machine: Delta, truth: Truth, radius: float = 90.0, results: bool = True) -> str:
+    """A dry run; the nozzle stands at the places."""
+    turn = np.radians([210.0, 330.0, 90.0, 30.0, 150.0, 270.0])
+    x, y = (radius * np.append(0.0, each(turn)) for each in (np.cos, np.sin))
+    above = np.full(7, OFFSET[2])
+    c, *z = touches(machine, truth, x, y, above, 0.0 * above) - above
+    ends = min(machine.endstops) - np.array(machine.endstops)
+    height, turned = min(machine.endstops) - OFFSET[2], np.subtract(machine.angles, USUAL)
+    names = "  x:{:+.4f}  y:{:+.4f}  z:{:+.4f}", "yz:{:+.4f}  zx:{:+.4f}  xy:{:+.4f}"
+    lines = [
+        "G33 Auto Calibrate",
+        f"Checking... AC at radius:{radius:.2f} (DRY-RUN)",
+        f".Height:{height:.2f}  Ex:{ends[0]:+.2f}  Ey:{ends[1]:+.2f}  Ez:{ends[2]:+.2f}"
+        f"  Radius:{machine.radius:.2f}",
+        f".             Tx:{turned[0]:+.2f}  Ty:{turned[1]:+.2f}  Tz:{turned[2]:+.2f}",
+    ]
+    if results:
+        lines += [
+            f".      c:{c:+.4f} {names[0].format(*z[:3])}",
+            ".     " + names[1].format(*z[3:]),
+        ]
+    return "\n".join((*lines, "End DRY-RUN                std dev:0.123", ""))
+
+
+def klippy_log(machine: Delta, truth: Truth, saved: bool = False, noise: float = 0.0) -> str:
+    """The configuration, then a calibration with three distances, then perhaps SAVE_CONFIG."""
+    cfg = printer_cfg(machine, truth, noise=noise, sections="cm", surface=0.0)
+    plain = re.sub(r"^#\*# ?", "", cfg, flags=re.MULTILINE)
+    plain = re.sub(r"^(<-.*|DO NOT.*)$\n", "", plain, flags=re.MULTILINE)
+    stored = plain.index("[delta_calibrate]")
+    mesh = plain.index("[bed_mesh default]")
+    without = plain[:stored] + plain[mesh:]
+
+    def told(text: str) -> str:
+        return (
+            "Start printer at Tue Mar  5 17:21:05 2024 (1709655665.1 5.2)\n"
+            f"===== Config file =====\n{text}\n=======================\n"
+            "Extruder max_extrude_ratio=0.266081\nStats 1234.5: gcodein=0 \n"
+        )
+
+    def each(name: str, *ends: str) -> str:
+        found = []
+        for k in range(7):
+            parts = [re.search(rf"^{name}{k}{end} = (.*)$", plain, re.M) for end in ("", *ends)]
+            if parts[0]:
+                texts = [part[1].replace(",", ", ") for part in parts if part]
+                found.append(f"({texts[0]}, " + ", ".join(f"({t})" for t in texts[1:]) + ")")
+        return f"[{', '.join(found)}]"
+
+    lists = f"{each('height', '_pos')}\n{each('distance', '_pos1', '_pos2')}\n"
+    calculated = (
+        f"Calculating delta_calibrate with:\n{lists}"
+        "Initial delta_calibrate parameters: {'endstop_a': 380.0, 'radius': 150.0}\n"
+        "Calculated delta_calibrate parameters: {'endstop_a': 380.2, 'radius': 150.1}\n"
+    )
+    return told(without) + calculated + (told(plain) if saved else "")
+
+
+def steps(machine: Delta, places: Floats) -> Floats:
+    return (machine.home - indicated(machine, places)) / STEP
+
+
+FILES = {
+    "heightmap.csv": height_map(EQUAL, OFF, noise=0.01),
+    "console.txt": klipper_console(EQUAL, OFF, noise=0.01),
+    "g29.txt": m503(EQUAL) + g29(EQUAL, OFF, noise=0.01) + g33(EQUAL, OFF),
+    "grid.txt": m503(EQUAL) + grid(EQUAL, OFF) + g33(EQUAL, OFF),
+    "klippy.log": klippy_log(EQUAL, OFF, noise=0.01),
+    "config.g": config_g(EQUAL),
+}
+# Settings of Klipper in the folder of its console's lines.
+CONFIGURATION = printer_cfg(EQUAL, Truth(), sections="")

@@ -1,0 +1,206 @@
+"""A real LinuxCNC with simulated axes, headless; `installed` says why it cannot be had."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pwd
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+_JOINT = """\
+[AXIS_{axis}]
+MIN_LIMIT = -500
+MAX_LIMIT = 500
+MAX_VELOCITY = 500
+MAX_ACCELERATION = 5000
+[JOINT_{number}]
+TYPE = LINEAR
+HOME = 0.0
+MAX_VELOCITY = 500
+MAX_ACCELERATION = 5000
+MIN_LIMIT = -500
+MAX_LIMIT = 500
+FERROR = 5
+MIN_FERROR = 5
+HOME_OFFSET = {offset}
+HOME_SEARCH_VEL = 0
+HOME_LATCH_VEL = 0
+HOME_SEQUENCE = 0
+"""
+_HEAD = """\
+[EMC]
+VERSION = 1.1
+MACHINE = mill7
+[DISPLAY]
+DISPLAY = linuxcncrsh
+[TASK]
+TASK = milltask
+CYCLE_TIME = 0.010
+[RS274NGC]
+PARAMETER_FILE = sim.var
+[EMCMOT]
+EMCMOT = motmod
+COMM_TIMEOUT = 1.0
+SERVO_PERIOD = 1000000
+[HAL]
+HALFILE = mill.hal
+[TRAJ]
+COORDINATES = X Y Z
+LINEAR_UNITS = mm
+ANGULAR_UNITS = degree
+MAX_LINEAR_VELOCITY = 500
+[EMCIO]
+EMCIO = io
+CYCLE_TIME = 0.100
+TOOL_TABLE = tool.tbl
+[KINS]
+KINEMATICS = trivkins coordinates=XYZ
+JOINTS = 3
+"""
+_HAL = """\
+loadrt [KINS]KINEMATICS
+loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS
+addf motion-command-handler servo-thread
+addf motion-controller servo-thread
+net j0 joint.0.motor-pos-cmd => joint.0.motor-pos-fb
+net j1 joint.1.motor-pos-cmd => joint.1.motor-pos-fb
+net j2 joint.2.motor-pos-cmd => joint.2.motor-pos-fb
+net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in
+net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared
+net change iocontrol.0.tool-change => iocontrol.0.tool-changed
+"""
+
+
+def missing() -> str | None:
+    """Why it cannot run here; None if it can."""
+    wanted = ("linuxcnc", "linuxcncrsh", "halcmd", "milltask")
+    without = [name for name in wanted if shutil.which(name) is None]
+    if without:
+        return f"LinuxCNC is not installed: no {', '.join(without)}"
+    with socket.socket() as free:
+        return "something else has port 5007" if free.connect_ex(("localhost", 5007)) == 0 else None
+
+
+class LinuxCnc:
+    """Started in a folder, homed; not as root, which it refuses."""
+
+    def __init__(self) -> None:
+        # There is one in a computer: other tests wait.
+        self.alone = (Path(tempfile.gettempdir()) / "orthocal-linuxcnc.lock").open("w")
+        fcntl.flock(self.alone, fcntl.LOCK_EX)
+        # No folder of pytest: it must be open to another user.
+        self.folder = folder = Path(tempfile.mkdtemp(prefix="orthocal-"))
+        folder.chmod(0o755)
+        self.ini = folder / "mill.ini"
+        joints = zip("XYZ", (0.5, -12.25, 0.0), strict=True)
+        blocks = [
+            _JOINT.format(axis=axis, number=number, offset=offset)
+            for number, (axis, offset) in enumerate(joints)
+        ]
+        self.ini.write_text(_HEAD + "".join(blocks))
+        (folder / "mill.hal").write_text(_HAL)
+        for name in ("tool.tbl", "sim.var"):
+            (folder / name).touch()
+        self.user = "nobody" if os.geteuid() == 0 else None
+        if self.user:
+            owner = pwd.getpwnam(self.user)
+            for path in (folder, *folder.iterdir()):
+                os.chown(path, owner.pw_uid, owner.pw_gid)
+        try:
+            self.start()
+        except BaseException:
+            self.__exit__()
+            raise
+
+    def __enter__(self) -> LinuxCnc:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.alone.close()
+
+    def start(self) -> None:
+        """Start it with what its INI says now, and home it."""
+        environment = {**os.environ, "HOME": str(self.folder), "DISPLAY": ""}
+        self.process = subprocess.Popen(
+            ["linuxcnc", str(self.ini)],
+            cwd=self.folder, env=environment, user=self.user, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        end = time.monotonic() + 40.0
+        while True:  # a server that is about to end may still answer
+            try:
+                self.connection = socket.create_connection(("localhost", 5007), 30.0)
+                self.tell("hello EMC test 1.0", "set echo off", "set enable EMCTOO")
+                self.tell("set estop off", "set machine on", "set set_wait done")
+                self.homed_by = self.home()
+                return
+            except (OSError, subprocess.CalledProcessError):
+                assert time.monotonic() < end, "it did not start"
+                time.sleep(0.5)
+
+    def home(self) -> list[float]:
+        """Home all joints, each where it is, and go to 0; how far the motors went [mm].
+
+        Without a switch the place where homing begins counts as HOME_OFFSET, so that each motor
+        goes back by it.
+        """
+        before = self.motors_mm()
+        for joint in range(3):
+            # A machine that is homed is in teleoperation again, in which no joint can be homed.
+            self.tell("set mode manual", "set teleop_enable off", f"set home {joint}")
+            time.sleep(0.5)
+            while not self.rests():
+                pass
+        assert self.tell("get joint_homed").split()[-6:-3] == ["YES"] * 3
+        return [b - a for a, b in zip(before, self.motors_mm(), strict=True)]
+
+    def rests(self) -> bool:
+        """Whether no motor moves any more."""
+        before = self.motors_mm()
+        time.sleep(0.15)
+        return before == self.motors_mm()
+
+    def motors_mm(self) -> list[float]:
+        """Where the motors are, whatever the controller calls that place [mm]."""
+        return [round(float(self.hal("getp", f"joint.{n}.motor-pos-cmd")), 6) for n in range(3)]
+
+    def hal(self, *arguments: str) -> str:
+        """What halcmd answers."""
+        run = subprocess.run(
+            ["halcmd", *arguments], capture_output=True, text=True, check=True, user=self.user
+        )
+        return run.stdout.strip()
+
+    def drive(self, x: float, y: float, z: float) -> None:
+        """Go there, and wait for it."""
+        self.tell("set mode mdi", f"set mdi G53 G0 X{x} Y{y} Z{z}")
+        time.sleep(0.1)
+        while not self.rests():
+            pass
+
+    def tell(self, *lines: str) -> str:
+        """Send lines; the last thing that was answered."""
+        answer = b""
+        for line in lines:
+            self.connection.sendall(line.encode() + b"\n")
+            time.sleep(0.1)
+            if line.startswith(("get", "hello")):
+                answer = self.connection.recv(4096)
+        return answer.decode()
+
+    def stop(self) -> None:
+        """Shut it down."""
+        try:
+            self.tell("shutdown")
+            self.connection.close()
+            self.process.wait(20)
+        except (AttributeError, OSError, subprocess.TimeoutExpired):
+            os.killpg(self.process.pid, 9)
+            self.process.wait()

@@ -1,0 +1,176 @@
+"""One screen: what commands print without --details at 80 columns, for what can be hidden."""
+
+import re
+import shutil
+from contextlib import chdir
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from rich.cells import cell_len
+
+from orthoglide_cal.diagnosis import Verdict, diagnose
+from orthoglide_cal.files import machine_text, read_input, read_machine_file, shipped_folder
+from orthoglide_cal.planning import ranked
+from orthoglide_cal.planning.plan import Wanted, measurement_plan
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+from orthoglide_cal.report.documents.plan import plan_document
+from orthoglide_cal.report.documents.solution import solution_document
+from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.results import Remedy, answer_to
+from tests import truth
+from tests.cli.program import done
+from tests.machines import NOMINAL, SAMPLES
+from tests.report.test_terminal import shown, unwrapped
+from tests.results.cases import as_left, identity_of
+from tests.results.sessions import TRUE, session, write
+from tests.truth import delta
+
+SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
+PAIRS = [("axis_gap", "swapped_gauges"), ("bar_skew", "misread"), ("encoder_scale", "axis_gap")]
+PRINTER_PAIRS = [("tower_lean", "bed_shape"), ("bed_shape", "misread")]
+MOST = {"solve": 24, "refused": 11, "diagnose": 30, "undecided": 20, "plan": 24, "verify": 24}
+
+
+def screen(document: doc.Document, most: int) -> list[str]:
+    """The lines of the screen, which are few, and none too wide but what is typed."""
+    assert document.screen is not None
+    page = document.screen()
+    lines, kept = shown(page).splitlines(), unwrapped(page)
+    text = "\n".join(lines)
+    assert len(lines) <= most, f"{len(lines)} lines:\n{text}"
+    for line in lines:
+        assert cell_len(line) <= 80 or any(typed in line for typed in kept), text
+    return lines
+
+
+def both_screens(case: Case) -> str:
+    """Of solve and diagnose, as many lines as their verdicts allow; one decision in both."""
+    answer = case.answer
+    said = ""
+    if answer.parameters:
+        usable = answer.release.usable
+        few = MOST["refused"] + len(answer.parameters)
+        lines = screen(solution_document(case), MOST["solve"] if usable else few)
+        enter = usable and not answer.release.settled
+        assert any(re.search(r" {2}enter( |$)", line) for line in lines) == enter, lines
+        assert ("apply" in "\n".join(lines)) <= enter
+        said = "\n".join(lines)
+    undecided = answer.verdict is Verdict.AMBIGUOUS
+    lines = screen(diagnosis_document(case), MOST["undecided" if undecided else "diagnose"])
+    assert ("Do not enter" in "\n".join(lines)) == (not answer.release.usable), lines
+    return f"{said}\n\n" + "\n".join(lines)
+
+
+def simulated(written: str, machine: str) -> Case:
+    """What was written, judged by the machine that was written; the answer of a plain screen."""
+    with TemporaryDirectory() as folder, chdir(folder):
+        Path("before.csv").write_text(written, encoding="utf-8")
+        Path("machine.yaml").write_text(machine, encoding="utf-8")
+        given = read_input("before.csv", read_machine_file(Path("machine.yaml")).model)
+        return Case(given, answer_to(given))
+
+
+@cache
+def of_orthoglide(hidden: tuple[str, ...], seed: int, gauge: str, outside: str | None) -> Case:
+    session = truth.make_session(seed, truth.PROTOTYPE, truth.GAUGES[gauge], hidden, outside)
+    return simulated(
+        truth.readings_csv(session), truth.machine_yaml(session.machine, session.gauge)
+    )
+
+
+@cache
+def of_printer(hidden: tuple[str, ...], seed: int, places: int) -> Case:
+    layout = delta.Layout(places)
+    session = delta.make_delta_session(seed, hidden=hidden, layout=layout)
+    return simulated(delta.delta_csv(session), delta.delta_yaml(session.machine))
+
+
+@pytest.mark.parametrize("name", SAMPLE_FILES)
+def test_samples(name: str) -> None:
+    given = read_input(str(SAMPLES / name), None, lambda: NOMINAL)
+    both_screens(Case(given, answer_to(given)))
+
+
+@pytest.mark.parametrize("cause", [(), *((cause,) for cause in truth.CAUSES)], ids=str)
+def test_causes_of_an_orthoglide(cause: tuple[str, ...]) -> None:
+    both_screens(of_orthoglide(cause, 1, "micron", None))
+
+
+@pytest.mark.parametrize("cause", ["leg_length", "tower_lean", "bed_shape", "misread"])
+def test_causes_of_a_printer(cause: str) -> None:
+    both_screens(of_printer((cause,), 1, 49))
+
+
+@pytest.mark.parametrize("machine", ["orthoglide_prototype.yaml", "linear_delta.yaml"])
+def test_a_plan(machine: str) -> None:
+    model = read_machine_file(shipped_folder() / machine).model
+    screen(plan_document(measurement_plan(model, Wanted())), MOST["plan"])
+
+
+def test_what_was_questioned_and_kept_is_retaken_first() -> None:
+    case = of_orthoglide(("backlash",), 2, "micron", None)
+    assert case.answer.verdict is Verdict.AMBIGUOUS
+    again = Remedy(sentence="Retake: r 14", verb="measure", options="--resume")
+    release = case.answer.release
+    kept = case.answer.changed(release=release.changed(remedies=(again, *release.remedies)))
+    for said in both_screens(Case(case.given, kept)).split("\nNext\n")[1:]:
+        assert re.match(r" +1\. Retake: r 14 +orthocal measure before.csv --resume", said), said
+
+
+def test_what_to_measure_next() -> None:
+    given = read_input(str(SAMPLES / "experiment1.csv"), None, lambda: NOMINAL)
+    diagnosis = diagnose(given.measured, given.model)
+    plan = measurement_plan(given.model, Wanted(), ranked(diagnosis))
+    begun = answer_to(given, diagnosed=diagnosis)
+    screen(plan_document(plan, None, begun, given.measured.source), MOST["plan"])
+
+
+def test_a_verification() -> None:
+    case, found = as_left()
+    screen(verification_document(found, identity_of(case)), MOST["verify"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gauge", "seed"), [("micron", 2), ("dial", 3)])
+@pytest.mark.parametrize("cause", [(), *((cause,) for cause in truth.CAUSES), *PAIRS], ids=str)
+def test_more_causes_of_an_orthoglide(cause: tuple[str, ...], seed: int, gauge: str) -> None:
+    both_screens(of_orthoglide(cause, seed, gauge, None))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("outside", truth.OUTSIDE)
+def test_what_no_cause_explains(outside: str) -> None:
+    both_screens(of_orthoglide((), 1, "micron", outside))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("places", [7, 121])
+@pytest.mark.parametrize("cause", [(), *((cause,) for cause in delta.TOLERANCES), *PRINTER_PAIRS])
+def test_more_causes_of_a_printer(cause: tuple[str, ...], places: int) -> None:
+    both_screens(of_printer(cause, 2, places))
+
+
+def test_the_folder_never_asks_to_apply_what_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("machine.yaml").write_text(machine_text(NOMINAL), encoding="utf-8")
+    shutil.copy(SAMPLES / "session.yaml", "refused.yaml")
+    said = done()
+    assert "Do not enter these offsets" in said
+    assert "orthocal diagnose refused.yaml" in said
+    assert "apply" not in said
+    # One that may be entered is to be applied; both are few lines.
+    write(session(TRUE, 4), NOMINAL, Path("later.yaml"), finished="2099-01-01T00:00:00+00:00")
+    assert "orthocal apply later.yaml" in done()
+    assert len(said.splitlines()) <= MOST["solve"]
+
+
+@pytest.mark.parametrize("command", ["solve", "plan", "measure", "export"])
+def test_help_names_values_plainly(command: str) -> None:
+    said = done(command, "--help")
+    assert not re.search("<[a-z]", said)

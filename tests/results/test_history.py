@@ -1,0 +1,198 @@
+"""Histories against the independent truth: the story, when, how much; circumstances; refusals."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.files import Input
+from orthoglide_cal.results.history import History, Story, compare, moment_of
+from orthoglide_cal.results.verification import verify
+from tests import truth
+from tests.machines import NOMINAL
+from tests.results.histories import STORIES, WANTED, Drawn, draw, measured
+from tests.results.sessions import TRUE, given, session
+from tests.truth.session import Setting
+
+
+def places(found: History) -> tuple[int, ...]:
+    """Numbers of the sessions before a change."""
+    paths = [each.path for each in found.sessions]
+    return tuple(paths.index(change.before) for change in found.changes)
+
+
+def scored(drawn: Drawn) -> Counter[str]:
+    """What the program gets right of one history, and what not."""
+    found, wanted, story = compare(drawn.inputs), WANTED.get(drawn.story, "changed"), drawn.story
+    far, right = drawn.sigmas >= 4.0, found.verdict == wanted
+    count = Counter({f"{story} {'far' if far else 'near'}": 1})
+    if far:
+        count[f"{story} right"] += right
+        count[f"{story} right or open"] += right or wanted in found.ambiguous_with
+    if wanted == "changed" and right and len(drawn.gaps) == 1 and far:
+        count["placed"] += 1
+        count["place right"] += places(found) == drawn.gaps
+        if places(found) == drawn.gaps and story != "cause":
+            sizes = {each.name: each for each in found.changes[0].parameters}
+            true = dict(zip("xyz", drawn.size.tolist(), strict=True))
+            count["sizes"] += len(sizes)
+            count["size inside U"] += sum(
+                abs(each.value - true.get(name, 0.0)) <= each.expanded
+                for name, each in sizes.items()
+            )
+    if story == "cause" and right:
+        count["cause named"] += any("axis" in each.name for each in found.changes[0].parameters)
+    return count
+
+
+@pytest.mark.slow
+def test_rates_of_a_thousand_histories():
+    """1,008 histories of 3 to 12 sessions, 112 of each story."""
+    total: Counter[str] = Counter()
+    for story in STORIES:
+        for seed in range(1000, 1112):
+            total += scored(draw(story, seed))
+    print(dict(total))
+    still = ("unchanged", "warm")
+    assert sum(total[f"{story} right"] for story in still) >= 0.97 * 224
+    moved = [story for story in STORIES if story not in still]
+    apart = sum(total[f"{story} far"] for story in moved)
+    assert sum(total[f"{story} right"] for story in moved) >= 0.95 * apart
+    assert sum(total[f"{story} right or open"] for story in moved) >= 0.98 * apart
+    assert total["place right"] >= 0.97 * total["placed"]
+    assert 0.93 <= total["size inside U"] / total["sizes"] <= 0.97
+    assert total["cause named"] >= 0.95 * total["cause right"]
+
+
+@pytest.mark.parametrize("story", STORIES)
+def test_each_story_is_told(story):
+    drawn = draw(story, 5, 6)
+    found = compare(drawn.inputs)
+    assert found.verdict == WANTED.get(story, "changed")
+    assert 0.2 < found.probability <= 1.0
+    assert [each.path for each in found.sessions] == [f"{k}.csv" for k in range(6)]
+    if drawn.gaps:
+        assert places(found) == drawn.gaps
+    if story == "step and drift":
+        assert found.also == ("drifting",)
+    if story == "scatter":
+        true = drawn.path.std(axis=0, ddof=1)
+        assert [each.std for each in found.scatter] == pytest.approx(true, rel=0.35)
+    if story == "warm":
+        assert any("temperature" in note for note in found.notes)
+    if story == "cause":
+        (change,) = found.changes
+        assert all(each.name.startswith("axis_") for each in change.parameters)
+        assert any("axis_" in note for note in found.notes)
+
+
+def test_a_drift_has_its_rate_its_limit_and_a_prediction():
+    drawn = draw("drift", 9, 8)
+    found = compare(drawn.inputs, limit_mm=0.5)
+    true = dict(zip("xyz", np.polyfit(drawn.days, drawn.path, 1)[0].tolist(), strict=True))
+    for each in found.drift:
+        # Three standard uncertainties: of three rates one is outside once in 120 times.
+        assert each.per_day == pytest.approx(true[each.name], abs=3.0 * each.std)
+    fastest = max(found.drift, key=lambda each: abs(each.per_day))
+    assert found.limit.parameter == fastest.name
+    # At the earliest: before the rate alone gets there, not much.
+    days = 0.5 / abs(fastest.per_day)
+    assert 0.8 * days < found.limit.days < days
+    assert not found.limit.scatter_exceeds
+    step = float(np.median(np.diff(drawn.days)))
+    start = found.pooled["xyz".index(fastest.name)].value
+    coming = found.prediction["xyz".index(fastest.name)]
+    assert coming.value == pytest.approx(start + step * fastest.per_day, abs=0.01)
+    assert coming.expanded < 0.04
+
+
+def test_scatter_beyond_a_limit_is_said():
+    found = compare(draw("scatter", 5, 5).inputs, limit_mm=0.01)
+    assert set(found.limit.scatter_exceeds) == {each.name for each in found.scatter}
+
+
+def test_what_all_sessions_share_is_not_counted_twice():
+    """Seven sessions know the offsets little better than one: the legs stay as they are."""
+    found = compare(draw("unchanged", 2, 7).inputs)
+    one, all_ = found.sessions[0].parameters[0], found.pooled[0]
+    assert found.verdict is Story.UNCHANGED
+    assert 0.7 * one.std < all_.std < one.std
+    # Its own share averages out; each further session adds less.
+    assert found.sessions[0].own_expanded[0] < 0.8 * one.expanded
+    further = [found.further[more][0] for more in (1, 2, 5)]
+    assert all_.expanded > further[0] > further[1] > further[2] > 0.0196  # 1.96 times 0.01 mm
+
+
+def test_a_recorded_adjustment_is_no_change_and_an_unrecorded_one_is():
+    changed = (given(session(TRUE, 1)), given(session(TRUE * 0.0, 2)))
+    recorded = given(session(TRUE * 0.0, 2), NOMINAL.holding(tuple(TRUE)))
+    found = compare([changed[0], recorded], ["2026-03-02", "2026-04-02"])
+    assert found.verdict is Story.UNCHANGED
+    assert any("Recorded adjustment" in note for note in found.notes)
+    assert compare(changed).verdict is Story.CHANGED
+    # `verify` says the same of both: the machine responded, and nothing else changed.
+    checked = verify(*changed, TRUE)
+    assert checked.kept
+    assert not checked.other_change.found
+
+
+def test_order_and_dates():
+    drawn = draw("step", 5, 4)
+    backwards = compare(drawn.inputs[::-1])
+    assert backwards == compare(drawn.inputs)
+    undated = [
+        replace(each, conditions=each.conditions.changed(started=None)) for each in drawn.inputs
+    ]
+    found = compare(undated)
+    assert not found.dated
+    assert any("order given" in note for note in found.notes)
+    assert places(found) == drawn.gaps
+    days = ["2026-03-02", "2026-03-09", "2026-04-01", "2026-05-01"]
+    assert compare(undated, days[::-1]).sessions[0].path == "3.csv"
+
+
+@pytest.mark.parametrize(
+    ("name", "day"),
+    [
+        ("printer-20241223_204558.cfg", "2024-12-23T20:45:58+00:00"),
+        ("kossel_2025-03-27.cfg", "2025-03-27T00:00:00+00:00"),
+        ("mill7-20260302.csv", "2026-03-02T00:00:00+00:00"),
+        ("20261399.csv", None),
+        ("printer.cfg", None),
+    ],
+)
+def test_the_name_of_a_file_tells_its_date(name, day):
+    only = given(session(TRUE, 1))
+    source = replace(only.measured.source, path=f"backup/{name}")
+    named = replace(only, measured=replace(only.measured, source=source))
+    found = moment_of(named)
+    assert (found and found.isoformat()) == day
+
+
+def other_machine() -> Input:
+    """A session of a machine with other legs."""
+    exact, rng = Setting.exact(), np.random.default_rng(1)
+    return measured(truth.LARGE, truth.DIAL, TRUE, (), exact, rng, "other.csv")
+
+
+@pytest.mark.parametrize(
+    ("inputs", "more", "says"),
+    [
+        (lambda: [given(session(TRUE, 1))], {}, "two sessions"),
+        (lambda: [given(session(TRUE, 1)), other_machine()], {}, "several machines"),
+        (lambda: [given(session(TRUE, k)) for k in (1, 2)], {"dates": ["2026-03-02"]}, "1 dates"),
+        (
+            lambda: [given(session(TRUE, k)) for k in (1, 2)],
+            {"dates": ["2026-03-02", "soon"]},
+            "no date",
+        ),
+        (lambda: [given(session(TRUE, k)) for k in (1, 2)], {"limit_mm": 0.0}, "greater than"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(inputs, more, says):
+    with pytest.raises(UsageError, match=says):
+        compare(inputs(), **more)

@@ -1,0 +1,164 @@
+"""Under which conditions a result holds, and what is said of them beside the verdict."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.files import Conditions, GaugeIdentity
+from orthoglide_cal.model.machine import OwnGauge
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.html import html
+from orthoglide_cal.results import identify
+from orthoglide_cal.results.validity import compared_reservations, validity
+from orthoglide_cal.results.verification import verify
+from tests.machines import NOMINAL
+from tests.report.cases import changed, report_of
+from tests.results import cases
+from tests.results.cases import COMPLETE, case_of
+from tests.results.sessions import FINE, TRUE, given, session
+
+READINGS = session(TRUE, 3)
+
+
+def said(conditions: Conditions, model=NOMINAL) -> tuple[str, ...]:
+    return validity(given(READINGS, model, conditions)).reservations
+
+
+def warmer(start: float, end: float) -> Conditions:
+    return COMPLETE.changed(temperature_c=(start, end), first_and_last_c=(start, end))
+
+
+def test_nothing_is_said_of_a_complete_session() -> None:
+    found = validity(given(READINGS, NOMINAL, COMPLETE))
+    assert found.reservations == ()
+    assert (found.temperature_start_c, found.temperature_end_c) == (20.9, 21.3)
+    assert not found.simulated
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"finished": "2027-02-01T08:00:00+01:00"}, ("no. 41 is overdue", "no. 42 is overdue")),
+        ({"finished": "2027-01-31T23:00:00+01:00"}, ()),
+        ({"temperature_c": (19.4, 21.3)}, ()),
+        ({"temperature_c": (19.2, 21.3)}, ("changed by 2.1 K",)),
+        ({"environment": (("temperature_end_c", "23.1"),)}, ("changed by 2.4 K",)),
+        ({"operator": None, "gauges": ()}, ("Not recorded: operator, gauges.",)),
+        ({"started": None, "finished": None}, ("Not recorded: date.",)),
+        ({"temperature_c": None, "first_and_last_c": None}, ("Not recorded: temperature.",)),
+        ({"environment": (("readings_from", "simulated"),), "operator": None}, ("Simulated",)),
+        ({"environment": (("source", "simulated, seed 9"),)}, ("Simulated",)),
+        ({"environment": (("source", "typed"),)}, ()),
+    ],
+)
+def test_what_a_reader_has_to_know(changes: dict[str, object], words: tuple[str, ...]) -> None:
+    found = said(COMPLETE.changed(**changes))
+    assert len(found) == len(words)
+    for sentence, wanted in zip(found, words, strict=True):
+        assert wanted in sentence
+
+
+def test_the_machine_file_says_what_the_session_does_not() -> None:
+    bare = COMPLETE.changed(gauges=(GaugeIdentity(id="no. 41"),))
+    missing = "Not recorded: certificate of gauge no. 41, due date of gauge no. 41."
+    assert said(bare) == (missing,)
+    own = OwnGauge(id="no. 41", certificate="2026-0117", due="2026-01-31")
+    (overdue,) = said(bare, changed(NOMINAL, gauges=(own,)))
+    assert overdue == "Gauge no. 41 is overdue: its calibration was due on 2026-01-31."
+
+
+def test_two_sessions_are_compared() -> None:
+    def between(second: Conditions) -> tuple[str, ...]:
+        both = (validity(given(READINGS, NOMINAL, each)) for each in (COMPLETE, second))
+        return compared_reservations(*both)
+
+    assert between(COMPLETE) == ()
+    assert between(warmer(22.9, 23.1)) == ()  # 1.9 K warmer
+    (warm,) = between(warmer(23.1, 23.3))
+    assert "21.1 °C before, 23.2 °C after" in warm
+    (other,) = between(COMPLETE.changed(gauges=(*COMPLETE.gauges[:1], COMPLETE.gauges[1].changed(
+        id="no. 77"))))  # fmt: skip
+    assert other == "Other gauges were used: no. 41, no. 42 before, no. 41, no. 77 after."
+    assert between(COMPLETE.changed(operator=None)) == ("After: not recorded: operator.",)
+
+
+def test_it_stands_beside_the_verdict_of_report_and_verify_and_in_json() -> None:
+    late = COMPLETE.changed(finished="2027-02-01T08:00:00+01:00")
+    before, after = given(READINGS, NOMINAL, late), given(session(TRUE - TRUE, 5), NOMINAL, late)
+    found = verify(before, after, TRUE.tolist())
+    verified = verification_document(found, identify([], issued=cases.ISSUED))
+    reported = report_of(case_of(before))
+    for document, where in ((verified, ()), (reported, ("answer", "validity"))):
+        notice, data = document.page().notice, document.data()
+        for key in where:
+            data = data[key]
+        assert notice.tone is doc.Tone.WARN
+        assert notice.title.endswith(", with a reservation")
+        assert len(data["reservations"]) == 2
+        lines = {line.text for line in notice.lines if isinstance(line, doc.Doubtful)}
+        assert lines == set(data["reservations"])
+    assert verified.data()["before"]["validity"]["gauges"][0]["overdue"] is True
+
+
+def test_a_simulated_session_is_no_certificate() -> None:
+    practice = COMPLETE.changed(environment=(("readings_from", "simulated"),))
+    case = replace(cases.healthy(), given=replace(cases.healthy().given, conditions=practice))
+    known = case.answer.changed(validity=validity(case.given))
+    page = report_of(replace(case, answer=known)).page()
+    whole = html(page)
+    assert (page.stamp, page.kind, page.notice.tone) == (
+        "SIMULATED", "Practice report", doc.Tone.WARN,
+    )  # fmt: skip
+    assert 'class="stamp" data-word="SIMULATED"' in whole
+    assert '@bottom-left { content: "Practice report OC-' in whole
+    both = given(READINGS, NOMINAL, practice), given(session(0.0 * TRUE, 5), NOMINAL, practice)
+    found = verify(*both, TRUE.tolist())
+    verified = verification_document(found, identify([], issued=cases.ISSUED)).page()
+    assert (verified.stamp, verified.kind) == ("SIMULATED", "Practice report")
+    sound = html(report_of(cases.healthy()).page())
+    assert "SIMULATED" not in sound
+    assert "Practice" not in sound
+
+
+def test_the_shims_make_the_rails_meet() -> None:
+    """Distances between pairs of lines, from their points alone, before and after shimming."""
+    case = cases.named_in_machine()
+    found = next(cause for cause in case.answer.causes if cause.id == "axis_gap")
+    values = np.array([each.value for each in found.parameters])
+    assert values == pytest.approx(cases.GAP, abs=0.05)
+    rails = CAUSES["axis_gap"].geometry(FINE.machine.nominal_rails, values)
+    points, ways = np.array(rails.points), np.array(rails.directions)
+
+    def gaps() -> list[float]:
+        return [
+            float(np.cross(ways[i], ways[j]) @ (points[i] - points[j]))
+            for i, j in ((0, 1), (1, 2), (2, 0))
+        ]
+
+    assert gaps() == pytest.approx(values.tolist())
+    for shim in case.answer.shims:
+        along = "xyz".index(shim.along[1])
+        points["xyz".index(shim.rail), along] += float(f"{shim.along[0]}{shim.mm}")
+    assert gaps() == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    page = report_of(case).page()
+    assert page.notice.title == f"The rails miss each other by {max(abs(values)):.2f} mm"
+    assert "Adjusted by" not in page.signatures
+    assert "Adjusted by" in report_of(cases.healthy()).page().signatures
+
+
+@pytest.mark.parametrize("name", ["healthy", "named_in_machine", "ambiguous", "unexplained"])
+def test_shares_of_the_mean_square_add_up(name: str) -> None:
+    answer = cases.CASES[name]().answer
+    shares = {each.source: each.mean_square_mm2 for each in answer.variance}
+    assert sum(shares.values()) == pytest.approx(answer.rms.before_mm**2)
+    assert sum(shares.values()) == pytest.approx(answer.rms.before_mm2)
+    assert all(share >= 0.0 for share in shares.values())
+    assert shares["noise"] + shares["unexplained"] == pytest.approx(answer.rms.after_mm**2)
+    assert ("causes" in shares) == (name == "named_in_machine")
+    stated = answer.lack_of_fit.expected_mm**2
+    assert shares["noise"] == pytest.approx(min(stated, answer.rms.after_mm**2))
+    assert all(a >= b for a, b in pairwise((answer.rms.before_mm, answer.rms.after_mm)))

@@ -1,0 +1,137 @@
+"""A machine that is followed: waited for, recorded, doubted, and lost."""
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.session import Dialogue, Quit
+from orthoglide_cal.session.events import Doubt, Questioned
+from orthoglide_cal.session.record import session_values
+from orthoglide_cal.session.standing import follow
+from tests.linuxcnc import LinuxCnc, missing
+
+from .virtual import Screen, a_dialogue
+
+
+class Rsh(threading.Thread):
+    """Answers as linuxcncrsh does; `joints` in inches, so that a unit that is lost shows."""
+
+    def __init__(self, unit: str = "INCH", kinematics: int = 3) -> None:
+        super().__init__(daemon=True)
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.joints, self.asked = list[tuple[float, ...] | None](), list[str]()
+        self.said = {
+            "hello": "HELLO ACK EMCNETSVR 1.1",
+            "get user_linear_units": f"USER_LINEAR_UNITS {unit}",
+            "get kinematics_type": f"KINEMATICS_TYPE {kinematics}",
+        }
+        self.start()
+
+    @property
+    def address(self) -> str:
+        return f"linuxcnc:127.0.0.1:{self.server.getsockname()[1]}"
+
+    def run(self) -> None:
+        connection, _ = self.server.accept()
+        with connection, connection.makefile("r") as lines:
+            while (text := lines.readline().strip()) and (reply := self.reply(text)):
+                connection.sendall(reply.encode() + b"\r\n")
+
+    def reply(self, text: str) -> str | None:
+        """What it answers; None if it goes away."""
+        self.asked.append(text)
+        if text != "get joint_pos":
+            return next((v for k, v in self.said.items() if text.startswith(k)), text)
+        now = self.joints.pop(0) if len(self.joints) > 1 else self.joints[0]
+        return now and "JOINT_POS " + " ".join(f"{value:.6f}" for value in (*now, 0, 0, 0))
+
+    def stop(self) -> None:
+        """Close what the client left open."""
+        self.join(5.0)
+        self.server.close()
+
+
+@pytest.fixture
+def rsh() -> Iterator[Rsh]:
+    server = Rsh()
+    yield server
+    server.stop()
+
+
+def followed(path: Path, server: Rsh, *lines: str) -> tuple[Dialogue, Screen]:
+    """A session that follows the server, answered by these lines."""
+    dialogue, screen, _ = a_dialogue(path / "s.journal", lines)
+    dialogue.standing = follow(server.address)
+    with closing(dialogue), pytest.raises(Quit):
+        dialogue.run()
+    return dialogue, screen
+
+
+def inches(*joints_mm: float) -> tuple[float, ...]:
+    return tuple(value / 25.4 for value in joints_mm)
+
+
+ISO = inches(310.25, 310.25, 310.25)
+
+
+def test_it_is_waited_for_and_where_it_stood_is_recorded(tmp_path: Path, rsh: Rsh) -> None:
+    rsh.joints = [inches(300, 310, 310), inches(309, 310, 310), ISO]
+    dialogue, screen = followed(tmp_path, rsh, "0.10", "q")
+    assert "waiting until the machine stands there" in screen.text
+    (taken,) = (item.take for item in dialogue.state.accepted.values())
+    assert taken.remark == "the controller stood at X 310.250 Y 310.250 Z 310.250"
+    assert session_values(dialogue.so_far).readings[0].note == taken.remark
+    assert all(text.startswith(("hello", "get", "set echo")) for text in rsh.asked)
+
+
+def test_a_reading_taken_elsewhere_is_questioned_and_kept_only_if_wanted(
+    tmp_path: Path, rsh: Rsh
+) -> None:
+    rsh.joints = [ISO, inches(313.25, 310.25, 310.25), ISO]
+    dialogue, screen = followed(tmp_path, rsh, "0.10", "k", "q")
+    (taken,) = (item.take for item in dialogue.state.accepted.values())
+    assert isinstance(taken, Questioned)
+    assert taken.doubt is Doubt.PLACE
+    assert "3.00 mm" in taken.question
+    assert "m the stand moved" not in screen.text
+
+
+def test_a_connection_that_is_lost_is_said_once_and_the_session_goes_on(
+    tmp_path: Path, rsh: Rsh
+) -> None:
+    rsh.joints = [ISO, None]
+    dialogue, screen = followed(tmp_path, rsh, "0.10", "0.12", "q")
+    assert screen.text.count("does not answer any more") == 1
+    assert len(dialogue.state.accepted) == 2
+
+
+@pytest.mark.parametrize(
+    "address", ["emc", "linuxcnc:", "linuxcnc:h:0", "linuxcnc:h:x", "linuxcnc:127.0.0.1:9"]
+)
+def test_what_cannot_be_followed(address: str) -> None:
+    with pytest.raises(UsageError):
+        follow(address)
+
+
+def test_a_unit_that_is_unknown_is_refused() -> None:
+    server = Rsh("CUSTOM")
+    with pytest.raises(UsageError, match="CUSTOM"):
+        follow(server.address)
+    server.stop()
+
+
+@pytest.mark.skipif(missing() is not None, reason=str(missing()))
+def test_a_real_linuxcnc_says_where_it_stands() -> None:
+    with LinuxCnc() as machine, closing(follow("linuxcnc")) as standing:
+        machine.drive(60.0, 0.0, -5.0)
+        near = standing.at(np.full(3, 310.0), np.array([60.0, 0.0, -5.0]), 310.0)
+        assert near.away_mm < 1e-3
+        assert near.words == "the controller stood at X 60.000 Y 0.000 Z -5.000"
+        far = standing.at(np.array([370.0, 304.0, 304.0]), np.zeros(3), 310.0)
+        assert far.away_mm == pytest.approx(6.0, abs=1e-3)
