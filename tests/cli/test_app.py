@@ -264,7 +264,9 @@ def test_ctrl_c_during_a_long_run() -> None:
         time.sleep(0.05)
     program.send_signal(signal.SIGINT)
     _, said = program.communicate(timeout=60)
-    assert program.returncode == 130
+    # Interrupted while an import runs a text as code, Python ends by the signal itself (-2):
+    # a shell reports both as 130.
+    assert program.returncode in (130, -signal.SIGINT)
     assert "Traceback" not in said
 
 
