@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Annotated, Literal, get_args
 
 import typer
@@ -37,7 +38,7 @@ def paper(
         if name in simple:
             found = simple[name](default_machine())
         else:
-            with _progress("Table 3, solves") as progress:
+            with _progress("Table 3, solves", tables.SOLVES) as progress:
                 found = tables.table_3(default_machine(), np.random.default_rng(seed), progress)
         common.deliver(paper_document(found), as_json=json)
         missed |= not found.reproduced
@@ -46,7 +47,7 @@ def paper(
 
 
 @contextmanager
-def _progress(title: str) -> Iterator[Callable[[int, int], None] | None]:
+def _progress(title: str, total: int) -> Iterator[Callable[[int], None] | None]:
     """A bar on standard error while it is a terminal; otherwise None."""
     console = common.console(stderr=True)
     if not console.is_terminal:
@@ -57,5 +58,4 @@ def _progress(title: str) -> Iterator[Callable[[int, int], None] | None]:
 
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), Remaining())
     with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(title)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        yield partial(bar.advance, bar.add_task(title, total=total))

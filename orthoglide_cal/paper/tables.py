@@ -1,22 +1,46 @@
-"""The paper's tables computed again, next to what was printed."""
+"""The paper's tables computed again, next to what was printed.
+
+What offsets do to a leg (Table 1), what noise does to the offsets (Table 3; eqs. 29, 32, 33), and
+the three experiments (Tables 4 and 5).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import rms
-from orthoglide_cal.model import AXES, DIFFERENCES, DataKind, Differences, Model, Source
+from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.estimation import Problem, fit_offsets, solve
+from orthoglide_cal.estimation.accuracy import rms, sigma_rho, unit_covariance
+from orthoglide_cal.model import (
+    AXES,
+    DIFFERENCES,
+    Contact,
+    DataKind,
+    Differences,
+    Floats,
+    Model,
+    Posture,
+    Source,
+    ideal_plan,
+    other_axes,
+    reduction,
+    simulate,
+    simulate_with_jacobian,
+    zero_free,
+)
+from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from orthoglide_cal.paper import published
-from orthoglide_cal.paper.monte_carlo import monte_carlo
-from orthoglide_cal.paper.sensitivity import accuracy_factor, sensitivities
 
 # Half a unit of the last printed digit, twice over: once for the readings, once for the result.
 PRINTED_MM = 0.01
 METHODS_IN_WORDS = {DataKind.SIX: "six-equation", DataKind.TWELVE: "twelve-equation"}
+# Of Table 3: repeats of the study, sessions solved in each, and noise of one reading [mm].
+REPLICATIONS, RUNS, SIGMA_MM = 20, 10_000, 0.01
+SOLVES = len(published.TABLE_3) * REPLICATIONS * RUNS
 
 
 @dataclass(frozen=True)
@@ -81,22 +105,38 @@ def experiment(number: int) -> Differences:
 
 
 def table_1(model: Model) -> Reproduction:
-    """Sensitivities as exact derivatives of the forward model, next to T_α and 1."""
-    rows = tuple(
-        ReproducedRow(
-            f"{s.posture} {AXES[s.series.leg]}-leg {s.plane}",
-            (s.tangent, 1.0, 0.0, None),
-            (s.own, s.other, s.third, s.typical),
-            1e-6,
+    """Sensitivities next to T_α and 1: exact derivatives, at zero offsets, of the height of a leg's
+    tool end over its joint end, at the postures of each leg, in both directions."""
+    machine, ends = model.orthoglide, (Contact.TOOL, Contact.JOINT)
+    cells = [(leg, to, at) for at in Posture for leg in range(3) for to in other_axes(leg)]
+    readings = [
+        PlannedReading(leg, direction, machine.displacement_mm(posture), end)
+        for end in ends
+        for leg, direction, posture in cells
+    ]
+    jacobian = simulate_with_jacobian(model, np.zeros(3), plan_of(readings))[1]
+    tool, joint = np.split(jacobian, len(ends))
+    rows = []
+    for (leg, direction, posture), by_axis in zip(cells, (tool - joint).tolist(), strict=True):
+        # Spanned by the leg and the third axis.
+        plane = "".join(axis for axis in AXES if axis != AXES[direction]).upper()
+        # α = asin(d/L), negative at the min posture (errata, Table 1).
+        tangent = math.tan(math.asin(machine.displacement_mm(posture) / machine.leg_length_mm))
+        computed = [by_axis[axis] for axis in (leg, direction, 3 - leg - direction)]
+        rows.append(
+            ReproducedRow(
+                f"{posture} {AXES[leg]}-leg {plane}",
+                (tangent, 1.0, 0.0, None),
+                (*computed, sum(computed)),
+                1e-6,
+            )
         )
-        for s in sensitivities(model)
-    )
     return Reproduction(
         "1",
         "Sensitivity of a leg's deviation to the joint offsets",
         ("own Δρ", "direction's", "third", "1 mm each"),
         6,
-        rows,
+        tuple(rows),
         (
             "Derivatives by the leg's own offset, by that of the direction across the plane, by"
             " the third; published are the expressions T_α = tan α, 1 and 0 (at iso, α = 0).",
@@ -105,19 +145,75 @@ def table_1(model: Model) -> Reproduction:
     )
 
 
+def monte_carlo(
+    model: Model,
+    kind: DataKind,
+    offset_mm: float,
+    rng: np.random.Generator,
+    progress: Callable[[int], object] | None = None,
+    *,
+    sigma_mm: float = SIGMA_MM,
+    replications: int = REPLICATIONS,
+    runs: int = RUNS,
+) -> Floats:
+    """Estimate the offsets from many noisy sessions by nonlinear least squares (eq. 25).
+
+    Each reading gets its own noise, so a session's twelve differences share the noise of their
+    isotropic readings (errata, eq. 30).
+
+    Args:
+        model: the machine.
+        kind: six equations, or twelve.
+        offset_mm: true value of all three offsets.
+        rng: source of the noise.
+        progress: called with the solves that were added.
+        sigma_mm: standard deviation of one reading.
+        replications: repeats of the study; their spread shows how well it is determined.
+        runs: sessions solved in each.
+
+    Returns:
+        std(Δρ) of each replication, r.m.s. over the joints, shape (replications,) [mm].
+
+    Raises:
+        NotConvergedError: any of the solves did not reach its optimum.
+    """
+    problem = _problem(model, kind)
+    plan = problem.plan
+    signal = simulate(model, np.full(3, offset_mm), plan)
+    stds = np.empty(replications)
+    for k in range(replications):
+        noise = sigma_mm * rng.standard_normal((runs, len(plan)))
+        fit = fit_offsets(problem, (signal + noise) @ problem.matrix.T)
+        if not np.all(fit.converged):
+            raise NotConvergedError(
+                f"{np.sum(~fit.converged)} of {runs} solves did not reach their optimum.",
+                "Use less noise or smaller offsets.",
+            )
+        stds[k] = np.sqrt(fit.offsets_mm.var(axis=0, ddof=1).mean())
+        if progress is not None:
+            progress(runs)
+    return stds
+
+
+def _problem(model: Model, kind: DataKind) -> Problem:
+    plan = ideal_plan(kind, model.orthoglide)
+    return Problem(model, plan, reduction(kind, DIFFERENCES[kind], model.orthoglide, plan))
+
+
 def table_3(
-    model: Model, rng: np.random.Generator, progress: Callable[[int, int], None] | None = None
+    model: Model, rng: np.random.Generator, progress: Callable[[int], object] | None = None
 ) -> Reproduction:
-    """std(Δρ) by Monte Carlo, 20 × 10,000 nonlinear solves per cell."""
+    """std(Δρ) by Monte Carlo, 20 × 10,000 nonlinear solves per cell: mean and largest departure."""
     rows = []
-    for cell in monte_carlo(model, rng, progress=progress):
-        printed, spread = published.TABLE_3[cell.method, cell.offset_mm]
+    for (kind, offset), printed in published.TABLE_3.items():
+        stds = monte_carlo(model, kind, offset, rng, progress)
+        mean = float(stds.mean())
         rows.append(
             ReproducedRow(
-                f"{METHODS_IN_WORDS[cell.method]}, offset {cell.offset_mm:.1f} mm",
-                (printed, spread),
-                (cell.mean_mm, cell.spread_mm),
-                spread,
+                f"{METHODS_IN_WORDS[kind]}, offset {offset:.1f} mm",
+                printed,
+                (mean, float(np.abs(stds - mean).max())),
+                printed[1],
             )
         )
     return Reproduction(
@@ -178,6 +274,22 @@ def table_5(model: Model) -> Reproduction:
         tuple(rows),
         (published.TWELVE_NOT_REPRODUCIBLE,),
     )
+
+
+def accuracy_factor(model: Model, kind: DataKind) -> float:
+    """σ_ρ/σ of one cycle of readings: the paper's 1.98 (six) and 2.06 (twelve).
+
+    Args:
+        model: the machine.
+        kind: six (eq. 29) or twelve differences (eq. 32), or readings: the Cramér–Rao bound of the
+            same isotropic, Max and Min readings.
+    """
+    if kind is DataKind.READINGS:
+        plan = ideal_plan(DataKind.TWELVE, model.orthoglide)
+        problem = Problem(model, plan, zero_free(plan))
+    else:
+        problem = _problem(model, kind)
+    return sigma_rho(unit_covariance(problem, problem.at_zero[1]))
 
 
 def accuracy(model: Model) -> Reproduction:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,21 +15,21 @@ from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
     Differences,
+    Floats,
     Model,
     Posture,
-    Series,
     Source,
     other_axes,
 )
 from orthoglide_cal.paper import published, tables
-from orthoglide_cal.paper.monte_carlo import Study, monte_carlo
-from orthoglide_cal.paper.sensitivity import Sensitivity, accuracy_factor, sensitivities
 from orthoglide_cal.paper.tables import (
     PRINTED_MM,
     ReproducedRow,
     Reproduction,
     accuracy,
+    accuracy_factor,
     experiment,
+    monte_carlo,
     table_1,
     table_3,
     table_4,
@@ -72,39 +73,34 @@ def test_the_erratum_of_experiment_1() -> None:
 
 @both_models
 def test_table_1_against_t_alpha_and_finite_differences(model: Model) -> None:
-    machine = model.machine
-    rows = sensitivities(model)
-    assert len({(row.posture, row.series) for row in rows}) == len(rows) == 18
-    step = 1e-3
-    for row in rows:
-        assert (row.own, row.other, row.third) == pytest.approx((row.tangent, 1.0, 0.0), abs=1e-6)
-        leg, direction = row.series
-        moved = machine.displacement_mm(row.posture)
+    machine, step = model.machine, 1e-3
+    rows = {row.name: row.computed for row in table_1(model).rows}
+    assert len(rows) == 18
+    for posture, leg, direction in product(Posture, range(3), range(3)):
+        if leg == direction:
+            continue
+        third = 3 - leg - direction
+        plane = "".join(sorted(AXES[leg] + AXES[third])).upper()
+        computed = rows[f"{posture} {AXES[leg]}-leg {plane}"]
+        assert computed is not None
+        moved = machine.displacement_mm(posture)
+        tangent = moved / np.sqrt(machine.leg_length_mm**2 - moved**2)
+        assert computed == pytest.approx((tangent, 1.0, 0.0, 1.0 + tangent), abs=1e-6)
         commanded = table2.joints(machine, leg, moved)
-        for k, value in ((leg, row.own), (direction, row.other), (3 - leg - direction, row.third)):
+        for k, value in zip((leg, direction, third), computed, strict=False):
             ahead, behind = (
                 table2.tool(machine.leg_length_mm, commanded + sign * step * np.eye(3)[k])
                 for sign in (1.0, -1.0)
             )
             jacobian = (ahead[direction] - behind[direction]) / (2.0 * step)
             assert value == pytest.approx(jacobian, abs=1e-6)
-        assert row.typical == pytest.approx(
-            1.0 + moved / np.sqrt(machine.leg_length_mm**2 - moved**2), abs=1e-9
-        )
 
 
-def test_table_1_planes_and_typical_values() -> None:
-    rows = {(row.posture, AXES[row.series.leg], row.plane): row for row in sensitivities(NOMINAL)}
-    assert rows[Posture.ISO, "x", "XY"].series == Series(0, 2)
-    assert rows[Posture.ISO, "z", "YZ"].typical == pytest.approx(1.0, abs=1e-12)
-    smallest = rows[Posture.MIN, "y", "XY"].typical
-    assert smallest == pytest.approx(1.00 - 0.34, abs=5e-3)
-    assert rows[Posture.MAX, "y", "XY"].typical == pytest.approx(1.197, abs=5e-4)
-
-
-def test_typical_is_for_offsets_in_all_three_joints() -> None:
-    row = Sensitivity(Posture.MAX, Series(0, 1), own=0.2, other=1.1, third=-0.4, tangent=0.2)
-    assert row.typical == pytest.approx(0.9, abs=1e-12)
+def test_typical_values_of_table_1() -> None:
+    rows = {row.name: row.computed or () for row in table_1(NOMINAL).rows}
+    assert rows["iso z-leg YZ"][3] == pytest.approx(1.0, abs=1e-12)
+    assert rows["min y-leg XY"][3] == pytest.approx(1.00 - 0.34, abs=5e-3)
+    assert rows["max y-leg XY"][3] == pytest.approx(1.197, abs=5e-4)
 
 
 def test_accuracy_of_the_methods() -> None:
@@ -143,13 +139,11 @@ def test_the_bound_is_the_cramer_rao_bound(model: Model) -> None:
 def test_table_3_in_short() -> None:
     """2 × 3000 solves per cell. The relative error of a cell is 1/sqrt(2·3·6000) = 0.53 %, and
     5 of these with the printed spread are allowed: chance of a false failure below 1e-6."""
-    cells = monte_carlo(NOMINAL, np.random.default_rng(17), replications=2, runs=3000)
-    assert [(cell.method, cell.offset_mm) for cell in cells] == list(published.TABLE_3)
-    for cell in cells:
-        printed, _ = published.TABLE_3[cell.method, cell.offset_mm]
-        exact = accuracy_factor(NOMINAL, cell.method) * 0.01
-        assert cell.mean_mm == pytest.approx(printed, abs=5.0 * 0.0053 * printed)
-        assert cell.mean_mm == pytest.approx(exact, rel=5.0 * 0.0053)
+    rng = np.random.default_rng(17)
+    for (kind, offset), (printed, _) in published.TABLE_3.items():
+        mean = monte_carlo(NOMINAL, kind, offset, rng, replications=2, runs=3000).mean()
+        assert mean == pytest.approx(printed, abs=5.0 * 0.0053 * printed)
+        assert mean == pytest.approx(accuracy_factor(NOMINAL, kind) * 0.01, rel=5.0 * 0.0053)
 
 
 @pytest.mark.slow
@@ -164,40 +158,26 @@ def test_table_3_in_full() -> None:
 
 
 def test_monte_carlo_is_reproducible_and_reports_progress() -> None:
-    seen: list[tuple[int, int]] = []
+    seen: list[int] = []
 
     def study(seed: int) -> list[float]:
-        cells = monte_carlo(
-            NOMINAL,
-            np.random.default_rng(seed),
-            methods=(SIX,),
-            replications=3,
-            runs=50,
-            progress=lambda done, total: seen.append((done, total)),
-        )
-        assert [cell.offset_mm for cell in cells] == [0.1, 1.0]
-        assert all(cell.spread_mm > 0.0 for cell in cells)
-        assert all(not cell.stds_mm.flags.writeable for cell in cells)
-        return [cell.mean_mm for cell in cells]
+        rng = np.random.default_rng(seed)
+        stds = monte_carlo(NOMINAL, SIX, 0.1, rng, seen.append, replications=3, runs=50)
+        return [float(std) for std in stds]
 
     assert study(5) == study(5)
     assert study(5) != study(6)
-    assert seen[:6] == [(50 * k, 300) for k in range(1, 7)]
-
-
-def test_the_spread_is_the_largest_departure_from_the_mean() -> None:
-    study = Study(SIX, 0.1, np.array([0.0197, 0.0199, 0.0204]))
-    assert study.mean_mm == pytest.approx(0.02, abs=1e-15)
-    assert study.spread_mm == pytest.approx(0.0004, abs=1e-15)
+    assert len(set(study(5))) == 3
+    assert seen == [50] * 15
 
 
 def test_monte_carlo_scatters_with_the_noise_it_is_given() -> None:
     """2 × 2000 solves: standard error of the ratio 0.9 %."""
     one, two = (
         monte_carlo(
-            NOMINAL_LARGE, np.random.default_rng(3), methods=(TWELVE,), offsets_mm=(0.5,),
-            sigma_mm=sigma, replications=1, runs=2000,
-        )[0].mean_mm
+            NOMINAL_LARGE, TWELVE, 0.5, np.random.default_rng(3), sigma_mm=sigma,
+            replications=1, runs=2000,
+        ).mean()
         for sigma in (0.01, 0.03)
     )  # fmt: skip
     assert one == pytest.approx(0.01 * accuracy_factor(NOMINAL_LARGE, TWELVE), rel=0.05)
@@ -207,20 +187,19 @@ def test_monte_carlo_scatters_with_the_noise_it_is_given() -> None:
 
 def test_monte_carlo_has_the_offsets_it_is_given() -> None:
     """20 mm of offset make it 5 % worse; 2 × 6000 solves have a standard error of 0.4 %."""
-    (cell,) = monte_carlo(
-        NOMINAL, np.random.default_rng(4), methods=(SIX,), offsets_mm=(20.0,), replications=2,
-        runs=6000,
-    )  # fmt: skip
+    rng = np.random.default_rng(4)
+    stds = monte_carlo(NOMINAL, SIX, 20.0, rng, replications=2, runs=6000)
     problem = problem_of(SIX, NOMINAL)
     jacobian = problem.predict_with_jacobian(np.full(3, 20.0))[1]
     exact = 0.01 * sigma_rho(unit_covariance(problem, jacobian))
     assert exact > 1.05 * 0.01 * accuracy_factor(NOMINAL, SIX)
-    assert cell.mean_mm == pytest.approx(exact, rel=0.02)
+    assert stds.mean() == pytest.approx(exact, rel=0.02)
 
 
 def test_monte_carlo_never_averages_what_did_not_converge() -> None:
+    rng = np.random.default_rng(1)
     with pytest.raises(NotConvergedError, match="did not reach their optimum"):
-        monte_carlo(NOMINAL, np.random.default_rng(1), sigma_mm=80.0, replications=1, runs=200)
+        monte_carlo(NOMINAL, SIX, 0.1, rng, sigma_mm=80.0, replications=1, runs=200)
 
 
 @pytest.mark.parametrize(
@@ -240,16 +219,14 @@ def test_every_quick_table_is_reproduced(
 
 
 def test_table_3_shows_mean_and_spread_beside_the_print(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With studies that take no time; the mean decides, within the printed spread."""
-
-    def studies(shift: float) -> tuple[Study, ...]:
-        return tuple(
-            Study(kind, offset, mean + shift + np.array([-0.0001, 0.0001]))
-            for (kind, offset), (mean, _) in published.TABLE_3.items()
-        )
+    """With studies that take no time: the mean decides, and its largest departure is shown."""
 
     def table(shift: float) -> Reproduction:
-        monkeypatch.setattr(tables, "monte_carlo", lambda *_, **__: studies(shift))
+        def study(_: Model, kind: DataKind, offset: float, *rest: object) -> Floats:
+            mean = published.TABLE_3[kind, offset][0] + shift
+            return mean + np.array([-0.0001, 0.00005, 0.00005])
+
+        monkeypatch.setattr(tables, "monte_carlo", study)
         return table_3(NOMINAL, np.random.default_rng(1))
 
     row = table(0.0002).rows[3]
