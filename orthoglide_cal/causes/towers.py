@@ -7,9 +7,11 @@ from types import MappingProxyType
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Stage
-from orthoglide_cal.model.kinematics import Geometry, rail_position
+from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Numbers
+
+MIDDLE = np.zeros(3)  # of the bed, where the tool is put
 
 
 def _outwards(geometry: Geometry) -> Numbers:
@@ -17,14 +19,9 @@ def _outwards(geometry: Geometry) -> Numbers:
 
     There a lean moves nothing, so that a radius found together with it goes the same way.
     """
-    carriages = geometry.carriages(_in_the_middle(geometry))
+    carriages = geometry.carriages(geometry.joints_for(MIDDLE))
     away = carriages * [1.0, 1.0, 0.0]
     return np.asarray(away / np.sqrt((away**2).sum(axis=-1, keepdims=True)))
-
-
-def _in_the_middle(geometry: Geometry) -> Numbers:
-    """Joint positions with the tool in the middle of the bed, shape (..., 3) [mm]."""
-    return rail_position(geometry, np.zeros(3))
 
 
 class TowerLean(Cause):
@@ -57,7 +54,7 @@ class TowerLean(Cause):
         lean = theta[..., :3, None] * out + theta[..., 3:, None] * side
         leaning = geometry.directions + lean
         directions = leaning / np.sqrt((leaning**2).sum(axis=-1, keepdims=True))
-        height = _in_the_middle(geometry)[..., None]
+        height = geometry.joints_for(MIDDLE)[..., None]
         moved = geometry.points - height * (directions - geometry.directions)
         return Geometry(moved, directions, geometry.lengths)
 

@@ -14,7 +14,6 @@ from orthoglide_cal.files.printer_file import PrinterFile, StoredCalibration, St
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import Excerpt, Floats, Ints, Readings
-from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import MINUTES_PER_TOUCH, ProbePlan
 
@@ -216,7 +215,7 @@ def _calibration(
     rails, distances = machine.nominal_rails, file.distances
 
     def reached(carriages: Floats) -> Floats:
-        return np.asarray(trilaterate(rails.carriages(carriages), rails.lengths, strict=False))
+        return np.asarray(rails.tool_for(carriages, strict=False))
 
     place, surface = reached(heights.first), heights.value
     _check_stored(

@@ -9,8 +9,8 @@ Direct kinematics is the intersection of three spheres in closed form; inverse k
 the intersection of a sphere and a line. Everything is batched and stays valid for complex
 input, so that derivatives can be taken by a complex step. Lengths are mm; nothing reads files.
 
-Functions named `…_components` take matrix and vector indices as the first axes and the batch
-as the last ones, (3, 3, ...): many small vectors are then handled as few long arrays.
+Functions take matrix and vector indices as the first axes and the batch as the last ones,
+(3, 3, ...): many small vectors are then handled as few long arrays. Methods have the batch first.
 """
 
 from __future__ import annotations
@@ -46,6 +46,64 @@ class Geometry(ReadOnly):
         """Carriage centres b_i for true joint positions (..., 3) → (..., 3, 3), row per leg."""
         return np.asarray(self.points + joints[..., None] * self.directions)
 
+    def tool_for(self, joints: Numbers, strict: bool = True) -> Numbers:
+        """Direct kinematics: p (..., 3) [mm] for true joint positions (..., 3) [mm].
+
+        Errors, and what `strict` means, as of `trilaterate`.
+        """
+        centres = components(self.carriages(joints), 2)
+        return behind_batch(trilaterate(centres, components(self.lengths, 1), strict), 1)
+
+    def joints_for(self, tool: Numbers) -> Numbers:
+        """Inverse kinematics: true joint positions that put the tool centre point at `tool`.
+
+        The carriages stand ahead of the tool: all signs of eq. (3) are +, the prototype's
+        (errata).
+
+        Args:
+            tool: p, shape (..., 3) [mm].
+
+        Returns:
+            q, shape (..., 3) [mm].
+
+        Raises:
+            UnreachableError: a leg is too short to reach the point from its rail.
+        """
+        from_rail = tool[..., None, :] - self.points
+        along = (from_rail * self.directions).sum(axis=-1)
+        root2 = self.lengths**2 - (from_rail**2).sum(axis=-1) + along**2
+        if np.any(root2.real < 0.0):
+            *place, leg = (int(k) for k in np.argwhere(root2.real < 0.0)[0])
+            batch = np.broadcast_to(tool, (*root2.shape[:-1], 3))
+            at = ", ".join(f"{c:.3f}" for c in batch[tuple(place)].real)
+            raise UnreachableError(
+                f"Leg {AXES[leg]} is too short to reach the point ({at}) mm from its rail.",
+                "Choose a point inside the workspace.",
+            )
+        return np.asarray(along + np.sqrt(root2))
+
+    def tool_derivative(self, joints: Numbers, tool: Numbers) -> Numbers:
+        """Jacobian ∂p/∂q of the general machine (eq. 5 inverted), shape (..., 3, 3).
+
+        Args:
+            joints: true joint positions q, shape (..., 3) [mm].
+            tool: p at these joints, shape (..., 3) [mm].
+
+        Raises:
+            SingularError: the three legs lie in one plane.
+        """
+        matrix = tool_derivative(
+            components(self.carriages(joints), 2),
+            components(self.directions, 2),
+            components(tool, 1),
+        )
+        if not np.all(np.isfinite(matrix)):
+            raise SingularError(
+                "The three legs lie in one plane: the machine is singular at this posture.",
+                "Choose a posture inside the workspace.",
+            )
+        return behind_batch(matrix, 2)
+
 
 class Points(NamedTuple):
     """The machine's points at m moments; components first, then moments, then the batch.
@@ -61,23 +119,16 @@ class Points(NamedTuple):
     tool: Numbers
 
     @classmethod
-    def of(cls, geometry: Geometry, joints: Numbers, batch: int, strict: bool) -> Points:
-        """Direct kinematics for joints with components first, (3, m, ...), `batch` axes in all."""
+    def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> Points:
+        """Direct kinematics for true joint positions (..., m, 3) [mm], as `Geometry.tool_for`."""
+        own = geometry.points.ndim - 2, geometry.directions.ndim - 2, geometry.lengths.ndim - 1
+        batch = max(joints.ndim - 2, *own)
         points, directions = (
             components(values, 2, batch + 1) for values in (geometry.points, geometry.directions)
         )
         lengths = components(geometry.lengths, 1, batch + 1)
-        joints = joints.reshape(
-            joints.shape[:2] + (1,) * (batch + 2 - joints.ndim) + joints.shape[2:]
-        )
-        centres = points + joints[:, None] * directions
-        return cls(directions, centres, trilaterate_components(centres, lengths, strict=strict))
-
-
-def batch_of(joints: Numbers, geometry: Geometry) -> int:
-    """Number of batch axes of joints with components first, (3, m, ...), on rails of a batch."""
-    own = geometry.points.ndim - 2, geometry.directions.ndim - 2, geometry.lengths.ndim - 1
-    return max(joints.ndim - 2, *own)
+        centres = points + components(joints.swapaxes(-1, -2), 2, batch)[:, None] * directions
+        return cls(directions, centres, trilaterate(centres, lengths, strict))
 
 
 def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
@@ -120,23 +171,17 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
     run clockwise as seen from p.
 
     Args:
-        centres: shape (..., 3, 3), row i is b_i [mm].
-        lengths: shape (..., 3) [mm].
+        centres: shape (3, 3, ...), row i is b_i [mm].
+        lengths: shape (3, ...) [mm].
         strict: raise if any of the batch has no solution; otherwise its entry is NaN.
 
     Returns:
-        p, shape (..., 3) [mm].
+        p, shape (3, ...) [mm].
 
     Raises:
         UnreachableError: the three spheres have no common point.
         SingularError: the three centres lie on a line.
     """
-    point = trilaterate_components(components(centres, 2), components(lengths, 1), strict)
-    return behind_batch(point, 1)
-
-
-def trilaterate_components(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numbers:
-    """`trilaterate` with components first: (3, 3, ...), (3, ...) → (3, ...)."""
     first = centres[0]
     to_second = centres[1] - first
     to_third = centres[2] - first
@@ -167,69 +212,13 @@ def trilaterate_components(centres: Numbers, lengths: Numbers, strict: bool = Tr
     return np.asarray(first + in_plane - height * normal)
 
 
-def rail_position(geometry: Geometry, tool: Numbers) -> Numbers:
-    """Inverse kinematics: true joint positions that put the tool centre point at `tool`.
-
-    The carriages stand ahead of the tool: all signs of eq. (3) are +, the prototype's.
-
-    Args:
-        geometry: the rails and legs.
-        tool: p, shape (..., 3) [mm].
-
-    Returns:
-        q, shape (..., 3) [mm].
-
-    Raises:
-        UnreachableError: a leg is too short to reach the point from its rail.
-    """
-    from_rail = tool[..., None, :] - geometry.points
-    along = (from_rail * geometry.directions).sum(axis=-1)
-    root2 = geometry.lengths**2 - (from_rail**2).sum(axis=-1) + along**2
-    if np.any(root2.real < 0.0):
-        *place, leg = (int(k) for k in np.argwhere(root2.real < 0.0)[0])
-        batch = np.broadcast_to(tool, (*root2.shape[:-1], 3))
-        at = ", ".join(f"{c:.3f}" for c in batch[tuple(place)].real)
-        raise UnreachableError(
-            f"Leg {AXES[leg]} is too short to reach the point ({at}) mm from its rail.",
-            "Choose a point inside the workspace.",
-        )
-    return np.asarray(along + np.sqrt(root2))
-
-
-def tool_derivative(geometry: Geometry, joints: Numbers, tool: Numbers) -> Numbers:
-    """Jacobian ∂p/∂q of the general machine (eq. 5 inverted), shape (..., 3, 3).
-
-    Args:
-        geometry: the rails and legs.
-        joints: true joint positions q, shape (..., 3) [mm].
-        tool: p at these joints, shape (..., 3) [mm].
-
-    Raises:
-        SingularError: the three legs lie in one plane.
-    """
-    centres = geometry.carriages(joints)
-    matrix = tool_derivative_components(
-        components(centres, 2), components(geometry.directions, 2), components(tool, 1)
-    )
-    if not np.all(np.isfinite(matrix)):
-        raise SingularError(
-            "The three legs lie in one plane: the machine is singular at this posture.",
-            "Choose a posture inside the workspace.",
-        )
-    return behind_batch(matrix, 2)
-
-
-def tool_derivative_components(centres: Numbers, directions: Numbers, tool: Numbers) -> Numbers:
-    """∂p/∂q with components first, (3, 3, ...); NaN where the machine is singular.
+def tool_derivative(centres: Numbers, directions: Numbers, tool: Numbers) -> Numbers:
+    """∂p/∂q, shape (3, 3, ...); NaN where the machine is singular.
 
     From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
     """
     legs = tool - centres
-    columns = (
-        _cross(legs[1], legs[2]),
-        _cross(legs[2], legs[0]),
-        _cross(legs[0], legs[1]),
-    )
+    columns = [_cross(legs[k - 2], legs[k - 1]) for k in range(3)]
     volume = _dot(legs[0], columns[0])
     size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
     flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))

@@ -32,14 +32,7 @@ from pydantic import (
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.instrument import Probe
-from orthoglide_cal.model.kinematics import (
-    Geometry,
-    Points,
-    batch_of,
-    behind_batch,
-    components,
-    trilaterate,
-)
+from orthoglide_cal.model.kinematics import Geometry, Points, behind_batch
 from orthoglide_cal.model.machine import DoubtedValue, Length, Machine, Named
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
 from orthoglide_cal.model.probe_plan import (
@@ -257,12 +250,14 @@ class LinearDelta(Machine):
         """Where the controller sends the carriages: all first places, then all second ones."""
         plan = ProbePlan.require(plan)
         places = np.concatenate((plan.place, plan.other))
-        first, nothing = self.joints_for(places), read_only(np.zeros(places.shape))
+        first, nothing = self.nominal_rails.joints_for(places), read_only(np.zeros(places.shape))
         # From touch to touch; a printed object was approached from all sides.
         touched = plan.in_time[~plan.distance[plan.in_time]]
         hours = np.tile(plan.hours, 2)
         # On the way from place to place the height does not depend on what is touched.
-        level = self.joints_for(np.column_stack((places[:, :2], np.tile(plan.surface, 2))))
+        level = self.nominal_rails.joints_for(
+            np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
+        )
         home = self.home_mm
         return Command(read_only(first), home, hours, touched, nothing, read_only(level))
 
@@ -300,8 +295,8 @@ class LinearDelta(Machine):
         ends, others = (
             each.endstops_mm + each._above(each.delta_radius_mm) for each in (self, other)
         )
-        carriages = self.nominal_rails.carriages(other.joints_for(place) + ends - others)
-        return np.asarray(trilaterate(carriages, self.nominal_rails.lengths))
+        joints = other.nominal_rails.joints_for(place) + ends - others
+        return np.asarray(self.nominal_rails.tool_for(joints))
 
     def check_guided(self) -> None:
         raise UsageError("A printer measures itself.", self.vocabulary.probing)
@@ -328,9 +323,7 @@ class LinearDelta(Machine):
     ) -> GaugeResponse:
         plan = ProbePlan.require(plan)
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
-        joints = real.joints(self.command(plan), offsets).swapaxes(-1, -2)
-        joints = components(joints, 2)
-        points = Points.of(geometry, joints, batch_of(joints, geometry), strict)
+        points = Points.of(geometry, real.joints(self.command(plan), offsets), strict)
         tool = behind_batch(points.tool, 2).swapaxes(-1, -2)
         first, second = tool[..., : len(plan), :], tool[..., len(plan) :, :]
         readings = plan.place[:, 2] - first[..., 2]

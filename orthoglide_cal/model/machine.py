@@ -12,13 +12,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
 
-import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.influence import Influence
 from orthoglide_cal.model.instrument import Instrument
-from orthoglide_cal.model.kinematics import Geometry, rail_position
+from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
 from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.readings import AXES
@@ -297,20 +296,6 @@ class Machine(Schema):
     def home_mm(self) -> float:
         """Joint value from which displacements count [mm]."""
         raise NotImplementedError
-
-    def joints_for(self, tool: Floats) -> Floats:
-        """Inverse kinematics of the controller (eq. 3, errata): joints for tool positions.
-
-        Args:
-            tool: shape (..., 3) [mm].
-
-        Returns:
-            Shape (..., 3) [mm].
-
-        Raises:
-            UnreachableError: a point that a leg is too short for.
-        """
-        return np.asarray(rail_position(self.nominal_rails, np.asarray(tool, dtype=np.float64)))
 
     def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages for each reading of a plan.

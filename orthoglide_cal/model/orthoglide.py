@@ -22,11 +22,9 @@ from orthoglide_cal.model.instrument import Gauge
 from orthoglide_cal.model.kinematics import (
     Geometry,
     Points,
-    batch_of,
     behind_batch,
     column,
-    components,
-    tool_derivative_components,
+    tool_derivative,
 )
 from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
@@ -208,7 +206,16 @@ class Orthoglide(Machine):
         Raises:
             UnreachableError: a displacement is not shorter than the legs.
         """
-        return _displaced(self.leg_length_mm, leg, np.asarray(displacement, dtype=np.float64))
+        length, moved = self.leg_length_mm, np.asarray(displacement, dtype=np.float64)
+        if np.any(np.abs(moved) >= length):
+            worst = np.argmax(np.abs(moved))
+            raise UnreachableError(
+                f"Leg {AXES[int(np.ravel(leg)[worst])]} cannot be displaced by"
+                f" {np.ravel(moved)[worst]:g} mm: the legs are {length:g} mm long.",
+                "Use a posture inside the joint limits.",
+            )
+        own = np.asarray(leg)[..., None] == np.arange(3)
+        return np.where(own, (length + moved)[..., None], np.sqrt(length**2 - moved**2)[..., None])
 
     @property
     def reachable_cube(self) -> tuple[float, float]:
@@ -234,18 +241,17 @@ class Orthoglide(Machine):
         return low + excess, high - excess
 
     def command(self, plan: Plan) -> Command:
-        return _command(self.leg_length_mm, self.home_mm, GaugePlan.require(plan))
+        return _command(self, GaugePlan.require(plan))
 
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
     ) -> GaugeResponse:
         plan = GaugePlan.require(plan)
         joints, moments = _joints(real, self.command(plan), plan, parameters)
-        batch = batch_of(joints, real.geometry)
         try:
-            points = Points.of(real.geometry, joints, batch, strict)
+            points = Points.of(real.geometry, joints, strict)
         except PostureError as error:
-            inside = Points.of(real.geometry, joints, batch, strict=False)
+            inside = Points.of(real.geometry, joints, strict=False)
             named = _which(inside, plan, moments[0])
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
         heights, fraction = _touched(points, plan, moments)
@@ -283,23 +289,10 @@ class Orthoglide(Machine):
             )
 
 
-def _displaced(length: float, leg: Ints | int, moved: Floats) -> Floats:
-    """Indicated joints (..., 3) [mm] of a machine with legs of this length."""
-    if np.any(np.abs(moved) >= length):
-        worst = np.argmax(np.abs(moved))
-        raise UnreachableError(
-            f"Leg {AXES[int(np.ravel(leg)[worst])]} cannot be displaced by"
-            f" {np.ravel(moved)[worst]:g} mm: the legs are {length:g} mm long.",
-            "Use a posture inside the joint limits.",
-        )
-    own = np.asarray(leg)[..., None] == np.arange(3)
-    return np.where(own, (length + moved)[..., None], np.sqrt(length**2 - moved**2)[..., None])
-
-
 @functools.lru_cache(maxsize=16)
-def _command(length: float, home: float, plan: GaugePlan) -> Command:
-    joints = _displaced(length, plan.leg, plan.displacement)
-    return Command(read_only(joints), home, plan.hours, plan.in_time, plan.entered)
+def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
+    joints = machine.joints_at(plan.leg, plan.displacement)
+    return Command(read_only(joints), machine.home_mm, plan.hours, plan.in_time, plan.entered)
 
 
 def _joints(
@@ -312,20 +305,18 @@ def _joints(
     was entered then.
 
     Returns:
-        Components first, shape (3, m + s, ...) [mm]; the moments of each reading.
+        Shape (..., m + s, 3) [mm]; the moments of each reading.
     """
     stood, which = plan.set_up_moments
-    set_up = command.home - stood
+    set_up = command.home - stood + offsets[..., None, :]
     if real.still:
         first, moment = plan.moments
-        both = np.concatenate((command.sent[first], set_up)).T
-        joints = column(both, offsets.ndim - 1) + components(offsets, 1)[:, None]
-        return joints, (moment, len(first) + which)
-    joints = real.joints(command, offsets)
-    shape = (*joints.shape[:-2], *set_up.shape)
-    gauged = np.broadcast_to(set_up + offsets[..., None, :], shape)
-    both = np.concatenate((joints, gauged), axis=-2).swapaxes(-1, -2)
-    return components(both, 2), (np.arange(len(plan)), len(plan) + which)
+        joints: Numbers = command.sent[first] + offsets[..., None, :]
+    else:
+        joints, moment = real.joints(command, offsets), np.arange(len(plan))
+    set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
+    both = np.concatenate((joints, set_up), axis=-2)
+    return both, (moment, joints.shape[-2] + which)
 
 
 def _which(points: Points, plan: GaugePlan, moment: Ints) -> str:
@@ -374,7 +365,7 @@ def _touched_derivative(
     gauge_at = column(plan.gauge_at, batch)
     span = points.tool[leg, moment] - points.centres[leg, leg, moment]
     across = points.tool[direction, moment] - points.centres[leg, direction, moment]
-    tool_by_joint = tool_derivative_components(points.centres, points.directions, points.tool)
+    tool_by_joint = tool_derivative(points.centres, points.directions, points.tool)
     turn = column(plan.contact == Contact.FIXED, batch) * across / span
     jacobian = tool_by_joint[direction, :, moment]
     jacobian *= fraction[:, None]

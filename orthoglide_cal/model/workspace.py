@@ -18,7 +18,6 @@ from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.model.kinematics import rail_position, tool_derivative, trilaterate
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.real import Command
@@ -78,9 +77,8 @@ def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
 
 def _reached(model: Model, points: Floats, offsets: Floats) -> tuple[Floats, Floats]:
     """Joints and tool, each (n, 3) [mm], where the controller means to drive to `points` (n, 3)."""
-    geometry = model.real.geometry
-    joints = _standing(model, model.machine.joints_for(points), offsets)
-    return joints, trilaterate(geometry.carriages(joints), geometry.lengths)
+    joints = _standing(model, model.machine.nominal_rails.joints_for(points), offsets)
+    return joints, model.real.geometry.tool_for(joints)
 
 
 # A plan asks for it once for each of its sessions.
@@ -90,7 +88,7 @@ def _corrected(model: Model) -> tuple[Floats, Floats]:
     points = _grid(model, SAMPLES)[1]
     joints, tool = _reached(model, points, np.zeros(3))
     left = np.linalg.norm(tool - points, axis=-1)
-    return left, tool_derivative(model.real.geometry, joints, tool)
+    return left, model.real.geometry.tool_derivative(joints, tool)
 
 
 def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
@@ -191,7 +189,7 @@ def compensation(model: Model, points: int) -> Compensation:
         causes=tuple(effect.cause.id for effect in chosen),
         left_out=tuple(e.cause.id for e in model.accepted if not e.cause.compensable),
         points_mm=grid,
-        corrections_mm=_required_joints(known, grid) - model.machine.joints_for(grid),
+        corrections_mm=_required_joints(known, grid) - model.machine.nominal_rails.joints_for(grid),
     )
 
 
@@ -200,7 +198,7 @@ def _required_joints(model: Model, points: Floats) -> Floats:
 
     Causes of the motion are nearly the identity, so that a fixed-point iteration converges.
     """
-    wanted = rail_position(model.real.geometry, points)
+    wanted = model.real.geometry.joints_for(points)
     indicated = wanted
     for _ in range(50):
         missing = wanted - _standing(model, indicated, np.zeros(3))

@@ -20,7 +20,6 @@ import numpy as np
 
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.model import AXES, Floats, Model, ReadOnly
-from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Bools
 from orthoglide_cal.planning.steps import SessionStep
@@ -47,8 +46,7 @@ class Point(ReadOnly):
     @classmethod
     def of(cls, model: Model, joints: Floats) -> Point:
         """The point of the nominal machine with these joints."""
-        geometry = model.machine.nominal_rails
-        return cls(joints, trilaterate(geometry.carriages(joints), geometry.lengths))
+        return cls(joints, model.machine.nominal_rails.tool_for(joints))
 
 
 @dataclass(frozen=True)

@@ -88,11 +88,11 @@ def missed(machine: Delta, truth: Truth, values: Floats, effects: Sequence[Effec
 def test_inverse_kinematics_of_the_controller(machine: Delta) -> None:
     rng = np.random.default_rng(2)
     places = np.column_stack((rng.uniform(-70, 70, (50, 2)), rng.uniform(0, 100, 50)))
-    found = printer(machine).joints_for(places)
+    found = printer(machine).nominal_rails.joints_for(places)
     assert found == pytest.approx(indicated(machine, places), abs=NANOMETRE)
     rails = printer(machine).nominal_rails
     assert rails.points == pytest.approx(feet(machine, Truth()), abs=NANOMETRE)
-    many = printer(machine).joints_for(np.stack((places, 0.5 * places)))
+    many = printer(machine).nominal_rails.joints_for(np.stack((places, 0.5 * places)))
     assert many.shape == (2, 50, 3)
     assert np.array_equal(many[0], found)
 

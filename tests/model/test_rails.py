@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import SingularError, UnreachableError
-from orthoglide_cal.model import Floats, Machine
-from orthoglide_cal.model.kinematics import Geometry, rail_position, tool_derivative, trilaterate
+from orthoglide_cal.model import Machine
+from orthoglide_cal.model.kinematics import Geometry, trilaterate
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, tool_positions
 from tests.model.paper_kinematics import direct, inverse
@@ -18,15 +18,10 @@ L = PROTOTYPE.leg_length_mm
 STEP = 1e-30  # of complex steps
 
 
-def reached(rails: Geometry, joints: Floats) -> Floats:
-    """Where the tool stands for true joint positions (..., 3)."""
-    return trilaterate(rails.carriages(joints), rails.lengths)
-
-
 @both_machines
 def test_the_controller_moves_the_carriages_as_eq_3_says(machine: Machine) -> None:
     tool = tool_positions(machine).reshape(4, 20, 5, 3)
-    joints = machine.joints_for(tool)
+    joints = machine.nominal_rails.joints_for(tool)
     assert joints.shape == tool.shape
     assert np.abs(joints - inverse(tool, machine.leg_length_mm)).max() < 1e-10
 
@@ -35,20 +30,20 @@ def test_the_controller_moves_the_carriages_as_eq_3_says(machine: Machine) -> No
 def test_general_form_agrees_with_eq_4_over_the_workspace(machine: Machine) -> None:
     length, rails = machine.leg_length_mm, machine.nominal_rails
     joints = inverse(tool_positions(machine, 2000), length).reshape(50, 40, 3)
-    assert np.abs(reached(rails, joints + OFFSETS) - direct(joints, length, OFFSETS)).max() < 1e-9
+    assert np.abs(rails.tool_for(joints + OFFSETS) - direct(joints, length, OFFSETS)).max() < 1e-9
 
 
 @both_machines
 def test_bent_rails_keep_the_legs_as_long_as_they_are(machine: Machine) -> None:
     rails, tool = bent_rails(machine), tool_positions(machine)
-    joints = rail_position(rails, tool)
+    joints = rails.joints_for(tool)
     lengths = np.linalg.norm(tool[:, None, :] - rails.carriages(joints), axis=-1)
     assert np.abs(lengths - rails.lengths).max() < 1e-10
     # The carriages stand ahead of the tool, as the prototype's do.
     assert np.all(joints > ((tool[:, None] - rails.points) * rails.directions).sum(axis=-1))
     # Direct undoes inverse, and inverse direct.
-    assert np.abs(reached(rails, joints) - tool).max() < 1e-9
-    assert np.abs(rail_position(rails, reached(rails, joints + 0.37)) - joints - 0.37).max() < 1e-9
+    assert np.abs(rails.tool_for(joints) - tool).max() < 1e-9
+    assert np.abs(rails.joints_for(rails.tool_for(joints + 0.37)) - joints - 0.37).max() < 1e-9
 
 
 @both_machines
@@ -57,13 +52,13 @@ def test_the_derivative_is_that_of_the_direct_kinematics(machine: Machine, bent:
     """Against complex steps, and these against finite differences that err by 1e-8."""
     rails = bent_rails(machine) if bent else machine.nominal_rails
     tool = tool_positions(machine, 50)
-    joints = rail_position(rails, tool)
-    computed = tool_derivative(rails, joints, tool)
+    joints = rails.joints_for(tool)
+    computed = rails.tool_derivative(joints, tool)
     for k in range(3):
-        stepped = reached(rails, joints + 1j * STEP * np.eye(3)[k]).imag / STEP
+        stepped = rails.tool_for(joints + 1j * STEP * np.eye(3)[k]).imag / STEP
         assert np.abs(computed[..., k] - stepped).max() < 1e-12
         move = 1e-3 * np.eye(3)[k]
-        difference = (reached(rails, joints + move) - reached(rails, joints - move)) / 2e-3
+        difference = (rails.tool_for(joints + move) - rails.tool_for(joints - move)) / 2e-3
         assert np.abs(stepped - difference).max() < 1e-7
 
 
@@ -73,13 +68,13 @@ def test_many_machines_in_one_call() -> None:
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     rails = Geometry(rng.normal(0.0, 1.0, (5, 3, 3)), directions, L + rng.normal(0.0, 1.0, (5, 3)))
     tool = tool_positions(PROTOTYPE, 5)
-    joints = rail_position(rails, tool)
-    assert np.abs(reached(rails, joints) - tool).max() < 1e-9
-    slope = tool_derivative(rails, joints, tool)
+    joints = rails.joints_for(tool)
+    assert np.abs(rails.tool_for(joints) - tool).max() < 1e-9
+    slope = rails.tool_derivative(joints, tool)
     for k in range(5):
         alone = Geometry(rails.points[k], rails.directions[k], rails.lengths[k])
-        assert rail_position(alone, tool[k]) == pytest.approx(joints[k], abs=1e-12)
-        assert tool_derivative(alone, joints[k], tool[k]) == pytest.approx(slope[k], abs=1e-14)
+        assert alone.joints_for(tool[k]) == pytest.approx(joints[k], abs=1e-12)
+        assert alone.tool_derivative(joints[k], tool[k]) == pytest.approx(slope[k], abs=1e-14)
 
 
 def test_legs_that_do_not_reach_say_by_how_much() -> None:
@@ -93,9 +88,9 @@ def test_legs_that_do_not_reach_say_by_how_much() -> None:
 def test_a_batch_that_may_fail_marks_what_fails() -> None:
     line = np.array([[0.0, 0.0, 0.0], [10.0, 20.0, 5.0], [30.0, 60.0, 15.0]])
     centres = np.stack((np.diag([L, L, L]), np.diag([600.0, 600.0, 600.0]), line))
-    point = trilaterate(centres, np.full(3, L), strict=False)
-    assert point[0] == pytest.approx(np.zeros(3), abs=1e-10)
-    assert np.isnan(point[1:]).all()
+    point = trilaterate(np.moveaxis(centres, 0, -1), np.full((3, 1), L), strict=False)
+    assert point[:, 0] == pytest.approx(np.zeros(3), abs=1e-10)
+    assert np.isnan(point[:, 1:]).all()
     with pytest.raises(SingularError, match="lie on a line"):
         trilaterate(line, np.full(3, L))
 
@@ -107,10 +102,10 @@ def test_a_batch_that_may_fail_marks_what_fails() -> None:
 def test_a_leg_too_short_is_named(point: tuple[float, float, float], leg: str) -> None:
     at = r"\({:.3f}, {:.3f}, {:.3f}\)".format(*point)
     with pytest.raises(UnreachableError, match=f"Leg {leg} is too short .* {at}") as caught:
-        NOMINAL.machine.joints_for(np.array([POINT, point]))
+        NOMINAL.machine.nominal_rails.joints_for(np.array([POINT, point]))
     assert "workspace" in caught.value.remedy
     longer = PROTOTYPE.changed(leg_length_mm=400.0)
-    assert np.isfinite(longer.joints_for(np.array([POINT, point]))).all()
+    assert np.isfinite(longer.nominal_rails.joints_for(np.array([POINT, point]))).all()
 
 
 def test_legs_in_one_plane_are_singular() -> None:
@@ -122,9 +117,9 @@ def test_legs_in_one_plane_are_singular() -> None:
     turned = replace(PROTOTYPE.nominal_rails, directions=turn)
     for rails in (PROTOTYPE.nominal_rails, turned):
         tool = np.array([[20.0, 30.0, 50.0], [50.0, 50.0, 50.0]]) @ rails.directions
-        assert np.isfinite(tool_derivative(rails, np.full((1, 3), 150.0), tool[:1])).all()
+        assert np.isfinite(rails.tool_derivative(np.full((1, 3), 150.0), tool[:1])).all()
         with pytest.raises(SingularError, match="three legs lie in one plane"):
-            tool_derivative(rails, np.full((2, 3), 150.0), tool)
+            rails.tool_derivative(np.full((2, 3), 150.0), tool)
 
 
 @pytest.mark.parametrize("leg", [0, 1, 2])
