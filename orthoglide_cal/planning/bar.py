@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.model import AXES, Contact, Floats, GaugePlan
+from orthoglide_cal.model import AXES, Contact, GaugePlan
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Plan
 
@@ -23,33 +23,25 @@ ROUNDING = 1e-9
 PLACE_STEP = 0.05
 
 
-def keeps_off(touched: Floats) -> np.ndarray:
-    """Where plungers that touch legs there come too near to a joint; any shape."""
-    return np.asarray((touched < MARGIN - ROUNDING) | (touched > 1.0 - MARGIN + ROUNDING))
-
-
 def reach_mm(machine: Orthoglide, gauge_at: float) -> tuple[float, float]:
     """Lowest and highest displacement within the limits at which the plunger keeps `MARGIN`.
 
     The isotropic posture is always among them: there the gauge was set up.
     """
     low, high = machine.joint_limits_mm
-    length = machine.leg_length_mm
-    return (
-        min(max(low, (MARGIN - gauge_at) * length), 0.0),
-        max(min(high, (1.0 - MARGIN - gauge_at) * length), 0.0),
-    )
+    near, far = ((at - gauge_at) * machine.leg_length_mm for at in (MARGIN, 1.0 - MARGIN))
+    return min(max(low, near), 0.0), max(min(high, far), 0.0)
 
 
-def places(machine: Orthoglide) -> tuple[float, float] | None:
+def places(machine: Orthoglide) -> tuple[float, ...]:
     """The places farthest along the leg where the plunger stays on the bar over the whole travel.
 
-    None if the travel is too long for any.
+    Nearest to the carriage first; none if the travel is too long.
     """
     low, high = (limit / machine.leg_length_mm for limit in machine.joint_limits_mm)
     near = math.ceil((MARGIN - low) / PLACE_STEP - ROUNDING)
     far = math.floor((1.0 - MARGIN - high) / PLACE_STEP + ROUNDING)
-    return (round(near * PLACE_STEP, 9), round(far * PLACE_STEP, 9)) if near <= far else None
+    return tuple(round(at * PLACE_STEP, 9) for at in sorted({near, far}) if near <= far)
 
 
 class BarWarning(NamedTuple):
@@ -84,10 +76,8 @@ def bar_warning(plan: Plan, machine: Orthoglide) -> BarWarning | None:
     else:
         what = f"The plunger comes near the end of the bar: {left:.3g} mm from it {where}."
     # In whole millimetres that are no farther out, if there are any.
-    low, high = (
-        math.trunc(limit + math.copysign(ROUNDING, limit)) or limit
-        for limit in reach_mm(machine, 0.5)
-    )
+    reach = reach_mm(machine, 0.5)
+    low, high = (math.trunc(end + math.copysign(ROUNDING, end)) or end for end in reach)
     remedy = (
         "Measure with --design best, whose postures and gauge place fit; or make joint_limits_mm in"
         f" the machine file smaller: [{low:g}, {high:g}] is safe with the gauges half-way."

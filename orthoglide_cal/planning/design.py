@@ -33,7 +33,7 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.planning.bar import keeps_off
+from orthoglide_cal.planning.bar import MARGIN
 
 # Postures that are tried, as shares of the lower and of the upper joint limit.
 SHARES = np.array([(0.0, 0.0), (0.0, 1.0), (0.0, 0.5), (0.5, 0.0), (1.0, 0.0)])
@@ -86,10 +86,19 @@ def design_of(machine: Orthoglide) -> Design:
     every = every[(visits > 1) & (visits <= MOST_VISITS)]
     # Of designs that are equally good the shortest comes first.
     every = every[np.argsort(every.sum(axis=1), kind="stable")]
+    # All readings with the gauges at each of the places; ∂readings/∂Δρ, (places, 6, postures, 3).
+    plan = visiting(tuple(postures.tolist()))
+    everywhere = replace(
+        plan.subset(np.tile(np.argsort(plan.setup, kind="stable"), len(PLACES))),
+        gauge_at=np.repeat(PLACES, len(plan)),
+    )
+    slopes = simulate_with_jacobian(Model(machine), np.zeros(3), everywhere)[1]
+    jacobians = slopes.reshape(len(PLACES), plan.setups, len(postures), 3)
     least, best = 1.0 / NOTHING**0.5, None
-    for place, jacobian in zip(PLACES, _jacobians(machine, postures), strict=True):
+    for place, jacobian in zip(PLACES, jacobians, strict=True):
         touched = place + postures / machine.leg_length_mm
-        count = every[~np.any(every[:, keeps_off(touched)], axis=1)]
+        near_joint = np.abs(touched - 0.5) > 0.5 - MARGIN + ROUNDING
+        count = every[~np.any(every[:, near_joint], axis=1)]
         needed = _cost(jacobian, count)
         if needed.min(initial=least) < least * (1.0 - ROUNDING):
             least = float(needed.min())
@@ -114,15 +123,6 @@ def readings_needed(model: Model, plan: Plan) -> float:
     problem, _ = pose_plan(plan, model, DataKind.READINGS)
     variance = np.diag(unit_covariance(problem, problem.at_zero[1]))
     return float(variance.max()) * len(plan)
-
-
-def _jacobians(machine: Orthoglide, postures: Floats) -> Floats:
-    """∂readings/∂Δρ for each of `PLACES`, gauge and posture, shape (places, 6, p, 3)."""
-    plan = visiting(tuple(postures.tolist()))
-    every = plan.subset(np.tile(np.argsort(plan.setup, kind="stable"), len(PLACES)))
-    every = replace(every, gauge_at=np.repeat(PLACES, len(plan)))
-    slope = simulate_with_jacobian(Model(machine), np.zeros(3), every)[1]
-    return slope.reshape(len(PLACES), plan.setups, len(postures), 3)
 
 
 def _cost(jacobian: Floats, count: Ints) -> Floats:

@@ -71,8 +71,6 @@ class SessionForecast(Schema):
     """What a session will give.
 
     Attributes:
-        model: the machine, its gauge and its accepted causes.
-        plan: all readings.
         budget: of the calibrated parameters, at the degrees of freedom that the readings will have.
         name, what, cycles, gauge_moves, minutes: as of `Layout`.
         noise_std_mm, expanded_mm: what the scatter of the readings leaves of each length, and U.
@@ -111,14 +109,9 @@ class SessionForecast(Schema):
         parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
         noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
         known = determined(model, expanded)
-        fixed = tuple(c for c in budget.contributions if c.source in machine.fixed_parameters)
-        reach = [
-            np.zeros_like(noise) if part is None else part.expanded_mm
-            for part in (
-                _without(budget, machine.fixed_parameters),
-                Budget(fixed) if fixed else None,
-            )
-        ]
+        others = {c.source for c in budget.contributions}.difference(machine.fixed_parameters)
+        parted = (_without(budget, machine.fixed_parameters), _without(budget, others))
+        reach = [np.zeros_like(noise) if part is None else part.expanded_mm for part in parted]
         values = (noise, expanded, known, *reach)
         rows = zip(machine.parameter_units, *(np.asarray(v).tolist() for v in values), strict=True)
         each = [ParameterForecast(*row) for row in rows]
@@ -160,11 +153,6 @@ class SessionForecast(Schema):
     def floor(self) -> Budget | None:
         """What is left of it besides the scatter of the readings; None if that is nothing."""
         return _without(self.budget, AVERAGED)
-
-    @cached_property
-    def averaged(self) -> Budget | None:
-        """What other readings could reduce: all but what is taken as the controller has it."""
-        return _without(self.budget, self.model.machine.fixed_parameters)
 
 
 def _without(budget: Budget, sources: Collection[str]) -> Budget | None:
@@ -212,10 +200,7 @@ def forecast(
 ) -> SessionForecast:
     """What a session of a protocol will give.
 
-    Args:
-        model: the machine, its gauge and its accepted causes.
-        protocol, cycles, stands: how the readings are taken, see `session_of`.
-        method: an estimator that such readings can feed.
+    The method is one that the readings of a `session_of` these can feed.
 
     Raises:
         RankDeficientError: the readings will not determine the offsets.
@@ -229,10 +214,9 @@ def estimator_for(
     """What a small change of each reading does to the parameters, shape (p, n).
 
     Args:
-        model: the machine, its gauge and its accepted causes.
         plan: n readings.
+        uncertain: what acts on them in addition to noise.
         method: an estimator that they can feed.
-        uncertain: what acts on the readings in addition to noise.
 
     Raises:
         RankDeficientError: the readings do not determine the parameters.
@@ -268,10 +252,7 @@ def fewest_cycles(
 ) -> SessionForecast | None:
     """The shortest session that leaves no U larger than wanted; None if `MOST_CYCLES` do not.
 
-    Args:
-        model, protocol, method, stands: as in `forecast`.
-        wanted_mm: largest U of an offset.
-        first: number of cycles from which it is looked for.
+    It is looked for from `first` cycles. Other arguments as of `forecast`.
     """
     low, high, best = 0, MOST_CYCLES + 1, None
     tried = forecast(model, protocol, first, method, stands)

@@ -251,13 +251,13 @@ def _pair(told: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, int] | N
     Explanations come in the order of their probability, the accepted one first. A rival that is
     but a diagnosis does not state a part of it, which comes after all others.
     """
-    pairs = [tuple(pair) for pair in np.argwhere(told).tolist() if pair[0] < pair[1]]
-    pairs.sort(key=lambda pair: {*ids[pair[1]]} < {*ids[pair[0]]})
-    able = [pair for pair in pairs if sigma[pair] >= WORTHLESS_SIGMA]
-    if not pairs:
-        return None
-    first, second = (able or pairs)[0]
-    return first, second
+    pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(np.triu(told, 1)).tolist()]
+
+    def last(pair: tuple[int, int]) -> tuple[bool, bool]:
+        one, other = (set(ids[k]) for k in pair)
+        return bool(sigma[pair] < WORTHLESS_SIGMA), other < one
+
+    return min(pairs, key=last, default=None)
 
 
 def _ids(fit: Fitted, again: bool) -> Ids:
@@ -271,11 +271,7 @@ def predictions(
 ) -> list[Predictions]:
     """What explanations predict of each option.
 
-    Args:
-        model: the machine and its accepted causes.
-        first: the readings that the explanations were fitted to; None if they are not known.
-        choice: options.
-        fits: the explanations.
+    `first` are the readings that they were fitted to; None if they are not known.
     """
     found: dict[Option, Predictions] = {}
     for goes_on in (True, False):

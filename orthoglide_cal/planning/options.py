@@ -97,9 +97,7 @@ def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:
     if first is None:
         return tuple(_alone(machine))
     first = GaugePlan.require(first)
-    here = _Stands.after(first, machine)
-    going_on = () if here is None else _going_on(here, machine)
-    return (*going_on, *_afresh(first, machine))
+    return (*_going_on(first, machine), *_afresh(first, machine))
 
 
 def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
@@ -122,12 +120,11 @@ def _later(first: Plan, plan: P) -> P:
     )
 
 
-# Postures of one leg in words, and one cycle of displacements [mm]; the first closes the last.
-_Walk = tuple[str, tuple[float, ...]]
+def _walks(machine: Orthoglide, gauge_at: float) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """Ways to the joint limits, or as far as the plunger stays on the bar.
 
-
-def _walks(machine: Orthoglide, gauge_at: float) -> tuple[_Walk, _Walk, _Walk]:
-    """Ways through the postures: to the joint limits, or as far as the plunger stays on the bar."""
+    Each in words, and one cycle of displacements [mm], of which the first closes the last.
+    """
     low, high = reach_mm(machine, gauge_at)
     least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
     return (
@@ -141,29 +138,57 @@ def _walks(machine: Orthoglide, gauge_at: float) -> tuple[_Walk, _Walk, _Walk]:
     )
 
 
-def _going_on(here: _Stands, machine: Orthoglide) -> Iterator[Option]:
-    """With the stands where they are: on the leg that was read last."""
-    walks = _walks(machine, here.gauge_at)
-    still = f"Without touching the stands at leg {AXES[here.leg]}"
-    last = float(here.first.displacement[here.first.in_time[-1]])
+def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
+    """With the stands where they are, on the leg that was read last, if they are fixed in space."""
+    standing = first.in_time[first.standing[first.in_time]]
+    # Of each direction that is read there, its last reading.
+    ends = dict(zip(first.direction[standing].tolist(), standing.tolist(), strict=True))
+    if not ends:
+        return
+    leg, rows = int(first.leg[standing[-1]]), [*ends.values()]
+
+    def option(
+        what: str, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
+    ) -> Option:
+        """Further postures, in the same set-ups, each carriage commanded short by `short_mm`."""
+        index = np.array(rows * len(stops))
+        plan = replace(
+            first.subset(index),
+            setup=first.setup[index],
+            displacement=np.repeat(stops, len(rows)),
+            order=int(first.order.max()) + 1 + np.arange(len(index)),
+            entered=first.stood[index] + short_mm,
+        )
+        # A bar that was turned before is not turned again.
+        as_it_lies = replace(plan, turned=np.zeros_like(plan.turned))
+        *times, minutes = clock(steps_of(as_it_lies, machine, Order.PAPER, stands=2))
+        start = float(first.hours.max()) + (MINUTES_PER_POSTURE + wait_min) / 60.0
+        hours = start + np.array(times) / 60.0
+        return Option(what, replace(plan, hours=hours), minutes + wait_min, continues=True)
+
+    # Of two stands the one that is farther from half-way bounds the travel.
+    farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
+    walks = _walks(machine, farthest)
+    still = f"Without touching the stands at leg {AXES[leg]}"
+    last = float(first.displacement[first.in_time[-1]])
     again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
-    once, after_a_while = here.option(f"{still}, {again}.", [last]), "after a quarter of an hour"
+    once, after_a_while = option(f"{still}, {again}.", [last]), "after a quarter of an hour"
     warning = bar_warning(once.plan, machine)
     if warning is None or not warning.leaves:
         yield once
-        yield here.option(f"{still}, {again} {after_a_while}.", [last], wait_min=WAIT_MIN)
+        yield option(f"{still}, {again} {after_a_while}.", [last], wait_min=WAIT_MIN)
     for times, how_often in TIMES:
         for words, stops in walks:
-            yield here.option(f"{still}, read {how_often}: {words}.", (*stops * times, 0.0))
+            yield option(f"{still}, read {how_often}: {words}.", (*stops * times, 0.0))
     words, stops = walks[0]
     low, high = machine.joint_limits_mm
-    for axis in other_axes(here.leg):
-        moved = machine.joints_at(here.leg, np.array(stops))[:, axis] - machine.home_mm
+    for axis in other_axes(leg):
+        moved = machine.joints_at(leg, np.array(stops))[:, axis] - machine.home_mm
         for step, way in ((STEP_MM, "short"), (-STEP_MM, "too far")):
             if low <= (moved - step).min() and (moved - step).max() <= high:
                 what = f"carriage {AXES[axis]} {STEP_MM:g} mm {way}, as the screen shows: {words}"
                 what = f"{still}, drive as before but with {what}."
-                yield here.option(what, (*stops, 0.0), short_mm=step * np.eye(3)[axis])
+                yield option(what, (*stops, 0.0), short_mm=step * np.eye(3)[axis])
                 break
 
 
@@ -205,7 +230,7 @@ def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
             yield _sitting(first, machine, LEGS, what, (*stops * times, 0.0))
         what = f"Turn every bar {turn}, and r{repeat}{half_way}."
         yield _sitting(first, machine, LEGS, what, (*usual * times, 0.0), turned=True)
-        for at in sorted(set(places(machine) or ())):
+        for at in places(machine):
             if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
                 continue
             from_joint = at * machine.leg_length_mm
@@ -241,55 +266,3 @@ def _sitting(
         entered=plan.entered + first.stood[first.in_time[-1]],
     )
     return Option(what, plan, minutes, continues=False)
-
-
-@dataclass(frozen=True)
-class _Stands:
-    """Stands that were not touched since the last reading.
-
-    Attributes:
-        first: all that was read.
-        machine: on which.
-        leg: where they are.
-        last: of each direction that is read there, its last reading.
-    """
-
-    first: GaugePlan
-    machine: Orthoglide
-    leg: int
-    last: list[int]
-
-    @property
-    def gauge_at(self) -> float:
-        """Where they stand along the leg: of two, the one that is farther from half-way."""
-        return float(max(self.first.gauge_at[self.last].tolist(), key=lambda at: abs(at - 0.5)))
-
-    @classmethod
-    def after(cls, first: GaugePlan, machine: Orthoglide) -> _Stands | None:
-        """The stands of the last reading; None where no stand is fixed in space."""
-        here = first.in_time[first.standing[first.in_time]]
-        last = dict(zip(first.direction[here].tolist(), here.tolist(), strict=True))
-        return cls(first, machine, int(first.leg[here[-1]]), [*last.values()]) if last else None
-
-    def option(
-        self,
-        what: str,
-        stops: Sequence[float],
-        wait_min: float = 0.0,
-        short_mm: Floats | float = 0.0,
-    ) -> Option:
-        """Further postures, in the same set-ups, each carriage commanded short by `short_mm`."""
-        first, index = self.first, np.array(self.last * len(stops))
-        plan = replace(
-            first.subset(index),
-            setup=first.setup[index],
-            displacement=np.repeat(stops, len(self.last)),
-            order=int(first.order.max()) + 1 + np.arange(len(index)),
-            entered=first.stood[index] + short_mm,
-        )
-        # A bar that was turned before is not turned again.
-        as_it_lies = replace(plan, turned=np.zeros_like(plan.turned))
-        *times, minutes = clock(steps_of(as_it_lies, self.machine, Order.PAPER, stands=2))
-        start = float(first.hours.max()) + (MINUTES_PER_POSTURE + wait_min) / 60.0
-        hours = start + np.array(times) / 60.0
-        return Option(what, replace(plan, hours=hours), minutes + wait_min, continues=True)

@@ -20,7 +20,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetLine, BudgetTotal, budget_lines
 from orthoglide_cal.model import Model
-from orthoglide_cal.model.probe_plan import Layout, ProbePlan
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.planning.bar import MARGIN, BarWarning, bar_warning
 from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import (
@@ -45,12 +45,13 @@ from orthoglide_cal.schema import Schema
 # Repeats that are shown in addition to those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
 # Every method that can be fed with the readings of a protocol.
-_SINGLE = (Method.SINGLE, Method.SINGLE_SEQUENTIAL)
-_DOUBLE = (Method.TWELVE, Method.TWELVE_LINEAR, Method.SIX, Method.SIX_LINEAR)
 METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = MappingProxyType(
     {
-        MeasuringProtocol.DOUBLE: (Method.READINGS, *_DOUBLE),
-        MeasuringProtocol.SINGLE: (Method.READINGS, *_SINGLE),
+        MeasuringProtocol.DOUBLE: (
+            Method.READINGS,
+            *(Method.TWELVE, Method.TWELVE_LINEAR, Method.SIX, Method.SIX_LINEAR),
+        ),
+        MeasuringProtocol.SINGLE: (Method.READINGS, Method.SINGLE, Method.SINGLE_SEQUENTIAL),
         MeasuringProtocol.BEST: (Method.READINGS,),
     }
 )
@@ -148,7 +149,6 @@ class MeasurementPlan(Schema):
     """What a session will give before a reading is taken; its dump is `plan --json`.
 
     Attributes:
-        model: the machine, its gauge or probe and its accepted causes.
         chosen: the session: as was asked for, or as long as the target takes.
         floor: what more readings leave besides their scatter; None if that is nothing. It is less
             than what this session leaves in addition: more readings tell more of what else is
@@ -243,17 +243,14 @@ def measurement_plan(
 ) -> MeasurementPlan:
     """What the session that is wanted will give, and what other ways there are.
 
-    Args:
-        model: the machine, its gauge or probe and its accepted causes.
-        wanted: the session.
-        following: what to measure besides data that there are, best first.
+    `following` is what to measure besides data that there are, best first.
 
     Raises:
         UsageError: the machine has no such session.
         RankDeficientError: such readings will not determine the parameters.
     """
-    if layouts := model.machine.layouts():
-        return _of_layouts(model, layouts, wanted, following)
+    if model.machine.layouts():
+        return _of_layouts(model, wanted, following)
     chosen = chosen_session(model, wanted)
     stands, cycles = wanted.stands, chosen.cycles
     protocol = MeasuringProtocol(chosen.name)
@@ -280,8 +277,8 @@ def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
 
     Arguments and errors as of `measurement_plan`.
     """
-    if layouts := model.machine.layouts():
-        return _of_layouts(model, layouts, wanted, ()).chosen
+    if model.machine.layouts():
+        return _of_layouts(model, wanted, ()).chosen
     if wanted.layout is not None:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
     protocol, method = wanted.protocol or MeasuringProtocol.DOUBLE, Method.READINGS
@@ -298,10 +295,7 @@ def _compared(model: Model, chosen: SessionForecast, stands: int) -> Iterator[Al
 
     def fewest_moves(found: SessionForecast, protocol: MeasuringProtocol) -> SessionForecast:
         """The same readings in the order that moves the gauges least, which leaves U as it is."""
-        if protocol is not MeasuringProtocol.SINGLE:
-            return found  # its gauges stay where they are in any order
-        order = Order.FEWEST_MOVES
-        session = session_of(model, protocol, found.cycles, stands, order)
+        session = session_of(model, protocol, found.cycles, stands, Order.FEWEST_MOVES)
         return found.model_copy(update=session._asdict())
 
     for protocol, methods in METHODS.items():
@@ -331,16 +325,13 @@ def _fields(found: SessionForecast) -> dict[str, Any]:
 
 
 def _of_layouts(
-    model: Model,
-    layouts: tuple[Layout, ...],
-    wanted: Wanted,
-    following: tuple[RankedMeasurement, ...],
+    model: Model, wanted: Wanted, following: tuple[RankedMeasurement, ...]
 ) -> MeasurementPlan:
     """The layout that is wanted, else the best, or without one the quickest."""
     if wanted != Wanted(layout=wanted.layout):
         raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
     best = _distinguishing(model)
-    offered = [SessionForecast.of(model, layout) for layout in layouts]
+    offered = [SessionForecast.of(model, layout) for layout in model.machine.layouts()]
     if best is not None:
         offered.append(best)
     names = {each.name: each for each in offered}

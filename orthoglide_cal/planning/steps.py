@@ -79,11 +79,6 @@ class SessionStep:
         """Of the leg's carriage from the isotropic posture."""
         return self.planned.displacement
 
-    @property
-    def contact(self) -> Contact:
-        """Where the gauge touches the leg."""
-        return self.planned.contact
-
     @cached_property
     def series(self) -> Series:
         """Leg and direction."""
@@ -107,7 +102,7 @@ class SessionStep:
     @property
     def end(self) -> str | None:
         """The end of the leg that is touched; None for a gauge fixed in space."""
-        return self.contact.end
+        return self.planned.contact.end
 
 
 def sequence(
@@ -228,7 +223,7 @@ def gauge_moves(steps: Sequence[SessionStep]) -> int:
     places: dict[int, object] = {}
     moves = 0
     for step in steps:
-        here = (step.zero, step.contact)
+        here = (step.zero, step.planned.contact)
         moves += places.get(step.stand, here) != here
         places[step.stand] = here
     return moves
@@ -246,7 +241,7 @@ def clock(steps: Sequence[SessionStep]) -> list[float]:
             now += MINUTES_PER_POSTURE * (before.visit != step.visit)
             if before.setup != step.setup:
                 now += MINUTES_PER_SETUP
-            elif before.contact is not step.contact:
+            elif before.planned.contact is not step.planned.contact:
                 now += MINUTES_PER_SLIDE
         bar = (step.planned.part, step.leg)
         if step.planned.turned and bar not in turned:

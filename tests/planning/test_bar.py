@@ -82,7 +82,7 @@ def test_options_never_leave_the_bar(machine: Machine, at: float) -> None:
 
 def test_gauge_places_are_round_numbers() -> None:
     assert places(PROTOTYPE) == (0.45, 0.7)
-    assert places(SHORT) is None
+    assert places(SHORT) == ()
 
 
 def test_no_command_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

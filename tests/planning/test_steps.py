@@ -46,7 +46,7 @@ def test_the_double_posture_session_is_that_of_section_4_1() -> None:
     assert {s.setup for s in steps} == {1, 2, 3}
     assert [s.stand for s in steps[:4]] == [0, 1, 0, 1]
     assert [s.cycle for s in steps[18:20]] == [4, 4]
-    assert all(s.contact is Contact.FIXED for s in steps)
+    assert all(s.planned.contact is Contact.FIXED for s in steps)
 
 
 def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
