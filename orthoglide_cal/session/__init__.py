@@ -3,6 +3,5 @@
 from orthoglide_cal.session.asking import Show, Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import GaugeLabel
-from orthoglide_cal.session.opening import Request, open_session
-from orthoglide_cal.session.record import unfinished
+from orthoglide_cal.session.opening import Request, open_session, unfinished
 from orthoglide_cal.words import Unit

@@ -17,14 +17,12 @@ from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, 
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import judge
-from orthoglide_cal.session.events import Event, Questioned
+from orthoglide_cal.session.events import Event, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges.interface import Heard, NotAReading, Token, parse_typed
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
-from orthoglide_cal.session.record import session_values, written_before
 from orthoglide_cal.session.standing import NEAR_MM, Standing, Stood
-from orthoglide_cal.session.state import State, advance, replay
 from orthoglide_cal.words import Unit, counted
 
 if TYPE_CHECKING:
@@ -136,11 +134,14 @@ class Dialogue:
             UsageError: another file has the name.
             InputError: it cannot be written.
         """
-        values = session_values(self.so_far)
         there = self.path.read_bytes() if self.path.is_file() else None
-        if there != (text := session_text(values)).encode():
+        if there != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
-            write_text(self.path, text, overwrite=there in written_before(self.so_far))
+            before, written = self.state.reopened, set[bytes]()
+            while before is not None:
+                written.add(session_text(ReadingsSoFar(before, self.setting).session).encode())
+                before = before.reopened
+            write_text(self.path, text, overwrite=there in written)
         self.asker.show(wording.closing(self.state, self.setting, str(self.path)), Style.GOOD)
 
     def reveal(self, found: Sequence[Parameter]) -> None:

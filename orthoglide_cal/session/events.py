@@ -1,14 +1,17 @@
-"""What can happen in a session: one small record each. The journal is a list of these.
+"""What can happen in a session, one small record each, and the state that follows from them.
 
-A session's state is nothing but these records, one after the other (`state.replay`), so that a
-session that was interrupted anywhere continues as if it had not been.
+The journal is a list of these records. The state is a pure fold over them (`replay`): a session
+that was interrupted anywhere continues as if it had not been.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import StrEnum
-from typing import Annotated, Literal
+from functools import reduce
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import (
     AfterValidator,
@@ -245,3 +248,131 @@ RECORD: TypeAdapter[Event] = TypeAdapter(
         Field(discriminator="kind"),
     ]
 )  # fmt: skip
+
+
+class Replaced(NamedTuple):
+    """A reading that does not count any more, and why."""
+
+    take: Arrived
+    reason: str
+
+
+class Accepted(NamedTuple):
+    """A reading that counts; `rank` is the number of the record that accepted it."""
+
+    take: Arrived
+    rank: int
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a session stands."""
+
+    opened: Opened
+    planned: Planned | None = None  # what is read, where no protocol says it
+    accepted: Mapping[int, Accepted] = field(default_factory=dict)  # by step, from first to last
+    skipped: Mapping[int, str] = field(default_factory=dict)  # step number → reason
+    dropped: frozenset[int] = frozenset()  # steps that are no longer needed
+    replaced: tuple[Replaced, ...] = ()  # readings that no longer count
+    notes: tuple[tuple[int, str], ...] = ()  # (step number, text)
+    # (step number, rank) of readings from which on a stand stood elsewhere.
+    moved: tuple[tuple[int, int], ...] = ()
+    pending: Questioned | None = None  # a questioned reading that waits for an answer
+    shortened: Shortened | None = None  # the record that dropped steps
+    ended: Ended | None = None  # the last record, once the session is complete
+    # The state at the end before this session was reopened.
+    reopened: State | None = field(default=None, repr=False, compare=False)
+    source: tuple[str, ...] = ()  # where readings come from now
+    count: int = 1  # of records
+    # The state to which an undo returns.
+    before: State | None = field(default=None, repr=False, compare=False)
+
+    def is_open(self, step: int) -> bool:
+        """True if this step still has to be measured."""
+        return not (step in self.accepted or step in self.skipped or step in self.dropped)
+
+    def takes(self, step: int) -> int:
+        """How many readings arrived for a step so far, whatever became of them."""
+        old = sum(item.take.step == step for item in self.replaced)
+        waiting = self.pending is not None and self.pending.step == step
+        return old + (step in self.accepted) + waiting
+
+
+def replay(records: Iterable[Event]) -> State:
+    """The state after these records; the first must be `Opened`."""
+    opened, *rest = records
+    if not isinstance(opened, Opened):
+        raise ValueError("a session begins with its opened record")
+    return reduce(advance, rest, State(opened, source=opened.source))
+
+
+def advance(state: State, event: Event) -> State:
+    """The state after one more record."""
+    state, pending = replace(state, count=state.count + 1), state.pending
+    if pending and isinstance(event, Arrived | Answered | Undone | Retake | Skipped):
+        state = replace(state, pending=None)
+        if not (isinstance(event, Answered) and event.keep):
+            old = Replaced(pending, f"read again: {pending.question}")
+            state = replace(state, replaced=(*state.replaced, old))
+    match event:
+        case Planned():
+            return replace(state, planned=event)
+        case Questioned():
+            return replace(state, pending=event)
+        case Taken():
+            return _accept(state, event)
+        case Answered(keep=True) if pending:
+            moved = ((pending.step, state.count),) if event.moved else ()
+            return replace(_accept(state, pending), moved=(*state.moved, *moved))
+        case Undone() if then := state.before:  # what was added since counts as replaced
+            back = (
+                Replaced(item.take, "taken back")
+                for step, item in state.accepted.items()
+                if then.accepted.get(step) != item
+            )
+            restored = {id(item.take) for item in then.accepted.values()}
+            kept = (item for item in state.replaced if id(item.take) not in restored)
+            return replace(
+                state,
+                accepted=then.accepted,
+                skipped=then.skipped,
+                dropped=then.dropped,
+                moved=then.moved,
+                shortened=then.shortened,
+                replaced=(*kept, *back),
+                before=then.before,
+            )
+        case Retake():
+            again, accepted = set(event.steps), state.accepted.items()
+            replaced = (Replaced(item.take, event.reason) for n, item in accepted if n in again)
+            dropped = state.dropped - again
+            return replace(
+                state,
+                accepted={n: item for n, item in accepted if n not in again},
+                skipped={n: why for n, why in state.skipped.items() if n not in again},
+                dropped=dropped,
+                shortened=state.shortened if dropped else None,
+                replaced=(*state.replaced, *replaced),
+                before=state,
+            )
+        case Skipped():
+            return replace(state, skipped={**state.skipped, event.step: event.reason}, before=state)
+        case Noted():
+            return replace(state, notes=(*state.notes, (event.step, event.text)))
+        case Shortened():
+            return replace(state, dropped=state.dropped | {*event.drop}, shortened=event)
+        case Ended():
+            return replace(state, ended=event)
+        case Reopened():
+            ended = state if state.ended else state.reopened
+            return replace(state, source=event.source, ended=None, reopened=ended)
+        case _:
+            return state
+
+
+def _accept(state: State, take: Arrived) -> State:
+    accepted, skipped = dict(state.accepted), dict(state.skipped)
+    accepted.pop(take.step, None)  # a reading that came again is the last one
+    skipped.pop(take.step, None)
+    accepted[take.step] = Accepted(take, state.count)
+    return replace(state, accepted=accepted, skipped=skipped, before=state)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import chain, count
 from pathlib import Path
 
-from orthoglide_cal.errors import InputError, OrthocalError, UsageError
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
 from orthoglide_cal.files import (
     default_machine,
     machine_from_text,
@@ -29,20 +31,21 @@ from orthoglide_cal.planning.steps import (
     steps_of,
 )
 from orthoglide_cal.schema import parse_number
-from orthoglide_cal.session import events, record, wording
+from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import Event, GaugeLabel, Opened, Planned
+from orthoglide_cal.session.events import Event, GaugeLabel, Opened, Planned, State, replay
 from orthoglide_cal.session.following import Recommendation, first_of, recommended
 from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.serial_line import SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.session.state import State, replay
 from orthoglide_cal.words import Unit
 
 TYPED, SIMULATED = "typed", "simulated"
+JOURNAL = ".journal"
+_LONGEST = 200  # bytes; file systems take 255, also of the temporary file's name
 
 
 @dataclass(frozen=True)
@@ -94,20 +97,22 @@ def open_session(
     serial = _serial_gauge(request.source)
     _check_options(request)
     if request.resume:
-        path = record.resumed_session(request.path, folder)
-        journal = Journal.resume(record.journal_path(path))
+        path = resumed_session(request.path, folder)
+        journal = Journal.resume(path.with_suffix(JOURNAL))
     else:
-        path = record.new_session(request.path, folder)
+        path = new_session(request.path, folder)
         # A missing gauge or another machine leaves no file behind.
         if serial:
             serial.open()
         model, found = _confirmed(request, Asker(keyboard, show))
         # What others are joined to keeps the machine as it was for the first of them.
         first = _first_records(request, found.model if found else model, now(), found)
-        journal = Journal.create(record.journal_path(path), *first)
+        journal = Journal.create(path.with_suffix(JOURNAL), *first)
     try:
         state = replay(journal.recovered.events)
-        setting = _setting(request, journal, state)
+        setting = _setting(journal, state)
+        if request.resume:
+            _refuse_changes(state.opened, setting.held, request)
         source = request.source or state.source
         gauge: LiveGauge | None = None
         if source == (SIMULATED,):
@@ -136,7 +141,7 @@ def _check_options(request: Request) -> None:
         if request.choice is not None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
         return
-    if path and record.session_path(path).resolve() == Path(following).resolve():
+    if path and session_path(path).resolve() == Path(following).resolve():
         raise UsageError(
             f"{following} is never changed: it cannot be the new session, too.",
             "Name another file for the session that will hold both.",
@@ -266,8 +271,8 @@ def _first_records(
     return [opened, planned] if steps else [opened]
 
 
-def _setting(request: Request, journal: Journal, state: State) -> Setting:
-    """What the session is measured with. Raises InputError, UsageError."""
+def _setting(journal: Journal, state: State) -> Setting:
+    """What the session is measured with. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model, first = machine_from_text(opened.machine, path), None
     if planned is not None:
@@ -284,10 +289,7 @@ def _setting(request: Request, journal: Journal, state: State) -> Setting:
             "Restore the file from a copy; or move it away and begin again.",
             file=path,
         )
-    setting = Setting(model, steps, first)
-    if request.resume:
-        _refuse_changes(opened, setting.held, request)
-    return setting
+    return Setting(model, steps, first)
 
 
 def _serial_gauge(source: Sequence[str]) -> SerialGauge | None:
@@ -327,3 +329,80 @@ def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
             "This is not the session that was begun. " + "; ".join(differences) + ".",
             "Leave those options out, or begin a new session in another file.",
         )
+
+
+# ---- its file: `session.yaml` in the end, `session.journal` meanwhile
+
+
+def session_path(given: Path) -> Path:
+    """The session file that is meant by a name, be it that of its journal or without a suffix.
+
+    Raises:
+        UsageError: it cannot be the name of a file.
+    """
+    if given.name in ("", ".."):
+        raise UsageError(
+            "A session must be a file; this is not one.",
+            "Name a file, such as session.yaml, or leave the name out.",
+        )
+    if len(os.fsencode(given.name)) > _LONGEST:
+        raise UsageError("The name of the file is too long.", "Choose a shorter one.")
+    if given.suffix == JOURNAL:
+        return given.with_suffix(".yaml")
+    if given.suffix in (".yaml", ".yml"):
+        return given
+    return given.with_name(f"{given.name}.yaml")
+
+
+def new_session(given: Path | None, folder: Path) -> Path:
+    """The file for a new session: as given, or in the folder `session.yaml`, `session-2.yaml` …
+
+    Raises:
+        UsageError: the file exists, or an unfinished session is there.
+    """
+    if given is None:
+        waiting = unfinished(folder)
+        if waiting:
+            raise UsageError(
+                f"There is an unfinished session here: {', '.join(path.name for path in waiting)}.",
+                "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
+            )
+        names = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
+        return next(folder / name for name in names if not (folder / name).exists())
+    path = session_path(given)
+    if path.exists():
+        raise UsageError(
+            f"{path} exists; a session is never overwritten.",
+            "Name another file, or continue an unfinished session with --resume.",
+        )
+    if (journal := path.with_suffix(JOURNAL)).exists():
+        raise UsageError(
+            f"{journal} holds a session that is not finished.",
+            f"Continue it: {command('measure', str(path), options='--resume')}",
+        )
+    return path
+
+
+def resumed_session(given: Path | None, folder: Path) -> Path:
+    """The file of the session to go on with; without a name the only unfinished one here."""
+    if given is not None:
+        return session_path(given)
+    waiting = unfinished(folder)
+    if not waiting:
+        raise UsageError(
+            "There is no unfinished session in this folder.",
+            "Name its file: orthocal measure NAME.yaml --resume",
+        )
+    names = ", ".join(path.name for path in waiting)
+    if len(waiting) > 1:
+        raise UsageError(
+            f"There are {len(waiting)} unfinished sessions here: {names}.",
+            "Name one: orthocal measure NAME.yaml --resume",
+        )
+    return waiting[0].with_suffix(".yaml")
+
+
+def unfinished(folder: Path) -> list[Path]:
+    """Journals without a session file, in alphabetical order."""
+    journals = folder.glob(f"*{JOURNAL}")
+    return sorted(path for path in journals if not path.with_suffix(".yaml").exists())

@@ -14,7 +14,7 @@ from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
 from orthoglide_cal.estimation.forecast import Forecast, PlanForecast
-from orthoglide_cal.files import QUESTIONED, ReadingRow, readings_of, row_at
+from orthoglide_cal.files import QUESTIONED, GaugeIdentity, ReadingRow, Session, readings_of, row_at
 from orthoglide_cal.model import (
     Contact,
     Floats,
@@ -29,9 +29,8 @@ from orthoglide_cal.model import (
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
-from orthoglide_cal.session.events import Arrived, Doubt, Questioned
+from orthoglide_cal.session.events import Accepted, Arrived, Doubt, Questioned, State
 from orthoglide_cal.session.following import PriorReadings
-from orthoglide_cal.session.state import Accepted, State
 from orthoglide_cal.words import Unit
 
 # Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
@@ -202,6 +201,41 @@ class ReadingsSoFar:
         """The readings as they will be read from the session file at the end."""
         lines = range(1, len(self.rows) + 1)
         return readings_of(self.rows, self.setting.model.orthoglide, Source("", ""), lines)
+
+    @property
+    def session(self) -> Session:
+        """The session file's content; the same records always give the same."""
+        state, opened, first = self.state, self.state.opened, self.setting.first
+        resolution = self.setting.machine.gauge.resolution_mm
+        gauges = [
+            GaugeIdentity(id=gauge.id, certificate=gauge.certificate, resolution_mm=resolution)
+            for gauge in opened.gauges
+        ]
+        before = first.conditions.gauges if first else ()
+        said = first.environment if first else {}
+        said["readings_from"] = ", ".join(state.source)
+        if opened.seed is not None:
+            said["seed"] = str(opened.seed)
+        if opened.temperature_c is not None:
+            said["temperature_c"] = f"{opened.temperature_c:g}"
+        loose = [f"step {step}: {text}" for step, text in state.notes if step not in state.accepted]
+        if loose:
+            said["notes"] = "; ".join(loose)
+        return Session(
+            machine=self.setting.model,
+            protocol=opened.protocol.value,
+            operator=opened.operator or (first.conditions.operator if first else None),
+            gauges=(*gauges, *(each for each in before if each.id not in {g.id for g in gauges})),
+            started=(first.conditions.started if first else None) or opened.at,
+            finished=state.ended.at if state.ended else None,
+            environment=said,
+            readings=(*(first.rows if first else ()), *self.rows),
+            retaken=tuple(self.row(old.take, reason=old.reason) for old in state.replaced),
+            skipped=tuple(
+                self.place(number).model_copy(update={"reason": reason})
+                for number, reason in sorted(state.skipped.items())
+            ),
+        )
 
     @cached_property
     def solution(self) -> Solution | None:

@@ -18,9 +18,8 @@ from orthoglide_cal.planning.steps import (
     posture_name,
     step_name,
 )
-from orthoglide_cal.session.events import Questioned
+from orthoglide_cal.session.events import Questioned, State
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.session.state import State
 from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:

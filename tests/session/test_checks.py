@@ -9,9 +9,8 @@ import pytest
 from orthoglide_cal.model import Machine
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
-from orthoglide_cal.session.events import Answered, Doubt, Taken
+from orthoglide_cal.session.events import Answered, Doubt, Taken, advance
 from orthoglide_cal.session.readings import NextReading
-from orthoglide_cal.session.state import advance
 from orthoglide_cal.words import Unit
 from tests.machines import PROTOTYPE
 

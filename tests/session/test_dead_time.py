@@ -17,8 +17,8 @@ from orthoglide_cal.session.asking import (
     BY_HAND_S,
     DeadTime,
 )
+from orthoglide_cal.session.events import State, replay
 from orthoglide_cal.session.journal import decode
-from orthoglide_cal.session.state import State, replay
 
 from .terminal import PROGRAM, PROMPT, QUESTION, SerialLine, Terminal
 

@@ -17,7 +17,6 @@ from orthoglide_cal.results import answer_to
 from orthoglide_cal.session import Dialogue, Quit, Style
 from orthoglide_cal.session.events import Doubt, Questioned
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
-from orthoglide_cal.session.record import session_values
 
 from .virtual import (
     DOUBLE,
@@ -36,7 +35,7 @@ from .virtual import (
 
 def content(dialogue: Dialogue) -> dict[str, Any]:
     """The session file's content as it stands."""
-    return session_json(session_values(dialogue.so_far))
+    return session_json(dialogue.so_far.session)
 
 
 def replaced(dialogue: Dialogue) -> list[float]:

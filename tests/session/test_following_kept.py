@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.session.events import RECORD, Opened, Planned
+from orthoglide_cal.session.events import RECORD, Opened, Planned, replay
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.state import replay
 
 from .going_on import alone, choice, content, events_of, is_step, is_turn, without_times
 from .terminal import Terminal, refused, run_program

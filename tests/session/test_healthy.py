@@ -7,8 +7,8 @@ from orthoglide_cal.model import Gauge, Machine, Model, simulate
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, gather
+from orthoglide_cal.session.events import advance
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
-from orthoglide_cal.session.state import advance
 from tests import machines
 from tests.truth.machines import DIAL, LARGE, MICRON, PROTOTYPE
 from tests.truth.machines import Gauge as TrueGauge

@@ -26,9 +26,9 @@ from orthoglide_cal.session.events import (
     Shortened,
     Skipped,
     Undone,
+    replay,
 )
 from orthoglide_cal.session.journal import Journal, decode, encode
-from orthoglide_cal.session.state import replay
 
 from .virtual import AT, opened, questioned, taken
 

@@ -14,11 +14,9 @@ from orthoglide_cal.files import read_input, session_text
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session import Dialogue, Style
 from orthoglide_cal.session import journal as journal_module
-from orthoglide_cal.session.events import Opened
+from orthoglide_cal.session.events import Opened, replay
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode
-from orthoglide_cal.session.record import session_values
-from orthoglide_cal.session.state import replay
 
 from .terminal import Terminal
 from .virtual import (
@@ -174,7 +172,7 @@ def test_killed_while_the_session_file_is_written(
 ) -> None:
     """The file is not there, or complete; writing it again ends with the same bytes."""
     dialogue = uninterrupted(tmp_path / "s.journal", SINGLE, 1)
-    text = session_text(session_values(dialogue.so_far))
+    text = session_text(dialogue.so_far.session)
     target = tmp_path / "s.yaml"
 
     def write_and_die() -> None:

@@ -9,8 +9,7 @@ from orthoglide_cal.files import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode, encode
-from orthoglide_cal.session.opening import MOST_CYCLES
-from orthoglide_cal.session.record import new_session, resumed_session, session_path
+from orthoglide_cal.session.opening import MOST_CYCLES, new_session, resumed_session, session_path
 from tests.machines import NOMINAL, PROTOTYPE
 
 from .terminal import Terminal, begun, refused, run_program

@@ -21,10 +21,9 @@ from orthoglide_cal.session.events import (
     Skipped,
     Taken,
     Undone,
+    replay,
 )
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
-from orthoglide_cal.session.record import session_values
-from orthoglide_cal.session.state import replay
 
 from .virtual import (
     AT,
@@ -91,7 +90,7 @@ def test_live_readings_are_those_of_the_file(
     live = so_far.measured
     exact = [item.take.minutes for item in so_far.state.accepted.values()]
     assert so_far.minutes == pytest.approx(exact, abs=5.1e-5)
-    (tmp_path / "s.yaml").write_text(session_text(session_values(so_far)), encoding="utf-8")
+    (tmp_path / "s.yaml").write_text(session_text(so_far.session), encoding="utf-8")
     read = read_input(str(tmp_path / "s.yaml"))
     filed = read.measured
     assert isinstance(filed, Readings)

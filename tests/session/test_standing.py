@@ -12,7 +12,6 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.session import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Questioned
-from orthoglide_cal.session.record import session_values
 from orthoglide_cal.session.standing import follow
 from tests.linuxcnc import LinuxCnc, missing
 
@@ -86,7 +85,7 @@ def test_it_is_waited_for_and_where_it_stood_is_recorded(tmp_path: Path, rsh: Rs
     assert "waiting until the machine stands there" in screen.text
     (taken,) = (item.take for item in dialogue.state.accepted.values())
     assert taken.remark == "the controller stood at X 310.250 Y 310.250 Z 310.250"
-    assert session_values(dialogue.so_far).readings[0].note == taken.remark
+    assert dialogue.so_far.session.readings[0].note == taken.remark
     assert all(text.startswith(("hello", "get", "set echo")) for text in rsh.asked)
 
 

@@ -14,9 +14,11 @@ from orthoglide_cal.session.events import (
     Retake,
     Shortened,
     Skipped,
+    State,
     Undone,
+    advance,
+    replay,
 )
-from orthoglide_cal.session.state import State, advance, replay
 
 from .virtual import AT, opened, questioned, state_of, taken
 

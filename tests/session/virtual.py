@@ -15,13 +15,21 @@ from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep,
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
 from orthoglide_cal.session.asking import Asker, Line
 from orthoglide_cal.session.checks import Question, check
-from orthoglide_cal.session.events import Answered, Doubt, Event, Opened, Questioned, Taken
+from orthoglide_cal.session.events import (
+    Answered,
+    Doubt,
+    Event,
+    Opened,
+    Questioned,
+    State,
+    Taken,
+    advance,
+    replay,
+)
 from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
-from orthoglide_cal.session.record import session_values
-from orthoglide_cal.session.state import State, advance, replay
 from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
 
@@ -223,7 +231,7 @@ def offsets(dialogue: Dialogue) -> np.ndarray:
 
 def content_without_times(dialogue: Dialogue) -> str:
     """The session file's text but for its times of day."""
-    text = session_text(session_values(dialogue.so_far))
+    text = session_text(dialogue.so_far.session)
     return re.sub(r"(minutes|timestamp|finished|started): [^,}\n]+", r"\1: -", text)
 
 
