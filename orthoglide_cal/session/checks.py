@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +16,8 @@ from numpy.typing import NDArray
 
 from orthoglide_cal.estimation.forecast import Prediction
 from orthoglide_cal.model import AXES, Floats, Ints, off_scale, too_steady
-from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.events import Doubt, Questioned, Taken
-from orthoglide_cal.session.gauges.interface import Token
-from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
-from orthoglide_cal.session.standing import NEAR_MM, Stood
+from orthoglide_cal.session.events import Doubt
+from orthoglide_cal.session.readings import NextReading
 from orthoglide_cal.session.wording import in_unit, value_text
 from orthoglide_cal.words import MM_PER_INCH, Unit, with_uncertainty
 
@@ -68,62 +64,6 @@ class Evidence:
         """Whether a question is due, shape (...)."""
         together = (self.gains > math.log(RATIO)).any(axis=-1)
         return np.asarray((self.tail < RARE) | together)
-
-
-def judge(
-    so_far: ReadingsSoFar,
-    step: SessionStep,
-    token: Token,
-    at: str,
-    source: str,
-    unit: Unit,
-    stood: Stood | None = None,
-) -> tuple[Taken | Questioned, bool]:
-    """Check a reading against itself, the readings before it and the model.
-
-    Args:
-        so_far: the session before it.
-        step, token: what the reading is of, and what arrived; it has a value.
-        at, source: as in the record.
-        unit: of a reading that says none.
-        stood: where the machine stood; None if it is not followed.
-
-    Returns:
-        The record to be written, and whether it was questioned before and has come again.
-    """
-    value, state = token.mm(unit), so_far.state
-    if value is None:
-        raise ValueError("an error message is not a reading")
-    gone = datetime.fromisoformat(at) - datetime.fromisoformat(state.opened.at)
-    # A clock that was set back must not turn the order of the readings around.
-    earlier = [item.take.minutes for item in state.accepted.values()]
-    minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
-    coming = NextReading(so_far, step, minutes, token.unit or unit)
-    taken = Taken(
-        at=at,
-        step=step.number,
-        minutes=minutes,
-        value_mm=value,
-        raw=token.raw[:80],
-        source=source,
-        remark=stood.words if stood else "",
-    )
-    question = check(coming, value)
-    if stood is not None and stood.away_mm > NEAR_MM:
-        text = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
-        question = Question(Doubt.PLACE, text)
-    if question is None:
-        return taken, False
-    doubt, text, about = question
-    asked = Questioned(
-        **taken.model_dump(exclude={"kind"}), doubt=doubt, question=text, about=about
-    )
-    near = 3.0 * coming.forecast.sigma_mm
-    again = any(
-        isinstance(old, Questioned) and old.step == asked.step and abs(value - old.value_mm) <= near
-        for old in (*(old.take for old in state.replaced), state.pending)
-    )
-    return asked, again
 
 
 def check(coming: NextReading, value: float) -> Question | None:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,18 +17,20 @@ from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
-from orthoglide_cal.session.checks import judge
-from orthoglide_cal.session.events import Event, Questioned, State, advance, replay
+from orthoglide_cal.session.checks import Question, check
+from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges.interface import Heard, NotAReading, Token, parse_typed
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
 from orthoglide_cal.session.standing import NEAR_MM, Standing, Stood
-from orthoglide_cal.words import Unit, counted
+from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:
     from orthoglide_cal.results import Parameter
 
+# What every U before the end leaves out: asking what else may be wrong takes all readings.
+UNLESS = "95 % if nothing else is wrong"
 WAIT_S = 0.3  # how often a machine that is followed is looked at
 
 _KEY = re.compile(r"(?P<key>[urnstqURNSTQ?])(?:\s+(?P<words>.+))?")
@@ -49,24 +52,21 @@ class Dialogue:
     unit: Unit = Unit.MM  # of readings without one
     until_mm: float | None = None  # end once every offset is known this well; else take them all
     standing: Standing | None = None  # where a machine that is followed stands
-    state: State = field(init=False)
+    so_far: ReadingsSoFar = field(init=False)  # that count now
     _shown: tuple[int | None, object] = (None, None)  # set-up and visit
 
     def __post_init__(self) -> None:
-        self.state = replay(self.journal.recovered.events)
-        self._so_far = ReadingsSoFar(self.state, self.setting)
+        self.so_far = ReadingsSoFar(replay(self.journal.recovered.events), self.setting)
 
     @property
-    def so_far(self) -> ReadingsSoFar:
-        """The readings that count now."""
-        if self._so_far.state is not self.state:
-            self._so_far = ReadingsSoFar(self.state, self.setting)
-        return self._so_far
+    def state(self) -> State:
+        """What follows from all records."""
+        return self.so_far.state
 
     def write(self, event: Event) -> None:
         """Put a record on the disk, then let it count."""
         self.journal.append(event)
-        self.state = advance(self.state, event)
+        self.so_far = ReadingsSoFar(advance(self.state, event), self.setting)
 
     def greet(self) -> None:
         """Say what lies ahead, or what was there already."""
@@ -93,8 +93,8 @@ class Dialogue:
         while self.state.ended is None:
             if self.state.pending is not None:
                 self._ask_about(self.state.pending)
-            elif (step := self.next_step()) is not None:
-                self._ask_for(step)
+            elif self.so_far.left:
+                self._ask_for(self.so_far.left[0])
             else:
                 reason = self.state.shortened.reason if self.state.shortened else "complete"
                 self.write(events.Ended(at=self.now(), reason=reason))
@@ -142,13 +142,33 @@ class Dialogue:
                 written.add(session_text(ReadingsSoFar(before, self.setting).session).encode())
                 before = before.reopened
             write_text(self.path, text, overwrite=there in written)
-        self.asker.show(wording.closing(self.state, self.setting, str(self.path)), Style.GOOD)
+        state, first = self.state, self.setting.first
+        counts = f"{len(state.accepted)} readings"
+        for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
+            counts += f", {number} {word}" if number else ""
+        reason = state.ended.reason if state.ended else "unfinished"
+        lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
+        if first:
+            lines.append(f"The {len(first.readings)} earlier readings are in the same file.")
+        for leg in sorted({step.leg for step in self.setting.steps if step.planned.turned}):
+            lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
+        self.asker.show("\n".join(lines), Style.GOOD)
 
     def reveal(self, found: Sequence[Parameter]) -> None:
-        """After a simulated session, say what was hidden and what was found."""
-        gauge = self.asker.gauge
-        if isinstance(gauge, SimulatedGauge):
-            self.asker.show(wording.truth(found, gauge.offsets_mm))
+        """After a simulated session, say what was hidden, and whether it was found."""
+        if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
+            return
+        columns = list(zip(found, gauge.offsets_mm.tolist(), strict=True))
+        hidden = " ".join(
+            f"{each.name} {signed(value, decimals_for(each.expanded))}" for each, value in columns
+        )
+        inside = all(
+            each.found is None or abs(value - each.found) <= each.expanded
+            for each, value in columns
+        )
+        told = "not all lie within U: expected once in seven sessions"
+        told = "all lie within U" if inside else told
+        self.asker.show(f"Simulated; hidden were {hidden} mm: {told}.")
 
     def close(self) -> None:
         """Let go of the gauge and the journal."""
@@ -157,10 +177,6 @@ class Dialogue:
         if self.standing is not None:
             self.standing.close()
         self.journal.close()
-
-    def next_step(self) -> SessionStep | None:
-        """The first step that still has to be measured."""
-        return next((s for s in self.setting.steps if self.state.is_open(s.number)), None)
 
     # ---- what is asked
 
@@ -178,8 +194,7 @@ class Dialogue:
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(text)
         if step.visit != visit:
-            left = [s for s in setting.steps if self.state.is_open(s.number)]
-            minutes = minutes_left(left)
+            minutes = minutes_left(self.so_far.left)
             gap = "" if step.setup != setup else "\n"
             asker.say(f"{gap}{wording.step_line(step, setting, minutes)}", Style.TITLE)
             asker.say(place)
@@ -297,17 +312,47 @@ class Dialogue:
 
     def _read(self, step: SessionStep, token: Token, source: str) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        reading, again = judge(
-            self.so_far, step, token, self.now(), source, self.unit, self._stood(step)
+        at, stood, value = self.now(), self._stood(step), token.mm(self.unit)
+        if value is None:
+            raise ValueError("an error message is not a reading")
+        gone = datetime.fromisoformat(at) - datetime.fromisoformat(self.state.opened.at)
+        # A clock that was set back must not turn the order of the readings around.
+        earlier = [item.take.minutes for item in self.state.accepted.values()]
+        minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
+        coming = NextReading(self.so_far, step, minutes, token.unit or self.unit)
+        taken = events.Taken(
+            at=at,
+            step=step.number,
+            minutes=minutes,
+            value_mm=value,
+            raw=token.raw[:80],
+            source=source,
+            remark=stood.words if stood else "",
         )
-        self.write(reading)
-        if not isinstance(reading, Questioned):
-            self._acknowledge(step, reading.value_mm)
+        if stood and stood.away_mm > NEAR_MM:
+            far = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
+            question: Question | None = Question(Doubt.PLACE, far)
+        else:
+            question = check(coming, value)
+        if question is None:
+            self.write(taken)
+            self._acknowledge(step, value)
             return
+        doubt, text, about = question
+        asked = Questioned(
+            **taken.model_dump(exclude={"kind"}), doubt=doubt, question=text, about=about
+        )
+        before = [
+            old.value_mm
+            for old in (*(old.take for old in self.state.replaced), self.state.pending)
+            if isinstance(old, Questioned) and old.step == step.number
+        ]
+        self.write(asked)
         self.asker.rest(driving=False)
-        if again:
+        near = 3.0 * coming.forecast.sigma_mm
+        if any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
-            self._keep(reading)
+            self._keep(asked)
 
     def _keep(self, reading: Questioned, moved: bool = False) -> None:
         self.write(events.Answered(at=self.now(), keep=True, moved=moved))
@@ -315,8 +360,8 @@ class Dialogue:
 
     def _acknowledge(self, step: SessionStep, value: float) -> None:
         """Say that it is saved; after the last gauge of a posture, the offsets so far."""
-        following = self.next_step()
-        stays = following is not None and following.visit == step.visit
+        left = self.so_far.left
+        stays = bool(left) and left[0].visit == step.visit
         self.asker.rest(driving=not stays)
         pushed = self.asker.pushed
         told = ""
@@ -327,8 +372,7 @@ class Dialogue:
             self.asker.pushed = pushed  # a reading saved leaves the place where it is
             return
         self._say_offsets()
-        if self.until_mm is not None and not self.state.shortened:
-            self._shorten(self.until_mm)
+        self._shorten()
 
     def _alike(self, step: SessionStep) -> list[tuple[SessionStep, float]]:
         """Readings of the same cell, gauge and zero as a step's, with their steps."""
@@ -336,21 +380,33 @@ class Dialogue:
         return [each for each in taken if (each[0].cell, each[0].zero) == (step.cell, step.zero)]
 
     def _say_offsets(self) -> None:
+        """The offsets so far with their U; what else may be wrong adds to it at the end only."""
         solution, expanded = self.so_far.solution, self.so_far.expanded_mm
-        if solution is not None and expanded is not None:
-            self.asker.say(wording.offsets(solution.offsets_mm, expanded), Style.DIM)
-
-    def _shorten(self, until_mm: float) -> None:
-        """Leave out what the offsets do not need any more, if they are known well enough."""
-        so_far = self.so_far
-        dropped = so_far.unneeded() if so_far.is_known(until_mm) else []
-        if not dropped:
+        if solution is None or expanded is None:
             return
-        reason = f"ended early, every offset is known within {until_mm:g} mm"
+        decimals = decimals_for(float(expanded.min()))
+        parts = (
+            f"{axis.upper()} {value:+.{decimals}f} ± {reach:.{decimals}f}"
+            for axis, value, reach in zip(AXES, solution.offsets_mm, expanded, strict=True)
+        )
+        self.asker.say(f"Offsets so far, {UNLESS}:\n  {'  '.join(parts)} mm", Style.DIM)
+
+    def _shorten(self) -> None:
+        """Leave out what the offsets do not need any more, if they are known well enough."""
+        until, known = self.until_mm, self.so_far.expanded_mm
+        if until is None or self.state.shortened or known is None or not (known <= until).all():
+            return
+        if not (dropped := self.so_far.unneeded()):
+            return
+        reason = f"ended early, every offset is known within {until:g} mm"
         drop = tuple(step.number for step in dropped)
         self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
-        self.asker.say(wording.shortened(dropped, until_mm), Style.GOOD)
-        if self.next_step() is not None:
+        self.asker.say(
+            f"Every offset is known within {until:g} mm ({UNLESS}). Saved: {len(dropped)} readings,"
+            f" {wording.duration(minutes_left(dropped)).lower()}.",
+            Style.GOOD,
+        )
+        if self.so_far.left:
             self.asker.say(
                 "The closing isotropic posture is still read: it shows drift and knocks."
             )
@@ -364,8 +420,8 @@ class Dialogue:
                 self.asker.say("There is nothing to undo.")
             case "u":
                 self.write(events.Undone(at=self.now()))
-                after = self.next_step()
-                where = f" Back to step {after.number}." if after else ""
+                left = self.so_far.left
+                where = f" Back to step {left[0].number}." if left else ""
                 self.asker.say(f"Undone; the old value is kept as replaced.{where}")
             case "r":
                 asked = "Retake which step (number, or x, y, z for a leg)? > "
@@ -374,13 +430,26 @@ class Dialogue:
                 if text := words or self._words("Note > "):
                     self.write(events.Noted(at=self.now(), step=step.number, text=text))
                     self.asker.say(f"Noted at step {step.number}.")
+            case "s" if words.lower().split()[:1] == ["all"]:
+                self._skip_all(words[3:].strip())
             case "s":
-                if words.lower().split()[:1] == ["all"]:
-                    self._skip_all(words[3:].strip())
-                else:
-                    self._skip(words or self._words("Why is it skipped? > "), step)
+                why = words or self._words("Why is it skipped? > ")
+                with suppress(NotAReading):
+                    parse_typed(why)
+                    why = ""  # a reading is no reason
+                if why:
+                    self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+                self.asker.say(
+                    f"Skipped: {why}" if why else "Not skipped: a reason in words is needed."
+                )
             case "t":
-                self.asker.say(wording.table(self.state, self.setting, self.unit))
+                lines = [f"The last readings of {len(self.state.accepted)}:"]
+                for number, item in list(self.state.accepted.items())[-20:]:
+                    take, name = item.take, step_name(self.setting.steps[number - 1])
+                    kept = "  kept although questioned" if isinstance(take, Questioned) else ""
+                    value = wording.value_text(take.value_mm, self.unit)
+                    lines.append(f"  {number:>3}  {name}  {value}{kept}")
+                self.asker.say("\n".join(lines))
             case "q":
                 raise Quit
             case _:
@@ -427,18 +496,8 @@ class Dialogue:
         numbers = tuple(step.number for step in steps)
         self.write(events.Retake(at=self.now(), steps=numbers, reason=reason))
 
-    def _skip(self, why: str, step: SessionStep) -> None:
-        with suppress(NotAReading):
-            parse_typed(why)
-            why = ""  # a reading is no reason
-        if not why:
-            self.asker.say("Not skipped: a reason in words is needed.")
-            return
-        self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
-        self.asker.say(f"Skipped: {why}")
-
     def _skip_all(self, reason: str) -> None:
-        left = [step.number for step in self.setting.steps if self.state.is_open(step.number)]
+        left = self.so_far.left
         self.asker.say(f"{_are(len(left))} missing.")
         # A script that gives its reason has said all.
         told = reason and not self.asker.keyboard.live
@@ -446,8 +505,8 @@ class Dialogue:
             self.asker.say("Not ended.")
             return
         why = reason or "the session was ended"
-        for number in left:
-            self.write(events.Skipped(at=self.now(), step=number, reason=why))
+        for step in left:
+            self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
 
 
 def _are(readings: int) -> str:

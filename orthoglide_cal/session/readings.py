@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from dataclasses import dataclass, fields
 from functools import cached_property
 from statistics import median
@@ -63,14 +62,6 @@ class Setting:
         active = self.first.following.entered if self.first else NOTHING_ENTERED
         short = np.subtract(step.planned.entered, active, dtype=np.float64)
         return np.asarray(short.round(9))
-
-    def cycles_of(self, step: SessionStep) -> tuple[bool, int]:
-        """Whether a step closes its set-up at the isotropic posture, and how many cycles it has."""
-        repeats = Counter(each.cell for each in self.steps if each.setup == step.setup)
-        here = repeats[step.cell]
-        moved = [count for cell, count in repeats.items() if cell.displacement != 0.0]
-        closes = step.displacement_mm == 0.0 and here == max(moved, default=here) + 1
-        return closes and step.cycle == here, here - closes
 
     @cached_property
     def plan(self) -> GaugePlan:
@@ -262,9 +253,10 @@ class ReadingsSoFar:
         length, mean_c = self.setting.machine.leg_length_mm, self.state.opened.temperature_c
         return self.solution.budget.extended(warmth(mean_c, length)).expanded_mm
 
-    def is_known(self, until_mm: float) -> bool:
-        """True if U of every offset is at most `until_mm`."""
-        return self.expanded_mm is not None and bool((self.expanded_mm <= until_mm).all())
+    @cached_property
+    def left(self) -> list[SessionStep]:
+        """Steps that still have to be measured."""
+        return [step for step in self.setting.steps if self.state.is_open(step.number)]
 
     def unneeded(self) -> list[SessionStep]:
         """Steps that can be left out once the offsets are known.
@@ -276,8 +268,7 @@ class ReadingsSoFar:
         done = {step.cell for step in steps if step.number in {*state.accepted, *state.skipped}}
         if not self.steps or {step.cell for step in steps} - done:
             return []
-        last = self.steps[-1]
-        left = [step for step in steps if state.is_open(step.number)]
+        last, left = self.steps[-1], self.left
         if left and left[0].visit == last.visit:
             return []  # the other gauge of this posture is still to be read
         closing = [s for s in left if s.setup == last.setup and s.posture is Posture.ISO]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections import Counter
+from collections.abc import Iterable
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.model import AXES, Contact, Floats, Model, other_axes
+from orthoglide_cal.model import AXES, Contact, Model, other_axes
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.program import Point
 from orthoglide_cal.planning.steps import (
@@ -16,14 +16,10 @@ from orthoglide_cal.planning.steps import (
     gauge_moves,
     minutes_left,
     posture_name,
-    step_name,
 )
-from orthoglide_cal.session.events import Questioned, State
+from orthoglide_cal.session.events import State
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.words import MM_PER_INCH, Unit, counted, decimals_for, signed
-
-if TYPE_CHECKING:
-    from orthoglide_cal.results import Parameter
+from orthoglide_cal.words import MM_PER_INCH, Unit, counted
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -40,8 +36,6 @@ A reading that looks wrong is questioned once:
   or give the reading again.
 Every accepted reading is on the disk before the next prompt."""
 
-# What every U before the end leaves out: asking what else may be wrong takes all readings.
-UNLESS = "95 % if nothing else is wrong"
 STREAM = """\
 The gauge sends by itself: none of it is recorded. Switch off its
 continuous output (also: AUTO, STREAM, INTERVAL), so that it sends when its
@@ -83,7 +77,7 @@ def opening(state: State, setting: Setting, name: str) -> str:
         f"File     {visible(name)}",
         f"{len(steps)} readings with {gauges}:"
         f" {counted(len({step.setup for step in steps}), 'set-up')},"
-        f" {counted(gauge_moves(steps), 'gauge move')}, {_duration(minutes).lower()}."
+        f" {counted(gauge_moves(steps), 'gauge move')}, {duration(minutes).lower()}."
         " ? is help.",
     ])  # fmt: skip
 
@@ -147,8 +141,14 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
 
 def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     """Where step n of N is; `minutes` are those left."""
-    closing, cycles = setting.cycles_of(step)
-    when = "closing" if closing else f"cycle {step.cycle} of {cycles}"
+    # The isotropic posture once more than the others closes a set-up.
+    repeats = Counter(each.cell for each in setting.steps if each.setup == step.setup)
+    here = repeats[step.cell]
+    moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
+    closes = step.displacement_mm == 0.0 and here == max(moved, default=here) + 1
+    when = f"cycle {step.cycle} of {here - closes}"
+    if closes and step.cycle == here:
+        when = "closing"
     short = "".join(
         f", carriage {axis.upper()} {abs(mm):g} mm {'short' if mm > 0.0 else 'too far'}"
         for axis, mm in zip(AXES, setting.short_mm(step).tolist(), strict=True)
@@ -156,7 +156,7 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     )
     return (
         f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
-        f" {posture_name(step)}{short}, {when}. {_duration(minutes)} left."
+        f" {posture_name(step)}{short}, {when}. {duration(minutes)} left."
     )
 
 
@@ -181,7 +181,8 @@ def _axes(values: Iterable[float], form: str, gap: str = "  ") -> str:
     return gap.join(parts)
 
 
-def _duration(minutes: float) -> str:
+def duration(minutes: float) -> str:
+    """About so long, whole minutes."""
     return f"About {minutes:.0f} min" if minutes >= 0.95 else "Under a minute"
 
 
@@ -205,61 +206,6 @@ def in_unit(value_mm: float, unit: Unit, form: str = "g") -> str:
     """Any other length in a unit: "10 mm", "0.393701 in (10 mm)"."""
     metric = f"{value_mm:{form}} mm"
     return metric if unit is Unit.MM else f"{value_mm / MM_PER_INCH:{form}} in ({metric})"
-
-
-def offsets(offsets_mm: Floats, expanded_mm: Floats) -> str:
-    """The offsets so far with their U; what else may be wrong adds to it at the end only."""
-    decimals = decimals_for(float(expanded_mm.min()))
-    parts = (
-        f"{axis.upper()} {value:+.{decimals}f} ± {reach:.{decimals}f}"
-        for axis, value, reach in zip(AXES, offsets_mm, expanded_mm, strict=True)
-    )
-    return f"Offsets so far, {UNLESS}:\n  {'  '.join(parts)} mm"
-
-
-def shortened(dropped: Sequence[SessionStep], until_mm: float) -> str:
-    """What --until has made unnecessary."""
-    return (
-        f"Every offset is known within {until_mm:g} mm ({UNLESS}). Saved: {len(dropped)} readings,"
-        f" {_duration(minutes_left(dropped)).lower()}."
-    )
-
-
-def closing(state: State, setting: Setting, session: str) -> str:
-    """What was measured and where it is, and what to put back."""
-    counts = f"{len(state.accepted)} readings"
-    for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
-        counts += f", {number} {word}" if number else ""
-    reason = state.ended.reason if state.ended else "unfinished"
-    lines = ["", f"Session {reason}: {counts}. Written to {visible(session)}"]
-    if setting.first:
-        lines.append(f"The {len(setting.first.readings)} earlier readings are in the same file.")
-    for leg in sorted({step.leg for step in setting.steps if step.planned.turned}):
-        lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
-    return "\n".join(lines)
-
-
-def truth(found: Sequence[Parameter], hidden_mm: Floats) -> str:
-    """After a simulated session: what was hidden, and whether it was found."""
-    columns = list(zip(found, hidden_mm.tolist(), strict=True))
-    hidden = " ".join(
-        f"{each.name} {signed(value, decimals_for(each.expanded))}" for each, value in columns
-    )
-    inside = all(
-        each.found is None or abs(value - each.found) <= each.expanded for each, value in columns
-    )
-    told = "all lie within U" if inside else "not all lie within U: expected once in seven sessions"
-    return f"Simulated; hidden were {hidden} mm: {told}."
-
-
-def table(state: State, setting: Setting, unit: Unit) -> str:
-    """The last readings, one in a line."""
-    lines = [f"The last readings of {len(state.accepted)}:"]
-    for number, item in list(state.accepted.items())[-20:]:
-        kept = "  kept although questioned" if isinstance(item.take, Questioned) else ""
-        name, shown = step_name(setting.steps[number - 1]), value_text(item.take.value_mm, unit)
-        lines.append(f"  {number:>3}  {name}  {shown}{kept}")
-    return "\n".join(lines)
 
 
 def wrapped(text: str, columns: int) -> str:

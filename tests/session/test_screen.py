@@ -8,7 +8,7 @@ from pathlib import Path
 import pexpect
 import pytest
 
-from orthoglide_cal.session.wording import table, value_text
+from orthoglide_cal.session.wording import value_text
 from orthoglide_cal.words import Unit
 
 from .terminal import AT_ONCE, PATIENCE_S, PROMPT, environment
@@ -53,8 +53,10 @@ def test_a_narrow_screen_breaks_no_word(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_table_has_the_last_readings(tmp_path: Path) -> None:
     lines = typed(readings_of(steps_of()))[:26]
-    dialogue, _ = answered(tmp_path / "s.journal", lines)
-    shown = table(dialogue.state, dialogue.setting, Unit.INCH).splitlines()
+    given = [*(f"{line} mm" for line in lines), "t"]
+    _, screen = answered(tmp_path / "s.journal", given, unit=Unit.INCH)
+    (text,) = (text for text, _ in screen.shown if text.startswith("The last readings"))
+    shown = text.splitlines()
     assert (len(shown), shown[0]) == (21, "The last readings of 26:")
     assert re.fullmatch(r" +21  leg Y, ISO, cycle 1, gauge X  \S+ in \(\S+ mm\)", shown[15])
     assert float(shown[15].split()[-4]) == pytest.approx(float(lines[20]) / 25.4, abs=6e-5)
