@@ -10,7 +10,6 @@ import functools
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,17 +20,13 @@ from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
 class PatternCause(Cause):
-    """A cause of one parameter that adds a known pattern of readings, at one of many places.
-
-    Attributes:
-        counts: sizes that it can take where they are whole numbers, with how plausible each is;
-            empty for a size of any value.
-        hides_reading: True if the reading at its place says nothing any more.
-    """
+    """A cause of one parameter that adds a known pattern of readings, at one of many places."""
 
     names = ("size",)
+    # Sizes that it can take where they are whole numbers → how plausible each is; empty for a size
+    # of any value.
     counts: Mapping[int, float] = MappingProxyType({})
-    hides_reading: bool = False
+    hides_reading: bool = False  # the reading at its place says nothing any more
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         return tuple(self.spoiled(place, plan).tolist()) if self.stage is Stage.RECORD else ()
@@ -51,15 +46,13 @@ class PatternCause(Cause):
         self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
-        if self.stage is not Stage.CONTACT:
-            return heights
-        return heights + self._added(effect, plan, machine)
+        acts = self.stage is Stage.CONTACT
+        return heights + self._added(effect, plan, machine) if acts else heights
 
     def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
-        if self.stage is not Stage.RECORD:
-            return readings
-        return readings + self._added(effect, plan, machine)
+        acts = self.stage is Stage.RECORD
+        return readings + self._added(effect, plan, machine) if acts else readings
 
     def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
         return readings - self._added(effect, plan, machine)
@@ -168,47 +161,32 @@ def _step(plan: GaugePlan, readings: np.ndarray) -> np.ndarray:
     return np.stack([key[readings] for key in (plan.displacement, plan.contact, *plan.state)])
 
 
-class InPart(NamedTuple):
-    """Where a fault of the measurement is: (leg, direction) or (leg,), in one part.
+# A fault of the measurement is of one part, at the place (leg, direction) or (leg,). The first part
+# is not written: (0, 1) is leg x, direction y in part 0, (0, 1, 2) the same in part 2.
 
-    The first part is not written in the index of a `Place`: (0, 1) is (0, 1) in part 0, (0, 1, 2)
-    the same in part 2.
-    """
 
-    where: tuple[int, ...]
-    part: int
-
-    @classmethod
-    def of(cls, place: Place, width: int) -> InPart:
-        """What a place means whose first `width` indices are the leg, and the direction."""
-        return cls(place.index[:width], *place.index[width:] or (0,))
-
-    @property
-    def place(self) -> Place:
-        """The place that means this."""
-        return Place((*self.where, self.part) if self.part else self.where)
-
-    def words(self, plan: Plan) -> str:
-        """For people: "leg x, direction y"; with the part where the plan has several."""
-        where = Series(*self.where).words if len(self.where) == 2 else f"leg {AXES[self.where[0]]}"
-        return where + part_words(plan, self.part)
-
-    def readings(self, plan: Plan) -> Bools:
-        """Which readings are there, shape (n,)."""
-        plan = GaugePlan.require(plan)
-        there = np.stack((plan.leg, plan.direction), axis=1)[:, : len(self.where)] == self.where
-        return np.asarray(there.all(axis=1) & (plan.part == self.part))
+def place_in(part: int, *where: int) -> Place:
+    """The place that means a leg, and a direction, in this part."""
+    return (*where, part) if part else where
 
 
 def series_places(plan: Plan) -> tuple[Place, ...]:
     """One place for each (leg, direction) that was read, in each part."""
     found = sorted(set(zip(plan.part.tolist(), GaugePlan.require(plan).series, strict=True)))
-    return tuple(InPart(tuple(series), part).place for part, series in found)
+    return tuple(place_in(part, *series) for part, series in found)
 
 
-def series_at(place: Place) -> InPart:
-    """The leg and direction that a place names, and the part."""
-    return InPart.of(place, 2)
+def there(plan: Plan, place: Place, width: int = 2) -> Bools:
+    """Which readings are at a place that begins with `width` indices, shape (n,)."""
+    plan = GaugePlan.require(plan)
+    same = np.stack((plan.leg, plan.direction), axis=1)[:, :width] == place[:width]
+    return np.asarray(same.all(axis=1) & (plan.part == sum(place[width:])))
+
+
+def words_of(plan: Plan, place: Place, width: int = 2) -> str:
+    """Such a place for people: "leg x, direction y"; with the part where the plan has several."""
+    where = Series(*place[:2]).words if width == 2 else f"leg {AXES[place[0]]}"
+    return where + part_words(plan, sum(place[width:]))
 
 
 def apart(plan: Plan, readings: Ints) -> tuple[int, ...]:

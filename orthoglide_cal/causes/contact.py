@@ -10,8 +10,9 @@ from orthoglide_cal.causes.base import (
     PatternCause,
     apart,
     later_readings,
-    series_at,
     series_places,
+    there,
+    words_of,
 )
 from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
 from orthoglide_cal.model.machine import Machine
@@ -70,10 +71,10 @@ class GaugeDrift(PatternCause):
         return series_places(plan)
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        return series_at(place).words(plan)
+        return words_of(plan, place)
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        return np.stack([series_at(at).readings(plan) * plan.hours for at in places], axis=1)
+        return np.stack([there(plan, at) * plan.hours for at in places], axis=1)
 
 
 class StandShift(PatternCause):
@@ -94,23 +95,23 @@ class StandShift(PatternCause):
     )
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        return tuple(Place((i,)) for i in later_readings(plan))
+        return tuple((i,) for i in later_readings(plan))
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         """The only reading before it, or the only one after it with the stand gone; else none.
 
         That is one wrong reading: nothing that is read later can show that it was a knock.
         """
-        (knocked,) = place.index
+        (knocked,) = place
         again = apart(plan, self.spoiled(place, plan))
         will_show = bool(GaugePlan.require(plan).standing[knocked]) and knocked in again
         return () if will_show or len(again) > 1 else again
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        return f"from {machine.reading_words(plan, place.index[0])} on"
+        return f"from {machine.reading_words(plan, place[0])} on"
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        return plan.onwards[:, [place.index[0] for place in places]]
+        return plan.onwards[:, [place[0] for place in places]]
 
 
 CAUSES = (BarSkew(), GaugeDrift(), StandShift())

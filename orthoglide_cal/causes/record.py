@@ -8,13 +8,14 @@ import numpy as np
 
 from orthoglide_cal.causes.base import (
     ExchangeCause,
-    InPart,
     PatternCause,
     RelabelCause,
     apart,
     later_readings,
-    series_at,
+    place_in,
     series_places,
+    there,
+    words_of,
 )
 from orthoglide_cal.model.cause import EVERYWHERE, Place, Stage
 from orthoglide_cal.model.gauge_doubts import UNITS
@@ -47,13 +48,13 @@ class Misread(PatternCause):
     advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        return tuple(Place((i,)) for i in range(len(plan)))
+        return tuple((i,) for i in range(len(plan)))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        return machine.reading_words(plan, place.index[0])
+        return machine.reading_words(plan, place[0])
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        return np.eye(len(plan))[:, [place.index[0] for place in places]]
+        return np.eye(len(plan))[:, [place[0] for place in places]]
 
 
 class GaugeSlip(PatternCause):
@@ -88,16 +89,16 @@ class GaugeSlip(PatternCause):
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         followed = plan.onwards.sum(axis=0) > 1
         kept = [i for i in later_readings(plan) if followed[i]]
-        return (*(Place((i, 0)) for i in range(len(plan))), *(Place((i, 1)) for i in kept))
+        return (*((i, 0) for i in range(len(plan))), *((i, 1) for i in kept))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        reading = machine.reading_words(plan, place.index[0])
-        return f"from {reading} on" if place.index[1] else reading
+        reading = machine.reading_words(plan, place[0])
+        return f"from {reading} on" if place[1] else reading
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """1 where turns were miscounted (to be multiplied by the length of a revolution)."""
         both = np.stack((np.eye(len(plan)), plan.onwards))
-        reading, onward = np.array([place.index for place in places]).T
+        reading, onward = np.array(places).T
         return both[onward, :, reading].T
 
 
@@ -122,10 +123,10 @@ class SignFlip(RelabelCause):
         return CLERICAL if place == EVERYWHERE else 1.0
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        return "all readings" if place == EVERYWHERE else series_at(place).words(plan)
+        return "all readings" if place == EVERYWHERE else words_of(plan, place)
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
-        turned = True if place == EVERYWHERE else series_at(place).readings(plan)
+        turned = True if place == EVERYWHERE else there(plan, place)
         return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
 
 
@@ -148,21 +149,19 @@ class SwappedGauges(ExchangeCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         direction = GaugePlan.require(plan).direction
-        legs = (InPart((leg,), part) for part in range(plan.parts) for leg in range(3))
-        return tuple(
-            leg.place for leg in legs if np.unique(direction[leg.readings(plan)]).size == 2
-        )
+        legs = (place_in(part, leg) for part in range(plan.parts) for leg in range(3))
+        return tuple(at for at in legs if np.unique(direction[there(plan, at, 1)]).size == 2)
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        return InPart.of(place, 1).words(plan)
+        return words_of(plan, place, 1)
 
     def concerned(self, plan: Plan, place: Place) -> Bools:
-        return InPart.of(place, 1).readings(plan)
+        return there(plan, place, 1)
 
     def really(self, series: Series, place: Place) -> Series:
         """The same leg in its other direction."""
         leg, direction = series
-        return Series(leg, 3 - leg - direction) if leg == place.index[0] else series
+        return Series(leg, 3 - leg - direction) if leg == place[0] else series
 
 
 class ExchangedColumns(ExchangeCause):
@@ -196,13 +195,13 @@ class WrongUnit(RelabelCause):
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        return tuple(Place((k,)) for _ in whole_table(plan) for k in range(len(UNITS)))
+        return tuple((k,) for _ in whole_table(plan) for k in range(len(UNITS)))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        return UNITS[place.index[0]].mistake
+        return UNITS[place[0]].mistake
 
     def unit_mm(self, place: Place) -> float:
-        return UNITS[place.index[0]].mm
+        return UNITS[place[0]].mm
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         return np.arange(len(plan)), np.ones(len(plan))

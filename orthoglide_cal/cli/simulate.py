@@ -200,18 +200,16 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
 
 def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
     from orthoglide_cal.causes import RelabelCause
-    from orthoglide_cal.model import Place
 
     places = cause.places(plan, machine)
     parts = [part.strip() for part in text.removesuffix("+").split(",")]
-    index: tuple[int, ...] = ()
+    place: Place = ()
     if all(part in ("x", "y", "z") for part in parts):
-        index = tuple("xyz".index(part) for part in parts)
+        place = tuple("xyz".index(part) for part in parts)
     elif len(parts) == 1 and parts[0].isdecimal() and 1 <= int(parts[0]) <= len(plan):
         reading = int(plan.in_time[int(parts[0]) - 1])
-        index = (reading, int(text.endswith("+"))) if len(places[0].index) == 2 else (reading,)
-    place = Place(index)
-    fits = place in places and bool(text) == bool(index)
+        place = (reading, int(text.endswith("+"))) if len(places[0]) == 2 else (reading,)
+    fits = place in places and bool(text) == bool(place)
     if fits and isinstance(cause, RelabelCause):
         fits = cause.reversible(plan, place)
     if not fits:
@@ -220,6 +218,6 @@ def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
         example = {0: "no place", 1: one, 2: "x,y (leg, direction) or 12"}
         raise UsageError(
             f"{cause.id} cannot act{here} in this session.",
-            f"Give as its place: {example[len(places[0].index)] if places else 'none fits'}.",
+            f"Give as its place: {example[len(places[0])] if places else 'none fits'}.",
         )
     return place

@@ -121,7 +121,7 @@ class Fitted(ReadOnly):
         """Index of the one reading that it calls wrong by an unknown amount, if any."""
         for effect in self.effects:
             if isinstance(effect.cause, PatternCause) and effect.cause.hides_reading:
-                return effect.place.index[0]
+                return effect.place[0]
         return None
 
     def remaining(self, white: Whitened) -> float:

@@ -40,14 +40,9 @@ class CauseWords(NamedTuple):
     advice: str
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a cause acts, as indices that the cause understands; () is the whole machine."""
-
-    index: tuple[int, ...] = ()
-
-
-EVERYWHERE = Place()
+# Where a cause acts, as indices that the cause understands.
+Place = tuple[int, ...]
+EVERYWHERE: Place = ()
 
 
 class Estimate(NamedTuple):

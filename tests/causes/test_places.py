@@ -157,7 +157,7 @@ def test_places_are_counted_from_the_plan() -> None:
     assert count["gauge_slip"] == 60 + 6 * 8
     half = PLAN.subset(np.flatnonzero((PLAN.leg != 1) & (PLAN.direction != 2)))
     assert len(CAUSES["sign_flip"].places(half, PROTOTYPE)) == 3 + 1
-    assert [p.index for p in CAUSES["swapped_gauges"].places(half, PROTOTYPE)] == [(2,)]
+    assert [*CAUSES["swapped_gauges"].places(half, PROTOTYPE)] == [(2,)]
 
 
 def test_no_stand_is_knocked_before_its_first_reading() -> None:
@@ -169,9 +169,9 @@ def test_no_stand_is_knocked_before_its_first_reading() -> None:
         }
         for pick in (min, max)
     )
-    knocked = {place.index[0] for place in CAUSES["stand_shift"].places(MIXED, PROTOTYPE)}
+    knocked = {place[0] for place in CAUSES["stand_shift"].places(MIXED, PROTOTYPE)}
     assert knocked == set(range(60)) - first
-    slips = [place.index for place in CAUSES["gauge_slip"].places(MIXED, PROTOTYPE)]
+    slips = [*CAUSES["gauge_slip"].places(MIXED, PROTOTYPE)]
     assert {i for i, onward in slips if onward} == set(range(60)) - first - last
     assert {i for i, onward in slips if not onward} == set(range(60))
 

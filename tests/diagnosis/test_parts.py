@@ -44,8 +44,8 @@ def test_places_of_the_parts() -> None:
         for id, cause in CAUSES.items()
     }
     for id in ("sign_flip", "gauge_drift", "swapped_gauges"):
-        single, joined = (tuple(p for p in each if p.index) for each in both[id])
-        assert joined == (*single, *(Place((*place.index, 1)) for place in single))
+        single, joined = (tuple(p for p in each if p) for each in both[id])
+        assert joined == (*single, *(Place((*place, 1)) for place in single))
     assert both["exchanged_columns"] == ((Place(),), ())
     assert both["wrong_unit"][1] == ()
     assert Place() in both["sign_flip"][0]

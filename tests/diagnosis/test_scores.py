@@ -295,7 +295,7 @@ def test_the_places_found_are_those_of_the_truth() -> None:
     extra = found.scores["axis_gap", "stand_shift"].extra
     assert extra is not None
     hidden = next(effect for effect in session.effects if effect.id == "stand_shift")
-    assert extra.place.index == (hidden.row,)
+    assert extra.place == (hidden.row,)
 
 
 @pytest.mark.parametrize("cause", ["axis_gap", "axis_squareness", "bar_skew", "backlash"])
