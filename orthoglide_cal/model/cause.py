@@ -213,23 +213,15 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Effect(ReadOnly):
-    """A cause with values for its parameters; leading axes broadcast with those of the offsets.
-
-    Attributes:
-        cause: the cause.
-        theta: its parameters, shape (..., p), in internal units.
-        place: where it acts.
-        covariance: of theta, shape (p, p), internal units; None if it is known exactly.
-        date: ISO date of its acceptance; None before.
-        data_sha256: digest of the readings that it was accepted from; None before.
-    """
+    """A cause with values for its parameters; leading axes broadcast with those of the offsets."""
 
     cause: Cause
-    theta: Numbers
+    theta: Numbers  # its parameters, shape (..., p), in internal units
     place: Place = EVERYWHERE
+    # Of theta, shape (p, p), internal units; None if it is known exactly.
     covariance: Floats | None = None
-    date: str | None = None
-    data_sha256: str | None = None
+    date: str | None = None  # ISO date of its acceptance; None before
+    data_sha256: str | None = None  # digest of the readings that it was accepted from
 
     @property
     def std(self) -> Floats:

@@ -38,32 +38,21 @@ _EQUAL_MM = 1e-9
 
 
 class GaugeDoubt(NamedTuple):
-    """Something that this gauge can hardly have shown.
+    """Something that this gauge can hardly have shown."""
 
-    Attributes:
-        what: one sentence, with the place.
-        remedy: what to do.
-    """
-
-    what: str
-    remedy: str
+    what: str  # one sentence, with the place
+    remedy: str  # what to do
 
     def __str__(self) -> str:
         return f"{self.what} {self.remedy}"
 
 
 class MistakenUnit(NamedTuple):
-    """A unit that may have been taken for millimetres.
+    """A unit that may have been taken for millimetres."""
 
-    Attributes:
-        mm: one of it in mm.
-        mistake: what happened.
-        remedy: what to do.
-    """
-
-    mm: float
-    mistake: str
-    remedy: str
+    mm: float  # one of it in mm
+    mistake: str  # what happened
+    remedy: str  # what to do
 
 
 UNITS = (

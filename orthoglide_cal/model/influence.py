@@ -22,23 +22,14 @@ class Origin(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Influence(ReadOnly):
-    """Unknowns of one source.
+    """Unknowns of one source."""
 
-    Attributes:
-        source: an `Origin` or a cause id.
-        size: one standard deviation, in `unit`; None where the unknowns differ.
-        unit: of the size; "" without one.
-        assumed: True if nobody stated the size: a default.
-        columns: what one standard deviation of each unknown adds to the data, shape (n, p) [mm].
-        local: True for as many unknowns as readings, shared by neighbours: what is put down to
-            them is not explained.
-    """
-
-    source: str
-    size: float | None
-    unit: str
-    assumed: bool
-    columns: Floats
+    source: str  # an `Origin` or a cause id
+    size: float | None  # one standard deviation, in `unit`; None where the unknowns differ
+    unit: str  # "" without one
+    assumed: bool  # nobody stated the size: a default
+    columns: Floats  # what one standard deviation of each adds to the data, shape (n, p) [mm]
+    # As many unknowns as readings, shared by neighbours: what is put down to them is not explained.
     local: bool = False
 
     def reduced(self, matrix: Floats) -> Influence:

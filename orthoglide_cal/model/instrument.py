@@ -48,13 +48,7 @@ class Instrument(Schema):
 
 
 class Gauge(Instrument):
-    """A dial indicator.
-
-    Attributes:
-        placement_mm: how well its stand is put at its place along the leg, one standard deviation;
-            None if nobody stated it.
-        scale_u: standard uncertainty of its scale (1); None if nobody stated it.
-    """
+    """A dial indicator."""
 
     resolution_mm: Annotated[Fine, told("Gauge: one division", "the smallest step that it shows")]
     range_mm: Annotated[Travel, told("Gauge: range", "travel of its plunger")]
@@ -65,6 +59,8 @@ class Gauge(Instrument):
     repeatability_mm: Annotated[
         Fine, told("Gauge: repeatability", "standard deviation of one reading")
     ]
+    # How well its stand is put at its place along the leg, one standard deviation, and standard
+    # uncertainty of its scale (1); None if nobody stated it.
     placement_mm: Annotated[Number, Field(ge=0.0, le=1e3)] | None = None
     scale_u: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
 
@@ -84,12 +80,7 @@ class Gauge(Instrument):
 
 
 class Probe(Instrument):
-    """The probe of a printer, its bed, and the calliper for what it printed.
-
-    Attributes:
-        texture_mm: standard deviation of the local shape of the bed; None if nobody stated it.
-        scanning: it reads while it moves.
-    """
+    """The probe of a printer, its bed, and the calliper for what it printed."""
 
     resolution_mm: Annotated[Step, told("Probe: resolution", "the smallest step that it resolves")]
     repeatability_mm: Annotated[
@@ -100,8 +91,9 @@ class Probe(Instrument):
         Annotated[Number, Field(ge=1e-6, le=10.0)],
         told("Calliper", "standard deviation of a distance on a printed object"),
     ] = CALLIPER_MM
+    # Standard deviation of the local shape of the bed; None if nobody stated it.
     texture_mm: Step | None = None
-    scanning: bool = False
+    scanning: bool = False  # it reads while it moves
 
     @property
     def texture_std_mm(self) -> float:

@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
@@ -104,16 +104,7 @@ class LinearDelta(Machine):
 
     The third angle fixes the turn of the frame. Arm lengths are not: on one height they and the
     radius are nearly the same, and only distances would tell. All fields are as the controller has
-    them.
-
-    Attributes:
-        arm_length_mm: of towers a, b, c.
-        delta_radius_mm: from the middle to each arm's upper joint, seen from above, with the tool
-            in the middle.
-        tower_angles_deg: where the towers stand, counter-clockwise from x: a, b, c in this order.
-        endstops_mm: where the carriages trigger them.
-        bed_radius_mm: within which the tool can touch.
-        probe: what touches.
+    them, of towers a, b, c in this order.
     """
 
     parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
@@ -141,10 +132,6 @@ class LinearDelta(Machine):
     # No firmware has a setting for these, yet once they are known what is calibrated is found right
     # together with them.
     recommended = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
-    # A radius is measured with a ruler, and towers are bolted to plates: beyond this it is another
-    # machine, and readings that know a parameter no better than this do not determine it.
-    radius_mm: ClassVar[float] = 5.0
-    angle_deg: ClassVar[float] = 2.0
     may_be_settled, homed = True, len(TOWERS)
     keeps_itself = "The firmware of a printer keeps what it is given; nothing is recorded here."
     decimals = 4
@@ -162,6 +149,7 @@ class LinearDelta(Machine):
     delta_radius_mm: Annotated[
         Length, told("Delta radius", "from upper to lower joint of an arm, seen from above")
     ]
+    # Counter-clockwise from x.
     tower_angles_deg: Annotated[tuple[Number, Number, Number], AfterValidator(_turning)]
     endstops_mm: Annotated[
         Named[Endstops],
@@ -212,21 +200,15 @@ class LinearDelta(Machine):
 
     @property
     def plausible(self) -> tuple[float, ...]:
-        towers = [self.homing_std_mm] * len(TOWERS)
-        return (*towers, self.radius_mm, self.angle_deg, self.angle_deg)
+        """Beyond this it is another machine [mm, deg].
 
-    @property
-    def max_reportable_u(self) -> tuple[float, ...]:
-        """Any printer is known as well as what is plausible [mm, deg]."""
-        return self.plausible
+        A radius is measured with a ruler, and towers are bolted to plates.
+        """
+        return (*[self.homing_std_mm] * len(TOWERS), 5.0, 2.0, 2.0)
 
     @property
     def travel_mm(self) -> float:
         return max(self.endstops_mm)
-
-    @property
-    def expanding_mm(self) -> float:
-        return sum(self.arm_length_mm) / len(TOWERS)
 
     @property
     def geometry_words(self) -> str:
@@ -297,9 +279,6 @@ class LinearDelta(Machine):
         )
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))
-
-    def check_guided(self) -> None:
-        raise UsageError("A printer measures itself.", self.vocabulary.probing)
 
     def check_same(self, later: Machine) -> None:
         sizes = np.array(

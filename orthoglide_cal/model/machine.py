@@ -63,38 +63,24 @@ class WrittenValue(Schema):
 
 
 class Written(Schema):
-    """What was written to a controller, so that it can be restored exactly.
+    """What was written to a controller, so that it can be restored exactly."""
 
-    Attributes:
-        target: path of its file, or address of its server.
-        sha256_before, sha256_after: digests of the whole file.
-        values: what was replaced there.
-        live: whether the running controller was told, too.
-    """
-
-    target: Word
-    sha256_before: Digest
+    target: Word  # path of its file, or address of its server
+    sha256_before: Digest  # of the whole file
     sha256_after: Digest
     values: tuple[WrittenValue, ...] = ()
-    live: bool = False
+    live: bool = False  # the running controller was told, too
 
 
 class Entered(Schema):
-    """Parameters that were entered in the controller.
-
-    Attributes:
-        date: when, ISO 8601.
-        before, after: active before and from then on [mm]; None for a printer, whose own file has
-            them.
-        data_sha256: digest of the measurement that they came from.
-        written: what was written to the controller; None if it was typed in by hand.
-    """
+    """Parameters that were entered in the controller."""
 
     date: Day
+    # Active before and from then on [mm]; None for a printer, whose own file has them.
     before: Named[JointOffsets] | None = None
     after: Named[JointOffsets] | None = None
-    data_sha256: Digest
-    written: Written | None = None
+    data_sha256: Digest  # of the measurement that they came from
+    written: Written | None = None  # to the controller; None if it was typed in by hand
 
 
 class OwnGauge(Schema):
@@ -106,57 +92,31 @@ class OwnGauge(Schema):
 
 
 class Details(Schema):
-    """What the people who read a report want to see on it; None where it is not given.
+    """What the people who read a report want to see on it; None where it is not given."""
 
-    Attributes:
-        organisation, place: who calibrates, and where.
-        serial_number: of the machine.
-        customer: whose it is.
-        method: procedure by which it is calibrated.
-        traceability: to what the gauges' values are traced.
-        authorised_by: who answers for the report.
-        gauge_due: day on which the gauge is to be calibrated again, of files without `gauges`.
-    """
-
-    organisation: Word | None = None
-    place: Word | None = None
-    serial_number: Word | None = None
-    customer: Word | None = None
-    method: Word | None = None
-    traceability: Word | None = None
-    authorised_by: Word | None = None
+    organisation: Word | None = None  # who calibrates
+    place: Word | None = None  # where
+    serial_number: Word | None = None  # of the machine
+    customer: Word | None = None  # whose it is
+    method: Word | None = None  # procedure by which it is calibrated
+    traceability: Word | None = None  # to what the gauges' values are traced
+    authorised_by: Word | None = None  # who answers for the report
+    # Day on which the gauge is to be calibrated again, of files without `gauges`.
     gauge_due: Day | None = None
 
 
 class DoubtedValue(NamedTuple):
-    """Values of the controller that can hardly be right.
+    """Values of the controller that can hardly be right."""
 
-    Attributes:
-        size: how far they may be off, one standard deviation, in the unit of the cause.
-        words: why, in a sentence.
-    """
-
-    size: float
-    words: str
+    size: float  # how far they may be off, one standard deviation, in the unit of the cause
+    words: str  # why, in a sentence
 
 
 class Machine(Schema):
     """The nominal machine: three actuated rails, three legs, one tool centre point.
 
-    Attributes are the keys of the machine file. A kind of machine adds its geometry, the
-    instrument that reads it, and what its controller has.
-
-    Attributes:
-        kind: what tells the classes apart in the file.
-        name: for people.
-        homing_mm: how far a home switch can plausibly be off; None for what is usual.
-        tolerances: cause id → plausible size (one standard deviation, contract's unit), 0 for a
-            cause that is ruled out; `Cause.size` says what holds for the others.
-        report: what its reports say of it besides the numbers.
-        gauges: that are used on it.
-        history: what was entered in the controller, oldest first.
-
-    What each kind of machine says is declared first.
+    What each kind of machine says is declared first, then the keys of the machine file. A kind
+    adds its geometry, the instrument that reads it, and what its controller has.
     """
 
     # Of what a calibration determines.
@@ -188,15 +148,19 @@ class Machine(Schema):
     # In which two of them differ so that they read differently; the rest says what is plausible.
     geometry_keys: ClassVar[tuple[str, ...]]
 
-    kind: str
+    kind: str  # what tells the classes apart in the file
     name: Annotated[Word, told("Name of the machine", "stands on every report", "")]
+    # How far a home switch can plausibly be off; None for what is usual.
     homing_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] | None = None
+    # Cause id → plausible size (one standard deviation, contract's unit), 0 for a cause that is
+    # ruled out; `Cause.size` says what holds for the others.
     tolerances: Annotated[
         Mapping[str, Annotated[Number, Field(ge=0.0, le=1e6)]],
         BeforeValidator(_empty),
         AfterValidator(MappingProxyType),
         PlainSerializer(dict),
     ] = Field(default_factory=lambda: MappingProxyType({}))
+    # What its reports say besides the numbers, and what was entered, oldest first.
     report: Annotated[Details, BeforeValidator(_empty)] = Details()
     gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
     history: Annotated[tuple[Entered, ...], BeforeValidator(lambda given: given or ())] = ()
@@ -269,17 +233,12 @@ class Machine(Schema):
 
     @property
     def max_reportable_u(self) -> tuple[float, ...]:
-        """The largest U with which each parameter counts as determined, in its unit."""
-        raise NotImplementedError
+        """The largest U with which each parameter counts as determined: what is plausible."""
+        return self.plausible
 
     @property
     def travel_mm(self) -> float:
         """How far a carriage can move, about [mm]."""
-        raise NotImplementedError
-
-    @property
-    def expanding_mm(self) -> float:
-        """Length of what grows with the temperature between the carriages and the tool [mm]."""
         raise NotImplementedError
 
     @property
@@ -291,6 +250,11 @@ class Machine(Schema):
     def nominal_rails(self) -> Geometry:
         """Rails and legs as the controller has them."""
         raise NotImplementedError
+
+    @property
+    def expanding_mm(self) -> float:
+        """Length of what grows with the temperature between the carriages and the tool [mm]."""
+        return float(self.nominal_rails.lengths.mean())
 
     @property
     def home_mm(self) -> float:
@@ -325,6 +289,8 @@ class Machine(Schema):
 
     def check_guided(self) -> None:
         """Raises UsageError for a machine that nobody measures by hand."""
+        if self.probes:
+            raise UsageError("A printer measures itself.", self.vocabulary.probing)
 
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that no calibration makes of this one."""

@@ -28,15 +28,10 @@ _SIGNS = {Posture.MAX: "+", Posture.MIN: "-", Posture.ISO: "0"}
 
 
 class Difference(NamedTuple):
-    """One of the paper's differences.
-
-    Attributes:
-        series: leg and direction.
-        posture: of the minuend, or of both ends; None for max − min.
-    """
+    """One of the paper's differences."""
 
     series: Series
-    posture: Posture | None = None
+    posture: Posture | None = None  # of the minuend, or of both ends; None for max − min
 
     @property
     def name(self) -> str:
@@ -61,67 +56,40 @@ DIFFERENCES: Mapping[DataKind, tuple[Difference, ...]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Excerpt:
-    """Which of several measurements that a file stores was read.
+    """Which of several measurements that a file stores was read."""
 
-    Attributes:
-        data: its name: "calibration" or "mesh".
-        words: how much of what.
-        also: what else the file stores.
-        firmware: whose the file is, as an export names it.
-    """
-
-    data: str
-    words: str
-    also: tuple[Literal["mesh"], ...] = ()
-    firmware: str = "klipper"
+    data: str  # its name: "calibration" or "mesh"
+    words: str  # how much of what
+    also: tuple[Literal["mesh"], ...] = ()  # what else the file stores
+    firmware: str = "klipper"  # whose the file is, as an export names it
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where data came from.
+    """Where data came from."""
 
-    Attributes:
-        path: as the user gave it; "-" for standard input.
-        sha256: hex digest of the bytes that were read.
-        excerpt: what of the file was read; None for all that it holds.
-        earlier: other files that were read together with it, oldest first.
-    """
-
-    path: str
-    sha256: str
-    excerpt: Excerpt | None = None
-    earlier: tuple[str, ...] = ()
+    path: str  # as the user gave it; "-" for standard input
+    sha256: str  # hex digest of the bytes that were read
+    excerpt: Excerpt | None = None  # what of the file was read; None for all that it holds
+    earlier: tuple[str, ...] = ()  # other files that were read together with it, oldest first
 
 
 @dataclass(frozen=True, eq=False)
 class Readings(ReadOnly):
-    """Raw gauge readings, in the order of the file; arrays have shape (n,).
+    """Raw gauge readings, in the order of the file; arrays have shape (n,)."""
 
-    Attributes:
-        plan: what each reading is of, in the form of the kind of machine.
-        value: as recorded [mm].
-        line: line in the file, from 1.
-        timed: True if the times in the plan were recorded, False if they were assumed.
-        source: where the readings came from.
-        cycle: repeat of the same (leg, direction, posture), from 1.
-        posture: "iso", "max", "min" or the displacement as text; "" where there is none.
-        temperature: [°C]; NaN where not given.
-        gauge: label of the gauge; "" where not given.
-        note: remark; "" where not given.
-        remarks: what the reader wants the user to know (unknown columns, assumed times).
-    """
-
-    plan: Plan
-    value: Floats
-    line: Ints
-    timed: bool
+    plan: Plan  # what each reading is of, in the form of the kind of machine
+    value: Floats  # as recorded [mm]
+    line: Ints  # in the file, from 1
+    timed: bool  # the times in the plan were recorded, not assumed
     source: Source
+    # Repeat of the same (leg, direction, posture), from 1.
     cycle: Ints = field(default_factory=lambda: read_only((), np.intp))
-    posture: tuple[str, ...] = ()
-    temperature: Floats = field(default_factory=lambda: read_only(()))
-    gauge: tuple[str, ...] = ()
-    note: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    posture: tuple[str, ...] = ()  # "iso", "max", "min" or the displacement as text; "" for none
+    temperature: Floats = field(default_factory=lambda: read_only(()))  # °C; NaN where not given
+    gauge: tuple[str, ...] = ()  # its label; "" where not given
+    note: tuple[str, ...] = ()  # remark; "" where not given
+    remarks: tuple[str, ...] = ()  # what the user should know: unknown columns, assumed times
 
     kind = DataKind.READINGS
 
@@ -159,20 +127,12 @@ class Readings(ReadOnly):
 
 @dataclass(frozen=True, eq=False)
 class Differences(ReadOnly):
-    """Differences of readings, as the paper prints them.
-
-    Attributes:
-        kind: which set they belong to.
-        which: the differences, in the order of the file.
-        value: shape (k,) [mm].
-        source: where they came from.
-        remarks: what the reader wants the user to know.
-    """
+    """Differences of readings, as the paper prints them."""
 
     weighing = ""
     kind: DataKind
-    which: tuple[Difference, ...]
-    value: Floats
+    which: tuple[Difference, ...]  # in the order of the file
+    value: Floats  # shape (k,) [mm]
     source: Source
     remarks: tuple[str, ...] = ()
 

@@ -30,17 +30,11 @@ from orthoglide_cal.model.real import RealMachine
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A machine and its accepted causes.
+    """A machine and its accepted causes."""
 
-    Attributes:
-        machine: nominal machine; the controller computes its commands from it.
-        accepted: what the nominal machine leaves out, applied in this order in each stage.
-        ruled_out: ids of causes that were looked at by hand and are not there.
-    """
-
-    machine: Machine
-    accepted: tuple[Effect, ...] = ()
-    ruled_out: tuple[str, ...] = ()
+    machine: Machine  # nominal; the controller computes its commands from it
+    accepted: tuple[Effect, ...] = ()  # what it leaves out, applied in this order in each stage
+    ruled_out: tuple[str, ...] = ()  # ids of causes that were looked at by hand and are not there
 
     @property
     def orthoglide(self) -> Orthoglide:

@@ -44,17 +44,7 @@ _Moments = tuple[Ints, Ints]
 
 
 class Orthoglide(Machine):
-    """The machine of the paper.
-
-    Attributes:
-        leg_length_mm: L, parallelogram length.
-        parallelogram_width_mm: d.
-        tool_offset_mm: r, from the leg's end C to the tool centre point.
-        joint_limits_mm: (min, max) displacement from the isotropic posture (errata, eq. 2).
-        workspace_mm: edge of the cube-like workspace.
-        gauge: the indicator normally used on it.
-        offsets_mm: joint offsets already active in the controller.
-    """
+    """The machine of the paper, its joint limits as displacements (errata, eq. 2)."""
 
     parameter_names = AXES
     parameter_symbols = tuple(f"Δρ_{axis}" for axis in AXES)
@@ -91,7 +81,8 @@ class Orthoglide(Machine):
         told("Travel", "lowest and highest, from the isotropic posture"),
     ]
     workspace_mm: Annotated[Length, told("Workspace", "edge of the cube in which errors are shown")]
-    gauge: Gauge
+    gauge: Gauge  # normally used on it
+    # Already active in the controller.
     offsets_mm: Annotated[
         Named[JointOffsets],
         BeforeValidator(
@@ -173,10 +164,6 @@ class Orthoglide(Machine):
     def travel_mm(self) -> float:
         low, high = self.joint_limits_mm
         return high - low
-
-    @property
-    def expanding_mm(self) -> float:
-        return self.leg_length_mm
 
     @property
     def geometry_words(self) -> str:

@@ -47,22 +47,15 @@ class ProbePlan(Plan):
 
     No zero is unknown: a probe's and the endstops' are one and the same. Each reading is its own
     kind: the controller stopped elsewhere.
-
-    Attributes:
-        place: where the controller believes the nozzle to be, shape (n, 3) [mm].
-        other: the second place of a distance; of a touch the place itself, shape (n, 3) [mm].
-        surface: height of the touched surface over the bed, (n,) [mm]; 0 for a distance.
-        distance: True for a distance, (n,).
-        weight: how precise it is compared to a touch: ratio of the standard deviations, (n,).
-        date: 0 …; on which day, (n,). The calibrated parameters of each have values of their own.
-        slope: derivatives by these, shape (n, 6); zero on the day whose values are looked for.
     """
 
-    place: Floats
-    other: Floats
-    surface: Floats
-    distance: Bools
-    weight: Floats
+    place: Floats  # where the controller believes the nozzle to be, shape (n, 3) [mm]
+    other: Floats  # the second place of a distance; of a touch the place itself, (n, 3) [mm]
+    surface: Floats  # height of the touched surface over the bed, (n,) [mm]; 0 for a distance
+    distance: Bools  # whether it is a distance, (n,)
+    weight: Floats  # how precise it is compared to a touch: ratio of the std. deviations, (n,)
+    # On which day, 0 …, (n,). The calibrated parameters of each have values of their own; their
+    # derivatives, (n, 6), are zero on the day whose values are looked for.
     date: Ints = field(default_factory=lambda: read_only(0, np.intp))
     slope: Floats = field(default_factory=lambda: read_only(0.0))
 
@@ -173,23 +166,14 @@ def texture(place: Floats) -> Floats:
 
 
 class Layout(NamedTuple):
-    """A way to measure: which readings, in which order.
+    """A way to measure: which readings, in which order."""
 
-    Attributes:
-        name: one word, for tables and commands.
-        what: in words.
-        plan: its readings.
-        minutes: that it takes.
-        cycles: repeats of its postures.
-        gauge_moves: how often a stand is put to another place.
-    """
-
-    name: str
-    what: str
+    name: str  # one word, for tables and commands
+    what: str  # in words
     plan: Plan
-    minutes: float
-    cycles: int = 1
-    gauge_moves: int = 0
+    minutes: float  # that it takes
+    cycles: int = 1  # repeats of its postures
+    gauge_moves: int = 0  # how often a stand is put to another place
 
 
 def rings(count: int, radius: float) -> Floats:

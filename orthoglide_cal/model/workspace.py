@@ -29,17 +29,11 @@ MOST_POINTS = 51  # of a compensation table, along each edge
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceMaps(ReadOnly):
-    """Tool-position error in slices of a cube inside the joint limits [mm].
+    """Tool-position error in slices of a cube inside the joint limits [mm]."""
 
-    Attributes:
-        axis_mm: grid along each edge, shape (n,).
-        levels_mm: heights z of the slices, shape (3,).
-        before_mm, after_mm: at [slice, y, x], shape (3, n, n).
-    """
-
-    axis_mm: Floats
-    levels_mm: Floats
-    before_mm: Floats
+    axis_mm: Floats  # grid along each edge, shape (n,)
+    levels_mm: Floats  # heights z of the slices, shape (3,)
+    before_mm: Floats  # at [slice, y, x], shape (3, n, n)
     after_mm: Floats
 
 
@@ -147,18 +141,12 @@ class Compensation(ReadOnly):
     For a machine with accepted causes no set of three offsets puts the tool right everywhere. At
     each point p of a grid the correction is ρ* − ρ_nominal(p), where ρ* are the indicated joints
     that really put the tool at p with the offsets entered in the controller.
-
-    Attributes:
-        causes: ids that are compensated.
-        left_out: ids of accepted causes that no table can compensate.
-        points_mm: tool positions, shape (n, 3).
-        corrections_mm: to be added to the nominal joint values, shape (n, 3).
     """
 
-    causes: tuple[str, ...]
-    left_out: tuple[str, ...]
-    points_mm: Floats
-    corrections_mm: Floats
+    causes: tuple[str, ...]  # ids that are compensated
+    left_out: tuple[str, ...]  # ids of accepted causes that no table can compensate
+    points_mm: Floats  # tool positions, shape (n, 3)
+    corrections_mm: Floats  # to be added to the nominal joint values, shape (n, 3)
 
 
 def compensation(model: Model, points: int) -> Compensation:
