@@ -93,9 +93,8 @@ def _next(
 def _after(machine: Machine | None, sessions: list[FoundSession]) -> doc.Section:
     """What the last session asks for: its own steps, or those after the offsets were entered."""
     from orthoglide_cal.files import read_input
-    from orthoglide_cal.report.case import Case, measure_again
+    from orthoglide_cal.report.case import Case, decision_notice, measure_again, to_do
     from orthoglide_cal.report.document import Instruction, Instructions, Paragraph, Section
-    from orthoglide_cal.report.documents.decision import decision_notice, to_do
     from orthoglide_cal.results import answer_to
 
     last, applied = str(sessions[-1].path), _applied(machine, sessions)
@@ -118,9 +117,8 @@ def _after(machine: Machine | None, sessions: list[FoundSession]) -> doc.Section
             given = common.read_input(last)
             case = Case(given, answer_to(given))
             more = Instruction("See the numbers", case.typed("solve"))
-            (own,) = to_do(case, brief=True).blocks
-            steps = [more, *(own.items if isinstance(own, Instructions) else ())]
-            return Section("Next", (decision_notice(case), Instructions((*steps, *stays))))
+            steps = [more, *to_do(case, brief=True), *stays]
+            return Section("Next", (decision_notice(case), Instructions(tuple(steps))))
     except OrthocalError as error:
         steps = [Instruction(str(error), command("validate", last))]
     return Section("Next", (Instructions((*steps, *stays)),))

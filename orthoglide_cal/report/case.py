@@ -1,8 +1,11 @@
-"""One input with its answer, as documents take it: words of its machine, and what to type next."""
+"""One input with its answer, as documents take it: may its parameters be entered, what to do next.
+
+All pages say it in the same words: those of its kind of machine.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,12 +61,6 @@ class Case:
         return self.given.model.machine
 
     @property
-    def controller_format(self) -> str:
-        """In which what is found is exported: of the firmware whose file it is."""
-        excerpt = self.source.excerpt
-        return excerpt.firmware if excerpt else self.machine.controller_formats[0]
-
-    @property
     def words(self) -> Vocabulary:
         """What its kind calls things."""
         return self.machine.vocabulary
@@ -86,36 +83,39 @@ class Case:
     def about(self) -> str:
         """Machine, data, and a method that was asked for, at the end of the first line."""
         answer = self.answer
-        told = [answer.machine.name]
-        told.append(data_words(self.source, answer.input.kind, answer.input.readings))
-        if answer.method not in (None, answer.input.kind):
-            told.append(f"method {answer.method}")
-        return ", ".join(told)
+        data = data_words(self.source, answer.input.kind, answer.input.readings)
+        return ", ".join((answer.machine.name, data, *(f"method {each}" for each in self._method)))
 
-    def typed(self, verb: str, options: str = "") -> str:
-        """A command about the same input, with what was given for it, and further options."""
+    @property
+    def _method(self) -> tuple[str, ...]:
+        """The method, if another one than the usual was asked for."""
         method = self.answer.method
-        if verb in _TAKING_METHODS and method not in (None, self.answer.input.kind):
-            options = f"--method {method} {options}".strip()
-        ruled = (
-            ""
-            if verb not in _DIAGNOSING
-            else " ".join(f"--rule-out {id}" for id in self.answer.ruled_out)
+        return () if method in (None, self.answer.input.kind) else (str(method),)
+
+    def typed(self, verb: str, *options: str) -> str:
+        """A command about the same input, with what was given for it, and further options."""
+        given = [*options]
+        if verb in _TAKING_METHODS:
+            given = [*(f"--method {each}" for each in self._method), *options]
+        if verb in _DIAGNOSING:
+            given += [f"--rule-out {id}" for id in self.answer.ruled_out]
+        return about(
+            verb, self.source, machine=self.machine_file, options=" ".join(filter(None, given))
         )
-        options = f"{options} {ruled}".strip()
-        return about(verb, self.source, machine=self.machine_file, options=options)
 
     def more(self, verb: str) -> doc.Paragraph:
         """Where the rest stands."""
         return doc.Paragraph(("More: ", doc.Typed(self.typed(verb, "--details"))))
 
-    def following(self, session: str | None) -> str | None:
-        """What to type for a measurement that would decide; see `to_follow`."""
-        return to_follow(self.machine, self.source, session, self.machine_file)
-
     def remedied(self, remedy: Remedy) -> str | None:
         """What to type for a remedy; None where there is nothing to type."""
         return None if remedy.verb is None else self.typed(remedy.verb, remedy.options)
+
+    def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
+        """What to do instead of entering the parameters; with `verb` only what it is typed for."""
+        for each in self.answer.release.remedies:
+            if verb in (None, each.verb):
+                yield doc.Instruction(each.sentence, self.remedied(each))
 
     @property
     def verify(self) -> str:
@@ -141,16 +141,72 @@ class Case:
         return self.typed("export", "--format table") if known and self.answer.remains else None
 
 
+def decision_notice(case: Case) -> doc.Notice:
+    """The decision and what it rests on."""
+    answer, many = case.answer, case.words.many
+    release = answer.release
+    if not answer.parameters:
+        return doc.Notice(doc.Tone.BAD, "There is no result", release.reasons, case.about)
+    if not release.usable:
+        title = f"Do not enter these {many}"
+        return doc.Notice(doc.Tone.BAD, title, release.reasons, case.about)
+    title = SETTLED if release.settled else f"The {many} may be entered"
+    if release.cautions:
+        title = title if release.settled else f"{title}, with care"
+        return doc.Notice(doc.Tone.WARN, title, release.cautions, case.about)
+    return doc.Notice(doc.Tone.GOOD, title, (answer.judgement,), case.about)
+
+
+def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
+    """What to do next, step by step; `brief`: what one screen has room for."""
+    release, verdict = case.answer.release, case.answer.verdict
+    causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
+    if release.settled:
+        yield doc.Instruction(
+            "Enter nothing: each calibration gives other values, none better than these."
+        )
+        yield doc.Instruction("See which readings would show more", case.typed("plan"))
+    elif release.usable:
+        yield from _entering(case, brief)
+    else:
+        yield from case.remedies("measure" if brief and causes else None)
+    if brief and causes:
+        yield doc.Instruction("See the cause and its remedy", case.typed("diagnose"))
+
+
+def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
+    words, check, excerpt = case.words, case.answer.check, case.source.excerpt
+    format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
+    export = case.typed("export", f"--format {format}")
+    if recording(case.given) is Recording.DONE:
+        yield doc.Instruction(f"By the machine file the {words.many} are entered. {words.restart}")
+    elif case.record is not None:
+        yield doc.Instruction(f"{words.entering}, then", case.record)
+    else:
+        yield doc.Instruction(f"{words.entering}.", export if case.machine.keeps_itself else None)
+    if not (brief or case.machine.keeps_itself):
+        yield doc.Instruction("The same as lines of the controller's own file", export)
+    if check is not None:
+        yield doc.Instruction(check_words(check))
+    if case.table is not None and not brief:
+        yield doc.Instruction("Correct what offsets leave with a table of corrections", case.table)
+    if not case.machine.probes:
+        again = measure_again(case.given.conditions, case.machine_file)
+        yield doc.Instruction("Measure again", again)
+    if case.record is None or not brief:
+        yield doc.Instruction(words.compare, case.verify)
+
+
 def check_words(check: CheckReading) -> str:
     """The check posture as an instruction, with the number that is expected."""
     moves = f"{with_uncertainty(check.expected_mm, check.expanded_mm)} mm"
     today = f"(today {signed(check.before_mm, decimals_for(check.expanded_mm))})"
     if check.ends:
         return (
-            f"Check leg {check.leg} along {check.direction} at {_position(check.first_mm)}: the"
-            f" tool end reads {moves} more than the joint end {today}."
+            f"Check leg {check.leg} along {check.direction} at {position_words(check.first_mm, 3)}:"
+            f" the tool end reads {moves} more than the joint end {today}."
         )
-    words = [_position(each).split() for each in (check.first_mm, check.second_mm)]
+    words = [position_words(each, 3).split() for each in (check.first_mm, check.second_mm)]
     still = [one for one, other in zip(*words, strict=True) if one == other]
     first, second = (" ".join(one for one in each if one not in still) for each in words)
     return (
@@ -159,9 +215,10 @@ def check_words(check: CheckReading) -> str:
     )
 
 
-def _position(tool: Sequence[float]) -> str:
+def position_words(tool_mm: Sequence[float], decimals: int) -> str:
     """ "X60 Y0 Z0": a tool position as it is typed."""
-    return " ".join(f"{a.upper()}{short(value, 3)}" for a, value in zip(AXES, tool, strict=True))
+    pairs = zip(AXES, tool_mm, strict=True)
+    return " ".join(f"{axis.upper()}{short(value, decimals)}" for axis, value in pairs)
 
 
 def to_follow(

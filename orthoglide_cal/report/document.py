@@ -6,7 +6,7 @@ shows its values, `terminal`, `html` and `markdown` its page.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -179,6 +179,11 @@ class Section:
         return tuple(b for b in self.blocks if not isinstance(b, Figure) or b.sketch)
 
 
+def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
+    """What to do next, in order."""
+    return Section("Next", (Instructions(tuple(steps)), *more))
+
+
 @dataclass(frozen=True)
 class Page:
     """All that people are shown of one result.
@@ -186,7 +191,7 @@ class Page:
     Attributes:
         kind: e.g. "Calibration report".
         title: of what, e.g. the machine's name; None: no heading on a terminal.
-        number: unique number; only letters, digits and "-"; None where there is none.
+        number: unique; only letters, digits and "-".
         facts: the most important ones, under the title.
         notice: the answer in one box.
         sheet: what belongs on the first page, to be pinned to the machine.
@@ -197,7 +202,7 @@ class Page:
     """
 
     kind: str
-    title: str | None
+    title: str | None = None
     number: str | None = None
     facts: Facts | None = None
     notice: Notice | None = None
@@ -215,9 +220,8 @@ class Page:
     @property
     def closing(self) -> tuple[str, ...]:
         """The last lines: nobody can take a part of a numbered page for the whole."""
-        return tuple(
-            filter(None, (self.scope, f"End of report {self.number}." if self.number else None))
-        )
+        end = f"End of report {self.number}." if self.number else None
+        return tuple(filter(None, (self.scope, end)))
 
     @property
     def name(self) -> str:

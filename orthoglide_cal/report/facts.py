@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
-from orthoglide_cal.estimation import Method
 from orthoglide_cal.model import DataKind, Machine, Source
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.results import Validity
+from orthoglide_cal.results import Identity, Validity
 from orthoglide_cal.results.answer import InputFile
 from orthoglide_cal.words import counted, plain
 
@@ -20,37 +19,9 @@ _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.TWELVE: ("difference", " from the isotropic posture"),
     DataKind.SINGLE: ("difference", ", tool end − joint end"),
 }
-METHOD_WORDS: Mapping[Method, str] = {
-    Method.READINGS: "all readings at once",
-    Method.SIX: "eq. 25, six equations",
-    Method.TWELVE: "eq. 25, twelve equations",
-    Method.SIX_LINEAR: "eq. 17",
-    Method.TWELVE_LINEAR: "eq. 16",
-    Method.SINGLE: "eq. 10",
-    Method.SINGLE_SEQUENTIAL: "eq. 11",
-}
 # What the owner of a machine wrote for its reports: who and which; how and with what.
-_OWNED = {
-    "organisation": "Organisation",
-    "place": "Place",
-    "customer": "Customer",
-    "serial_number": "Serial number",
-}
-_MEASURED = {
-    "method": "Method",
-    "traceability": "Traceability",
-    "authorised_by": "Authorised by",
-}
-
-
-def scope(machine: Machine) -> str:
-    """What a report holds for, and what not."""
-    words = machine.vocabulary
-    return (
-        f"This report holds for the machine and the {words.instruments} that it names, as they were"
-        f" when they were measured, and for the {words.positions} and conditions stated in it; for"
-        " nothing else. It is valid only with all its pages: reproduce it only in full."
-    )
+OWNER = ("organisation", "place", "customer", "serial_number")
+MEANS = ("method", "traceability", "authorised_by", "gauge_due")
 
 
 def data_words(source: Source | None, kind: str, count: int) -> str:
@@ -72,15 +43,46 @@ def comparison_words(single: bool) -> tuple[str, str]:
     return "max − min", "dx_y is along x on leg y."
 
 
-def owner_facts(machine: Machine) -> tuple[tuple[str, doc.Given], ...]:
-    """Whose machine it is, as far as its file says so."""
-    return _written(machine, _OWNED)
+def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Given], ...]:
+    """What its owner wrote under these names, as far as the machine's file says so."""
+    said = ((name, getattr(machine.report, name)) for name in names)
+    return tuple(
+        (name.replace("_", " ").capitalize(), doc.Given(text))
+        for name, text in said
+        if text is not None
+    )
 
 
-def method_facts(machine: Machine) -> tuple[tuple[str, doc.Line], ...]:
-    """How and with what it is measured, as far as its file says so."""
-    due = machine.report.gauge_due
-    return (*_written(machine, _MEASURED), *([("Gauge due", doc.Given(due))] if due else []))
+def signed_page(
+    kind: str,
+    machine: Machine,
+    identity: Identity,
+    inputs: Sequence[tuple[InputFile, Validity]],
+    *facts: tuple[str, doc.Blank],
+) -> doc.Page:
+    """What a numbered page begins with: what it is about, and under which conditions it holds.
+
+    Args:
+        kind: of report; of simulated readings it is none.
+        machine: that was measured.
+        identity: number, time, software.
+        inputs: one measurement, or before and after.
+        facts: that stand behind the number.
+    """
+    words, simulated = machine.vocabulary, any(each.simulated for _, each in inputs)
+    own = ("Number", doc.Code(identity.number)), *facts
+    issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
+    return doc.Page(
+        kind="Practice report" if simulated else kind,
+        title=machine.name,
+        number=identity.number,
+        facts=doc.Facts((*stated(machine, OWNER), *own, issued)),
+        sheet=(doc.Section(None, (_conditions(inputs, identity.software, machine.probes),)),),
+        scope=f"This report holds for the machine and the {words.instruments} that it names, as"
+        f" they were when they were measured, and for the {words.positions} and conditions stated"
+        " in it; for nothing else. It is valid only with all its pages: reproduce it only in full.",
+        stamp="SIMULATED" if simulated else None,
+    )
 
 
 def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
@@ -95,16 +97,10 @@ def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
     )
 
 
-def validity_strip(
+def _conditions(
     inputs: Sequence[tuple[InputFile, Validity]], software: str, probing: bool
 ) -> doc.Block:
-    """Under which conditions the result holds: of one measurement, or before and after.
-
-    Args:
-        inputs: one or two.
-        software: that made the page.
-        probing: the machine measures itself, without gauges or an operator.
-    """
+    """A machine that probes itself has neither gauges nor an operator."""
     cells: list[tuple[str, list[doc.Blank]]] = [
         ("measured", [moment(each.measured) for _, each in inputs])
     ]
@@ -114,10 +110,8 @@ def validity_strip(
             ("temperature", [_temperatures(each) for _, each in inputs]),
             ("operator", [each.operator and doc.Given(each.operator) for _, each in inputs]),
         ]
-    cells.append(
-        ("data", [(f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12]))
-                  for of, _ in inputs])
-    )  # fmt: skip
+    data = [(f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12])) for of, _ in inputs]
+    cells.append(("data", [*data]))
     if len(inputs) == 1:
         rows = [(name.capitalize(), values[0]) for name, values in cells]
         return doc.Facts((*rows, ("Software", software)))
@@ -146,11 +140,6 @@ def _temperatures(each: Validity) -> doc.Blank:
     known = ((start, "at the start"), (end, "at the end"))
     said = [f"{plain(value, 1)} °C {when}" for value, when in known if value is not None]
     return ", ".join(said) or None
-
-
-def _written(machine: Machine, names: Mapping[str, str]) -> tuple[tuple[str, doc.Given], ...]:
-    said = ((word, getattr(machine.report, name)) for name, word in names.items())
-    return tuple((word, doc.Given(text)) for word, text in said if text is not None)
 
 
 def moment(written: str | None) -> doc.Given | None:

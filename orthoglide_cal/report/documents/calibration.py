@@ -9,17 +9,17 @@ stands what that rests on.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import FoundCause, Verdict
+from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files import machine_values
 from orthoglide_cal.model import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.decision import decision_notice, to_do
+from orthoglide_cal.report.case import Case, decision_notice, position_words, to_do
 from orthoglide_cal.report.documents.diagnosis import (
     cause_blocks,
     fit_blocks,
@@ -44,29 +44,14 @@ from orthoglide_cal.report.documents.verification import (
     verification_notice,
     verification_steps,
 )
-from orthoglide_cal.report.facts import (
-    data_words,
-    method_facts,
-    moment,
-    owner_facts,
-    reserved,
-    scope,
-    validity_strip,
-)
+from orthoglide_cal.report.facts import MEANS, data_words, moment, reserved, signed_page, stated
 from orthoglide_cal.results import Answer, Identity
 from orthoglide_cal.results.verification import Verification
-from orthoglide_cal.words import (
-    plain,
-    short,
-    two_figures,
-    unit_words,
-    with_uncertainty,
-)
+from orthoglide_cal.words import plain, short, two_figures, unit_words, with_uncertainty
 
 _MOST_NOTES = 40
 # A parameter of a cause that many standard deviations from zero is marked on the sketch.
-SEEN = 2.0
-_LEFT_ANYWAY = "What would be left if the result were entered"
+_SEEN = 2.0
 
 
 def calibration_document(
@@ -76,7 +61,7 @@ def calibration_document(
     others: Sequence[Case] = (),
     limit_mm: float | None = None,
 ) -> doc.Document:
-    """The document, for any of the renderers.
+    """The document; as data the answer, and what only a report says.
 
     Args:
         case: the input and the answer.
@@ -85,34 +70,26 @@ def calibration_document(
         others: what else the same file stores, none of it judged worse.
         limit_mm: largest deviation allowed; None where nobody said.
     """
-    arguments = case, identity, left, others, limit_mm
-    return doc.Document(partial(report_data, *arguments), partial(_page, *arguments))
-
-
-def report_data(
-    case: Case,
-    identity: Identity,
-    left: Verification | None,
-    others: Sequence[Case] = (),
-    limit_mm: float | None = None,
-) -> dict[str, object]:
-    """The answer, and what only a report says; lengths in mm."""
     given, answer = case.given.conditions, case.answer
-    return {
-        "schema_version": answer.schema_version,
-        "identity": identity.model_dump(mode="json"),
-        "machine": machine_values(case.given.model),
-        "conditions": {
-            **vars(given),
-            "environment": dict(given.environment),
-            "gauges": [gauge.model_dump(mode="json") for gauge in given.gauges],
-            "notes": [{"line": line, "note": note} for line, note in given.notes],
-        },
-        "limit_mm": limit_mm,
-        "answer": answer.model_dump(mode="json"),
-        "after": left.model_dump(mode="json") if left else None,
-        "others": [other.answer.model_dump(mode="json") for other in others],
-    }
+
+    def data() -> dict[str, object]:
+        return {
+            "schema_version": answer.schema_version,
+            "identity": identity.model_dump(mode="json"),
+            "machine": machine_values(case.given.model),
+            "conditions": {
+                **vars(given),
+                "environment": dict(given.environment),
+                "gauges": [gauge.model_dump(mode="json") for gauge in given.gauges],
+                "notes": [{"line": line, "note": note} for line, note in given.notes],
+            },
+            "limit_mm": limit_mm,
+            "answer": answer.model_dump(mode="json"),
+            "after": left.model_dump(mode="json") if left else None,
+            "others": [other.answer.model_dump(mode="json") for other in others],
+        }
+
+    return doc.Document(data, partial(_page, case, identity, left, others, limit_mm))
 
 
 def _page(
@@ -126,46 +103,31 @@ def _page(
     recorded = [(answer.input, answer.validity)]
     if left is not None:
         recorded = [(each, each.validity) for each in (left.before, left.after)]
-    simulated = any(each.simulated for _, each in recorded)
-    strip = validity_strip(recorded, identity.software, machine.probes)
-    sheet = [doc.Section(None, (strip,))]
+    page = signed_page("Calibration report", machine, identity, recorded)
+    sheet, pages = [*page.sheet], list[doc.Section]()
     released = answer.release.usable or left is not None
-    if answer.parameters and not released:
-        sheet += _gap(answer)
-    drawn, pages = _differences(case, left, limit_mm), list[doc.Section]()
+    origin = [_conditions(case), *_workspace(case, left, limit_mm), _origin(case, identity, left)]
     if answer.parameters:
+        drawn = _differences(case, left, limit_mm)
+        sheet += [] if released else _gap(answer)
         sheet += _result(case, left, drawn if released else ())
         if drawn and not released:
             # Where the rails are drawn, the first sheet is full.
             chosen = pages if answer.shims else sheet
-            chosen.append(doc.Section(_LEFT_ANYWAY, drawn))
-        sheet += [_other(other) for other in others]
-        pages += [*_evidence(case), _conditions(case)]
-        pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
+            chosen.append(doc.Section("What would be left if the result were entered", drawn))
+        sheet += map(_other, others)
+        pages += [*_evidence(case), *origin]
     else:
         # There is nothing to pin to the machine, and one sheet of paper says it all.
-        sheet.append(to_do(case))
-        sheet += [*(_other(other) for other in others)]
-        sheet += [_conditions(case), _origin(case, identity, left)]
+        sheet += [doc.next_steps(to_do(case)), *map(_other, others), *origin]
     authorised = machine.report.authorised_by
     roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
-    return doc.Page(
-        kind="Practice report" if simulated else "Calibration report",
-        title=machine.name,
-        number=identity.number,
-        facts=doc.Facts(
-            (
-                *owner_facts(machine),
-                ("Number", doc.Code(identity.number)),
-                ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
-            )
-        ),
+    return replace(
+        page,
         notice=_notice(case, left),
         sheet=tuple(sheet),
         sections=tuple(pages),
         signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
-        scope=scope(machine),
-        stamp="SIMULATED" if simulated else None,
     )
 
 
@@ -192,22 +154,20 @@ def _wrong(case: Case) -> str:
         if answer.shims:
             size = max(shim.mm for shim in answer.shims)
             return f"The rails miss each other by {plain(size, 2)} mm"
-        said = " and ".join(map(partial(_sized, case), answer.causes))
+        titles = []
+        for cause in answer.causes:
+            title = CAUSES[cause.id].words(case.machine).title
+            largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
+            if largest is not None and largest.std:
+                title += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
+            titles.append(title)
+        said = " and ".join(titles)
         return said[0].upper() + said[1:]
     if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
         return (
             f"{plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s. is left that no known cause explains"
         )
     return headline(case).rstrip(".") if answer.verdict is Verdict.AMBIGUOUS else ""
-
-
-def _sized(case: Case, cause: FoundCause) -> str:
-    """ "a gauge or its stand creeps, 0.05 mm/h": a cause with its largest parameter."""
-    title = CAUSES[cause.id].words(case.machine).title
-    largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
-    if largest is None or not largest.std:
-        return title
-    return f"{title}, by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
 
 
 def _gap(answer: Answer) -> Iterator[doc.Section]:
@@ -244,12 +204,11 @@ def _result(
     answer = case.answer
     if left is not None:
         rule = left.decision
-        steps = doc.Instructions(tuple(verification_steps(left, case.machine_file)))
         small = [doc.Paragraph(f"Decision rule: {rule.rule}", small=True)] if rule else []
-        yield doc.Section("Next", (steps, *small, *drawn))
+        yield doc.next_steps(verification_steps(left, case.machine_file), *small, *drawn)
         yield parameters_left(left)
         return
-    yield to_do(case)
+    yield doc.next_steps(to_do(case))
     if answer.release.usable:
         blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case), *drawn)
         yield doc.Section(parameters_title(case), blocks)
@@ -301,15 +260,13 @@ def _other(case: Case) -> doc.Section:
 
 def _evidence(case: Case) -> Iterator[doc.Section]:
     """What the result rests on: residuals, diagnosis, budget."""
-    answer = case.answer
-    blocks = residual_blocks(case)
-    yield doc.Section("Residuals (measured − model)", tuple(blocks))
-    if answer.verdict is not None:
+    yield doc.Section("Residuals (measured − model)", tuple(residual_blocks(case)))
+    verdict = case.answer.verdict
+    if verdict is not None:
         blocks = [doc.Paragraph(headline(case)), *fit_blocks(case), *cause_blocks(case)]
-        if answer.verdict is Verdict.AMBIGUOUS:
+        if verdict is Verdict.AMBIGUOUS:
             blocks.append(doc.Instructions((next_step(case),)))
-        blocks += note_blocks(case)
-        yield doc.Section("Diagnosis", tuple(blocks))
+        yield doc.Section("Diagnosis", (*blocks, *note_blocks(case)))
     yield from budget_sections(case)
 
 
@@ -320,27 +277,23 @@ def _workspace(
     found, after = case.answer.workspace, left.workspace if left else None
     if found is None:
         return
-    place = "X{} Y{} Z{}".format
-    worst = place(*(short(value, 0) for value in found.worst_before_mm))
-    lead = f"As found: up to {two_figures(found.before_mm)} mm, at {worst}."
+
+    def up_to(size_mm: float, tool_mm: Sequence[float]) -> str:
+        return f"{two_figures(size_mm)} mm, at {position_words(tool_mm, 0)}"
+
+    lead = f"As found: up to {up_to(found.before_mm, found.worst_before_mm)}."
     if after is None:
-        worst = place(*(short(value, 0) for value in found.worst_after_mm))
-        causes = " and ".join(cause.id for cause in case.known)
-        lead += f" Expected: at most {two_figures(found.after_mm)} mm, at {worst}"
-        lead += (
-            f"; {two_figures(found.left_mm)} mm of that comes from {causes}, which offsets do not"
-            " remove."
-            if causes
-            else ", which is the uncertainty of the offsets."
-        )
-        lead += "".join(
-            f" What {cause.id} does depends on time or on the way there, and is not included."
-            for cause in case.known
-            if cause.timed
-        )
+        why = ", which is the uncertainty of the offsets."
+        if causes := " and ".join(cause.id for cause in case.known):
+            why = f"; {two_figures(found.left_mm)} mm of that comes from {causes}, which offsets do"
+            why += " not remove."
+        lead += f" Expected: at most {up_to(found.after_mm, found.worst_after_mm)}{why}"
+        for cause in case.known:
+            if cause.timed:
+                lead += f" What {cause.id} does depends on time or on the way there, and is not"
+                lead += " included."
     else:
-        worst = place(*(short(value, 0) for value in after.worst_before_mm))
-        lead += f" Measured afterwards: up to {two_figures(after.before_mm)} mm, at {worst}."
+        lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
     low, high = (plain(edge, 0) for edge in found.cube_mm)
     maps = figures.workspace_maps(found, after, limit_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z: what the joint limits allow."
@@ -357,7 +310,7 @@ def _workspace(
 def _conditions(case: Case) -> doc.Section:
     """How it was measured, and where the gauges stood; blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
-    stated, noise = machine.instrument, machine.vocabulary.noise
+    gauge, noise = machine.instrument, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [
         ("Protocol", None if given.protocol is None else doc.Given(given.protocol)),
         ("Started", moment(given.started)),
@@ -370,10 +323,9 @@ def _conditions(case: Case) -> doc.Section:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     if machine.probes:
         rows = [row for row in rows if row[1] is not None]
-    rows.append(
-        (noise.capitalize(), f"resolution {short(stated.resolution_mm, 6)} mm, repeatability"
-         f" {short(stated.repeatability_mm, 6)} mm (one standard deviation), as stated")
-    )  # fmt: skip
+    sizes = f"resolution {short(gauge.resolution_mm, 6)} mm, repeatability"
+    sizes += f" {short(gauge.repeatability_mm, 6)} mm (one standard deviation), as stated"
+    rows.append((noise.capitalize(), sizes))
     places = sorted(
         {
             (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
@@ -398,44 +350,33 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
     rails: set[int] = set()
     marked = []
     for cause in case.answer.causes:
-        seen = _seen(cause)
+        # Parameters that stand clear of their uncertainty; of axes or of series.
+        seen = [
+            each.name
+            for each in cause.parameters
+            if set(each.name) <= {*AXES, "_"} and abs(each.value) > _SEEN * each.std
+        ]
         if cause.in_machine:
             rails |= {AXES.index(axis) for name in seen for axis in name if axis in AXES}
         else:
             faults |= {one for one in series if one.name in seen or one.words in cause.where}
         if cause.where or seen:
             marked.append(f"{cause.id}: {cause.where or ', '.join(seen)}")
-    return doc.Figure(
-        "Where the gauges stood",
-        f"Marked: {'; '.join(marked)}." if marked else "",
-        (
-            figures.machine_sketch(
-                machine.leg_length_mm, machine.joint_limits_mm, places, faults, rails
-            ),
-        ),
-        columns=0,
-        key="○ dial: its reading grows when the leg moves towards it.",
+    drawn = figures.machine_sketch(
+        machine.leg_length_mm, machine.joint_limits_mm, places, faults, rails
     )
-
-
-def _seen(cause: FoundCause) -> list[str]:
-    """Names of the parameters that stand clear of their uncertainty; of axes or of series."""
-    return [
-        each.name
-        for each in cause.parameters
-        if set(each.name) <= {*AXES, "_"} and abs(each.value) > SEEN * each.std
-    ]
+    told = f"Marked: {'; '.join(marked)}." if marked else ""
+    key = "○ dial: its reading grows when the leg moves towards it."
+    return doc.Figure("Where the gauges stood", told, (drawn,), columns=0, key=key)
 
 
 def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:
     """The input, the software, the numbers behind the uncertainty."""
     answer, model, machine = case.answer, case.given.model, case.machine
-    stated = dict(method_facts(machine))
-    rows: list[tuple[str, doc.Blank]] = [
-        *stated.items(),
-        *([] if "Traceability" in stated else [("Traceability", None)]),
-        ("Software", identity.software),
-    ]
+    rows: list[tuple[str, doc.Blank]] = [*stated(machine, MEANS)]
+    if machine.report.traceability is None:
+        rows.append(("Traceability", None))
+    rows.append(("Software", identity.software))
     if left is not None:
         rows += compared_inputs(left)
     else:
@@ -446,10 +387,8 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         ]
     rows += [("Machine", doc.Given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
-        accepted = ", ".join(effect.cause.id for effect in model.accepted)
-        rows.append(("Accepted", accepted))
+        rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.accepted)))
     if answer.method is not None and answer.noise is not None:
-        rows.append(("Solved by", method_words(case)))
-        rows.append(("Noise, mm", noise_words(answer)))
+        rows += [("Solved by", method_words(case)), ("Noise, mm", noise_words(answer))]
     warnings = (doc.Paragraph(warning, small=True) for warning in answer.warnings)
     return doc.Section("Traceability", (doc.Facts(tuple(rows)), *warnings))

@@ -29,7 +29,7 @@ def check_document(
     """
     told = check.changed(refused=str(refused) if refused else None)
     listing = doc.Listing(tuple(_lines(check, source, refused)))
-    page = doc.Page("Validation", title=None, sections=(doc.Section(None, (listing,)),))
+    page = doc.Page("Validation", sections=(doc.Section(None, (listing,)),))
     return doc.Document(partial(told.model_dump, mode="json"), lambda: page)
 
 

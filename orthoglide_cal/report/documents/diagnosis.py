@@ -10,12 +10,11 @@ from dataclasses import replace
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, UnshownFault, Verdict
+from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, Verdict
 from orthoglide_cal.diagnosis.result import CauseParameter, Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import SETTLED, Case
-from orthoglide_cal.report.documents.decision import retaken
+from orthoglide_cal.report.case import SETTLED, Case, to_follow
 from orthoglide_cal.report.documents.parameters import (
     alone_block,
     open_blocks,
@@ -85,21 +84,14 @@ def diagnosis_document(case: Case) -> doc.Document:
 
 def _screen(case: Case) -> doc.Page:
     answer = case.answer
-    sections = [doc.Section(None, tuple(blocks)) for blocks in _evidence(case) if blocks]
-    last: list[doc.Block] = [doc.Instructions(tuple(_steps(case)))]
-    last += map(doc.Paragraph, doubts(case, all=False))
+    sections = [doc.Section(None, tuple(blocks)) for blocks in _evidence(case)]
+    open_ = [*_doubts(case, all=False)]
     if answer.ruled_out:
-        last.append(doc.Paragraph(f"Ruled out by hand: {listed(answer.ruled_out)}."))
+        open_.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
     if answer.not_excluded:
-        last.append(
-            doc.Paragraph(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
-        )
-    return doc.Page(
-        kind="Diagnosis",
-        title=None,
-        notice=_notice(case),
-        sections=(*sections, doc.Section("Next", (*last, case.more("diagnose")))),
-    )
+        open_.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
+    last = doc.next_steps(_steps(case), *map(doc.Paragraph, open_), case.more("diagnose"))
+    return doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
 
 
 def _notice(case: Case) -> doc.Notice:
@@ -153,14 +145,18 @@ def _evidence(case: Case) -> Iterator[list[doc.Block]]:
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     """Where the causes are, and their parameters; with `offsets` also those of the machine."""
     answer = case.answer
+    lines = []
     for cause in answer.causes:
+        rows = [(each.name, each.value, each.expanded, each.unit) for each in cause.parameters]
         if cause.where:
-            yield doc.Paragraph(f"{_place_words(case, cause)}.")
-    lines = [
-        (f"{cause.id}, {unit_words(cause.parameters[0].unit)}", _cells(case, cause.parameters))
-        for cause in answer.causes
-        if cause.parameters and not cause.where
-    ]
+            named = [
+                text if len(rows) > 1 else text.partition(" ")[2] for text in sizes(rows, True)
+            ]
+            size = f": {', '.join(named)}" if named else ""
+            yield doc.Paragraph(f"{cause.id} at {cause.where.removeprefix('at ')}{size}.")
+        elif rows:
+            unit = unit_words(cause.parameters[0].unit)
+            lines.append((f"{cause.id}, {unit}", _cells(cause.parameters)))
     if offsets:
         found = [
             (each.name, each.found or 0.0, each.expanded, each.unit)
@@ -174,15 +170,7 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
         yield sizes_grid(lines, 3 if case.unit else 2)
 
 
-def _place_words(case: Case, cause: FoundCause) -> str:
-    """A cause that is at one place, with its size."""
-    rows = [(each.name, each.value, each.expanded, each.unit) for each in cause.parameters]
-    named = [text if len(rows) > 1 else text.partition(" ")[2] for text in sizes(rows, True)]
-    size = f": {', '.join(named)}" if named else ""
-    return f"{cause.id} at {cause.where.removeprefix('at ')}{size}"
-
-
-def _cells(case: Case, parameters: Sequence[CauseParameter]) -> list[str]:
+def _cells(parameters: Sequence[CauseParameter]) -> list[str]:
     """Parameters of a cause, the largest in σ where they are many."""
     many = len(parameters) > _MOST_SIZES
     chosen = sorted(parameters, key=lambda each: -abs(each.value) / (each.std or 1.0))
@@ -196,19 +184,18 @@ def _rms_grid(case: Case) -> doc.Grid:
     """What is left without and with the causes, of readings fitted and not."""
     answer, lack = case.answer, case.answer.lack_of_fit
     with_it = ["with them" if len(answer.causes) > 1 else "with it"] if answer.causes else []
-    rows: list[tuple[str, ...]] = []
+    left: dict[str, tuple[float, ...]] = {}
     for first in answer.causes[:1]:
-        rows.append(("fitted", plain(first.rms_before_mm, 4), plain(first.rms_after_mm, 4)))
-        before, after = first.heldout_before_mm, first.heldout_after_mm
-        if before is not None and after is not None:
-            where = "later readings" if answer.holdout else "left out of the fit"
-            rows.append((where, plain(before, 4), plain(after, 4)))
+        where = "later readings" if answer.holdout else "left out of the fit"
+        left["fitted"] = first.rms_before_mm, first.rms_after_mm
+        left[where] = first.heldout_before_mm, first.heldout_after_mm
     if lack is not None:
-        if not rows:
-            rows.append(("fitted", plain(lack.left_mm, 4)))
-        blank = [""] * len(with_it)
-        noise = f"{case.words.noise}'s noise{case.words.also}"
-        rows.append((f"{noise} would leave", plain(lack.expected_mm, 4), *blank))
+        left.setdefault("fitted", (lack.left_mm,))
+        left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
+    blank = [""] * len(with_it)
+    rows = [
+        (name, *(plain(mm, 4) for mm in own), *blank[len(own) - 1 :]) for name, own in left.items()
+    ]
     return doc.Grid(("r.m.s., mm", f"{case.words.many} only", *with_it), tuple(rows))
 
 
@@ -255,23 +242,23 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
     """What to do next: remedies, the measurement that decides, or entering."""
     answer, release = case.answer, case.answer.release
     if answer.verdict is Verdict.AMBIGUOUS:
-        yield from retaken(case)
         if len(release.reasons) > 1:  # so few readings that more of them come first
-            yield from (
-                doc.Instruction(each.sentence)
-                for each in release.remedies
-                if each.verb != "measure"
-            )
+            yield from case.remedies()
         else:
+            yield from case.remedies("measure")
             yield next_step(case)
         for cause in answer.causes:
             if cause.where and not cause.in_machine:
                 yield doc.Instruction(f"Or: {cause.remedy}")
-        yield from _accept_shape(case)
+        found, shape = answer.baselines, case.machine.shape
+        open_ids = (*answer.ambiguous_with, *(cause.id for cause in answer.causes))
+        if found is not None and shape in open_ids and found.extension_mm < found.parameters_mm:
+            # What lasts may be carried, whatever makes it.
+            typed = case.typed("diagnose", f"--accept {shape}")
+            yield doc.Instruction("Or make the shape part of the model, whatever makes it", typed)
     elif answer.verdict is Verdict.NAMED and any(fault.matters for fault in answer.unshown):
         # The size of the causes depends on it, too: their remedies come when that is decided.
-        for each in release.remedies:
-            yield doc.Instruction(each.sentence, case.remedied(each))
+        yield from case.remedies()
         if answer.next_measurement is not None:
             decides = next_step(case)
             yield replace(decides, content=f"Or: {decides.content}")
@@ -282,43 +269,27 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the model", typed)
     elif not release.usable:
-        for each in release.remedies:
-            yield doc.Instruction(each.sentence, case.remedied(each))
+        yield from case.remedies()
     if release.settled:
         yield doc.Instruction("See which readings would show more", case.typed("plan"))
     elif release.usable:
         yield doc.Instruction("See what to enter", case.typed("solve"))
 
 
-def _accept_shape(case: Case) -> Iterator[doc.Instruction]:
-    """What lasts may be carried, whatever makes it."""
-    found, shape = case.answer.baselines, case.machine.shape
-    open_ids = (*case.answer.ambiguous_with, *(cause.id for cause in case.answer.causes))
-    if found is not None and shape in open_ids and found.extension_mm < found.parameters_mm:
-        typed = case.typed("diagnose", f"--accept {shape}")
-        yield doc.Instruction("Or make the shape part of the model, whatever makes it", typed)
-
-
 def _page(case: Case) -> doc.Page:
-    answer, words = case.answer, case.words
+    answer = case.answer
+    told: list[doc.Block] = [parameters_grid(case)]
+    told += [doc.Paragraph(_WIDENED[each]) for each in _WIDENED if each is answer.verdict]
+    told += [*open_blocks(case), *alone_block(case), *note_blocks(case)]
     causes = tuple(cause_blocks(case))
-    widened = _WIDENED.get(answer.verdict) if answer.verdict else None
-    told = (
-        parameters_grid(case),
-        *((doc.Paragraph(widened),) if widened else ()),
-        *open_blocks(case),
-        *alone_block(case),
-        *note_blocks(case),
-    )
     return doc.Page(
         kind="Diagnosis",
-        title=None,
         notice=_notice(case),
-        sheet=(doc.Section("Next", (doc.Instructions(tuple(_steps(case))),)),),
+        sheet=(doc.next_steps(_steps(case)),),
         sections=(
-            *((doc.Section("Causes", causes),) if causes else ()),
-            *residual_sections(answer, words.many, fit_blocks(case)),
-            doc.Section(parameters_title(case), told),
+            *([doc.Section("Causes", causes)] if causes else []),
+            *residual_sections(answer, case.words.many, fit_blocks(case)),
+            doc.Section(parameters_title(case), tuple(told)),
         ),
     )
 
@@ -346,17 +317,13 @@ def headline(case: Case) -> str:
         sentence = f"Unexplained: only {far} would explain what these readings show."
     if answer.verdict is Verdict.AMBIGUOUS and any(nothing > each.probability for each in best):
         sentence = "Undecided: these data do not show what is wrong, or whether anything is."
-    unknown = "".join(_unknown(case))
+    unknown = "".join(
+        f" They cannot determine {each.name}: it may be off by {each.within:.2g}"
+        f" {unit_words(each.unit)} (1 σ)."
+        for each in answer.undetermined
+        if each.name not in [parameter.name for parameter in answer.parameters]
+    )
     return sentence.format(causes=titles, noise=words.noise, also=words.also, unknown=unknown)
-
-
-def _unknown(case: Case) -> Iterator[str]:
-    """What such readings do not determine, and how far it may be off."""
-    names = {each.name for each in case.answer.parameters}
-    for each in case.answer.undetermined:
-        if each.name not in names:
-            within = f"{each.within:.2g} {unit_words(each.unit)}"
-            yield f" They cannot determine {each.name}: it may be off by {within} (1 σ)."
 
 
 def cause_blocks(case: Case) -> Iterator[doc.Block]:
@@ -380,8 +347,7 @@ def cause_blocks(case: Case) -> Iterator[doc.Block]:
         names = {each.name for cause in answer.causes for each in cause.parameters}
         legend = "; y_x: along y on leg x" * ("y_x" in names)
         facts.append(("±", f"U, 95 %{legend}"))
-    before, after = answer.causes[0].heldout_before_mm, answer.causes[0].heldout_after_mm
-    if before is not None and after is not None and after >= before:
+    if answer.causes[0].heldout_after_mm >= answer.causes[0].heldout_before_mm:
         facts.append(("note", "It does not predict better: not recommended as an extension."))
     yield doc.Facts(tuple(facts))
 
@@ -407,7 +373,8 @@ def next_step(case: Case) -> doc.Instruction:
             f"{following.what} About {following.minutes:.0f} min; it distinguishes {first} from"
             f" {second} ({following.separation_sigma:.1f} σ)."
         )
-        return doc.Instruction(told, case.following(following.session))
+        typed = to_follow(case.machine, case.source, following.session, case.machine_file)
+        return doc.Instruction(told, typed)
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
     again = (
         " What is open lies in the measurement: measure there again, and leave the old readings"
@@ -424,17 +391,16 @@ def between_words(each: NextMeasurement) -> tuple[str, str]:
     return first, second
 
 
-def doubts(case: Case, all: bool = True) -> Iterator[str]:
+def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     """What these readings would not show, and causes far beyond their size.
 
     Without `all` not those of which the decision speaks.
     """
     answer, machine = case.answer, case.machine
     for fault in (each for each in answer.unshown if all or not each.matters):
-        yield (
-            f"These readings would not show if {_fault_words(case, fault)}. What shows it:"
-            f" {fault.check}."
-        )
+        title = CAUSES[fault.id].words(machine).title
+        title += f" ({fault.where})" if fault.where else ""
+        yield f"These readings would not show if {title}. What shows it: {fault.check}."
     for each in answer.causes:
         if each.times_stated is not None:
             yield f"{each.id} has {CAUSES[each.id].beyond_words(machine, each.times_stated)}"
@@ -443,16 +409,11 @@ def doubts(case: Case, all: bool = True) -> Iterator[str]:
         yield f"{far.id} would explain these readings with {words}"
 
 
-def _fault_words(case: Case, fault: UnshownFault) -> str:
-    where = f" ({fault.where})" if fault.where else ""
-    return f"{CAUSES[fault.id].words(case.machine).title}{where}"
-
-
 def note_blocks(case: Case) -> tuple[doc.Block, ...]:
     """Remarks, the sizes that were assumed, and how the answer depends on the tolerances."""
     answer = case.answer
     notes = [note for note in answer.notes if note not in answer.release.cautions]
-    notes += doubts(case)
+    notes += _doubts(case)
     if answer.assumed_sizes:
         # Without its size where the cause has none: it happens or it does not.
         sizes = ", ".join(

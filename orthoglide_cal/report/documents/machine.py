@@ -8,7 +8,7 @@ from functools import partial
 from orthoglide_cal.files import machine_values
 from orthoglide_cal.model import Model
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.facts import method_facts, owner_facts
+from orthoglide_cal.report.facts import MEANS, OWNER, stated
 from orthoglide_cal.words import short
 
 # Keys of the file that have a place of their own on the page, or none.
@@ -23,7 +23,7 @@ def machine_document(model: Model) -> doc.Document:
 def _page(model: Model) -> doc.Page:
     machine, values = model.machine, machine_values(model)
     own = {key: value for key, value in values.items() if key not in _ELSEWHERE}
-    facts = doc.Facts((*_rows(own), *owner_facts(machine), *method_facts(machine)))
+    facts = doc.Facts((*_rows(own), *stated(machine, OWNER), *stated(machine, MEANS)))
     sections = []
     if machine.history:
         entered = tuple(

@@ -8,8 +8,7 @@ from functools import partial
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.decision import decision_notice, to_do
+from orthoglide_cal.report.case import Case, decision_notice, to_do
 from orthoglide_cal.report.documents.parameters import (
     alone_block,
     budget_sections,
@@ -18,10 +17,19 @@ from orthoglide_cal.report.documents.parameters import (
     parameters_grid,
     parameters_title,
 )
-from orthoglide_cal.report.facts import METHOD_WORDS, comparison_words
+from orthoglide_cal.report.facts import comparison_words
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import counted, difference_decimals, plain, signed, two_figures
 
+_METHODS = {
+    Method.READINGS: "all readings at once",
+    Method.SIX: "eq. 25, six equations",
+    Method.TWELVE: "eq. 25, twelve equations",
+    Method.SIX_LINEAR: "eq. 17",
+    Method.TWELVE_LINEAR: "eq. 16",
+    Method.SINGLE: "eq. 10",
+    Method.SINGLE_SEQUENTIAL: "eq. 11",
+}
 # A screen has room for so many differences, or else for the largest.
 _MOST_DIFFERENCES = 6
 _LARGEST_DIFFERENCES = 3
@@ -41,15 +49,13 @@ def _screen(case: Case) -> doc.Page:
         found.append(doc.Paragraph(largest_words(case)))
     found += [doc.Paragraph(f"Note: {warning}") for warning in answer.warnings]
     after = tuple(_improvement(case)) if answer.release.usable else ()
-    steps = to_do(case, brief=True)
     return doc.Page(
         kind="Solution",
-        title=None,
         notice=decision_notice(case),
         sections=(
             doc.Section(None, tuple(found)),
-            *([doc.Section(None, after)] if after else []),
-            doc.Section(steps.title, (*steps.blocks, case.more("solve"))),
+            doc.Section(None, after),
+            doc.next_steps(to_do(case, brief=True), case.more("solve")),
         ),
     )
 
@@ -88,16 +94,19 @@ def _page(case: Case) -> doc.Page:
     what, _ = comparison_words(case.answer.check is not None and case.answer.check.ends)
     title = f"Differences, {what}" if case.answer.deviations else None
     blocks = (facts, parameters_grid(case), *open_blocks(case), *alone_block(case))
+    notes = [f"Note: {warning}" for warning in case.answer.warnings]
+    if not (case.answer.release.usable or case.answer.named):
+        # Otherwise it stands at the top, or is of the parameters alone.
+        notes.append(case.answer.judgement)
     return doc.Page(
         kind="Solution",
-        title=None,
         notice=decision_notice(case),
-        sheet=(to_do(case),),
+        sheet=(doc.next_steps(to_do(case)),),
         sections=(
-            doc.Section(parameters_title(case), (*blocks, *_correlations(case))),
+            doc.Section(parameters_title(case), (*blocks, _correlations(case))),
             doc.Section(title, tuple(_improvement(case, full=True))),
             *budget_sections(case),
-            _notes(case),
+            doc.Section(None, tuple(map(doc.Paragraph, notes))),
         ),
     )
 
@@ -105,10 +114,10 @@ def _page(case: Case) -> doc.Page:
 def method_words(case: Case) -> str:
     """The method by its name, and what it is."""
     method = Method(case.answer.method or "")
-    return f"{method} ({METHOD_WORDS[method]})"
+    return f"{method} ({_METHODS[method]})"
 
 
-def _correlations(case: Case) -> tuple[doc.Block, ...]:
+def _correlations(case: Case) -> doc.Paragraph:
     """How the parameters depend on each other."""
     names, matrix = [each.name for each in case.answer.parameters], case.answer.correlation
     pairs = ", ".join(
@@ -118,7 +127,7 @@ def _correlations(case: Case) -> tuple[doc.Block, ...]:
     )
     sigma = case.answer.sigma_rho_mm
     together = "" if sigma is None else f" Together: σ_ρ = {two_figures(sigma)} mm."
-    return (doc.Paragraph(f"Correlations: {pairs}.{together}"),)
+    return doc.Paragraph(f"Correlations: {pairs}.{together}")
 
 
 def noise_words(answer: Answer) -> str:
@@ -136,14 +145,4 @@ def noise_words(answer: Answer) -> str:
     said = ", ".join(
         f"{name} {'unknown' if size is None else plain(size, 4)}" for name, size in sizes.items()
     )
-    spare = f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else ""
-    return f"{said}{spare}"
-
-
-def _notes(case: Case) -> doc.Section:
-    answer = case.answer
-    notes = [doc.Paragraph(f"Note: {warning}") for warning in answer.warnings]
-    if not (answer.release.usable or answer.named):
-        # Otherwise it stands at the top, or is of the parameters alone.
-        notes.append(doc.Paragraph(answer.judgement))
-    return doc.Section(None, tuple(notes))
+    return said + (f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else "")

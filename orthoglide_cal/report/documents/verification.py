@@ -15,9 +15,15 @@ from orthoglide_cal.model import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.parameters import sizes, sizes_grid
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.facts import data_words, owner_facts, reserved, scope, validity_strip
+from orthoglide_cal.report.facts import data_words, reserved, signed_page
 from orthoglide_cal.results import Identity
-from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
+from orthoglide_cal.results.verification import (
+    Behaviour,
+    Coefficient,
+    ComparedInput,
+    Outcome,
+    Verification,
+)
 from orthoglide_cal.words import (
     MM_PER_INCH,
     chance,
@@ -45,23 +51,16 @@ def _screen(found: Verification) -> doc.Page:
     units = {unit for *_, unit in left}
     unit = units.pop() if len(units) == 1 else ""
     grid = sizes_grid([(f"left{unit and f', {unit}'}", sizes(left, not unit))], 3 if unit else 2)
-    sections = [doc.Section(None, (grid,))]
-    if found.differences:
-        sections.insert(0, doc.Section(None, (_differences(found),)))
-    steps = doc.Instructions(tuple(verification_steps(found, None, brief=True)))
+    tables = ([_differences(found)] if found.differences else []), [grid]
     more = doc.Paragraph("More: the same with --details")
-    count = " and ".join(
-        data_words(source, given.kind, given.readings)
-        for given, (source, _) in zip((found.before, found.after), found.inputs, strict=True)
-    )
+    aside = f"{found.machine}, {' and '.join(count for _, count in _measured(found))}"
     return doc.Page(
         kind="Verification",
-        title=None,
-        notice=replace(
-            reserved(verification_notice(found), found.reservations),
-            aside=f"{found.machine}, {count}",
+        notice=replace(reserved(verification_notice(found), found.reservations), aside=aside),
+        sections=(
+            *(doc.Section(None, tuple(table)) for table in tables),
+            doc.next_steps(verification_steps(found, None, brief=True), more),
         ),
-        sections=(*sections, doc.Section("Next", (steps, more))),
     )
 
 
@@ -71,44 +70,27 @@ def _data(found: Verification, identity: Identity) -> dict[str, object]:
 
 
 def _page(found: Verification, identity: Identity) -> doc.Page:
-    machine = found.inputs[1][1].machine
     applied = [("Applied", f"{_triple(found.applied_mm, found)} mm (x, y, z)")]
-    recorded = [(each, each.validity) for each in (found.before, found.after)]
-    simulated = any(each.simulated for _, each in recorded)
+    page = signed_page(
+        "Verification report",
+        found.inputs[1][1].machine,
+        identity,
+        [(each, each.validity) for each in (found.before, found.after)],
+        *(applied if found.applied_mm else []),
+    )
     compared = "independent changes" if found.differences else "touches afterwards"
-    strip = doc.Section(None, (validity_strip(recorded, identity.software, machine.probes),))
-    return doc.Page(
-        kind="Practice report" if simulated else "Verification report",
-        stamp="SIMULATED" if simulated else None,
+    machine = ("Machine", doc.Given(found.machine))
+    origin = *compared_inputs(found), machine, ("Compared", f"{found.compared} {compared}")
+    return replace(
+        page,
         title=found.machine,
-        number=identity.number,
-        facts=doc.Facts(
-            (
-                *owner_facts(machine),
-                ("Number", doc.Code(identity.number)),
-                *(applied if found.applied_mm else []),
-                ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC"),
-            )
-        ),
         notice=reserved(verification_notice(found), found.reservations),
-        sheet=(strip, verification_outcome(found), parameters_left(found)),
+        sheet=(*page.sheet, _outcome(found), parameters_left(found)),
         sections=(
             *([_response(found, found.response)] if found.response else []),
-            doc.Section(
-                "Traceability",
-                (
-                    doc.Facts(
-                        (
-                            *compared_inputs(found),
-                            ("Machine", doc.Given(found.machine)),
-                            ("Compared", f"{found.compared} {compared}"),
-                        )
-                    ),
-                ),
-            ),
+            doc.Section("Traceability", (doc.Facts(origin),)),
         ),
         signatures=("Measured by", "Checked by"),
-        scope=scope(machine),
     )
 
 
@@ -272,7 +254,7 @@ def parameters_left(found: Verification) -> doc.Section:
     return doc.Section("Parameters", (grid, doc.Paragraph(note)))
 
 
-def verification_outcome(found: Verification) -> doc.Section:
+def _outcome(found: Verification) -> doc.Section:
     """Promised and measured, difference by difference or in all."""
     if not found.differences:
         grid = doc.Grid(
@@ -354,11 +336,13 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
 def compared_inputs(found: Verification) -> tuple[tuple[str, doc.Blank], ...]:
     """Where both sides come from: file and digest."""
     rows: list[tuple[str, doc.Blank]] = []
-    given_by = zip((found.before, found.after), found.inputs, strict=True)
-    for name, (given, (source, _)) in zip(("Before", "After"), given_by, strict=True):
-        count = data_words(source, given.kind, given.readings)
-        rows += [
-            (name, doc.Given(f"{file_words(given.path)} ({count})")),
-            ("SHA-256", doc.Code(given.sha256)),
-        ]
+    for name, (given, count) in zip(("Before", "After"), _measured(found), strict=True):
+        rows.append((name, doc.Given(f"{file_words(given.path)} ({count})")))
+        rows.append(("SHA-256", doc.Code(given.sha256)))
     return tuple(rows)
+
+
+def _measured(found: Verification) -> Iterator[tuple[ComparedInput, str]]:
+    """Both measurements, each with how much of what it holds."""
+    for given, (source, _) in zip((found.before, found.after), found.inputs, strict=True):
+        yield given, data_words(source, given.kind, given.readings)
