@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import string
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,17 +42,18 @@ class Scale:
             return (self.start + self.end) / 2.0
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
-
-def ticks(low: float, high: float, count: int = 4) -> list[float]:
-    """About `count` round numbers from low to high."""
-    if not high > low:
-        return [low]
-    rough = (high - low) / max(count, 1)
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * 0.999)
-    first = math.ceil(low / step - 1e-9)
-    last = math.floor(high / step + 1e-9)
-    return [k * step for k in range(first, last + 1)]
+    def ticks(self, count: int) -> list[tuple[float, str, str]]:
+        """Place, class and number of about so many grid lines at round numbers."""
+        values = [self.low]
+        if self.high > self.low:
+            rough = (self.high - self.low) / count
+            power = 10.0 ** math.floor(math.log10(rough))
+            step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * 0.999)
+            first = math.ceil(self.low / step - 1e-9)
+            values = [k * step for k in range(first, math.floor(self.high / step + 1e-9) + 1)]
+        step = values[1] - values[0] if len(values) > 1 else 1.0
+        kinds = ["zero" if abs(value) < step * 1e-6 else "grid" for value in values]
+        return [(self(v), kind, tick_text(v, step)) for v, kind in zip(values, kinds, strict=True)]
 
 
 def tick_text(value: float, step: float) -> str:
@@ -72,7 +73,15 @@ def around(values: Sequence[float], least: float = 0.0) -> tuple[float, float]:
     return low - (room if low < 0 else 0.0), high + (room if high > 0 else 0.0)
 
 
-def svg(name: str, width: float, height: float, title: str, finding: str, *parts: Html) -> Html:
+def svg(
+    name: str,
+    width: float,
+    height: float,
+    title: str,
+    finding: str,
+    parts: Iterable[Html | None],
+    class_: str | None = None,
+) -> Html:
     """A picture with its text alternative.
 
     Args:
@@ -80,12 +89,14 @@ def svg(name: str, width: float, height: float, title: str, finding: str, *parts
         width, height: natural size.
         title: what it is.
         finding: what one sees in it.
+        parts: of it; None is left out.
+        class_: of all parts together.
     """
     return tag(
         "svg",
         tag("title", title, id=f"{name}-t"),
         tag("desc", finding, id=f"{name}-d"),
-        *parts,
+        *([tag("g", *parts, class_=class_)] if class_ else parts),
         viewBox=f"0 0 {width:g} {height:g}",
         role="img",
         aria_labelledby=f"{name}-t {name}-d",
@@ -128,15 +139,6 @@ def mark(x: float, y: float, shape: int, class_: str = "mark", size: float = 3.6
     )
 
 
-def _marked(scale: Scale, count: int) -> Iterator[tuple[float, str, str]]:
-    """Place, class and number of each grid line of a scale."""
-    values = ticks(scale.low, scale.high, count)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    for value in values:
-        class_ = "zero" if abs(value) < step * 1e-6 else "grid"
-        yield scale(value), class_, tick_text(value, step)
-
-
 def apart(places: Sequence[float], texts: Sequence[str]) -> list[int]:
     """Which of the texts along an axis are written so that none overprints its neighbour.
 
@@ -153,6 +155,11 @@ def apart(places: Sequence[float], texts: Sequence[str]) -> list[int]:
         if not chosen or places[chosen[0]] - places[k] >= room:
             chosen.insert(0, k)
     return chosen
+
+
+def _below(places: Sequence[float], texts: Sequence[str], y: float) -> Iterator[Html]:
+    """Numbers of an axis, as far as they have room."""
+    return (words(places[k], y, texts[k], "middle", "tick") for k in apart(places, texts))
 
 
 # --- differences ------------------------------------------------------------------------------
@@ -183,22 +190,20 @@ def deviation_rows(
     pairs = list(zip(last, expanded_mm, strict=True))
     ends = [value + side * half for value, half in pairs for side in (-1.0, 1.0)]
     limits = around([*ends, *found_mm, *expected_mm, *edges], 0.02)
-    # Right edges of the columns of numbers.
-    columns = [_WIDE - 108.0, _WIDE - 2.0] if left_mm is None else [192.0, 250.0, _WIDE - 2.0]
-    heads = ["found", "expected ± U"] if left_mm is None else ["found", "expected", "measured ± U"]
-    across = Scale(*limits, 42.0, columns[0] - 50.0)
+    # Columns of numbers, by their right edges.
+    heads = {_WIDE - 108.0: "found", _WIDE - 2.0: "expected ± U"}
+    if left_mm is not None:
+        heads = {192.0: "found", 250.0: "expected", _WIDE - 2.0: "measured ± U"}
+    across = Scale(*limits, 42.0, min(heads) - 50.0)
     top, bottom = _TOP - 4.0, _TOP + _ROW * len(names)
-    marked = list(_marked(across, 3))
-    written = apart([x for x, _, _ in marked], [text for _, _, text in marked])
+    places, kinds, texts = zip(*across.ticks(3), strict=True)
+    low, high = (across(side * (limit_mm or 0.0)) for side in (-1.0, 1.0))
     parts = [
-        *(
-            rectangle(across(-edge), top, across(edge) - across(-edge), bottom - top, "allowed")
-            for edge in edges[1:]
-        ),
-        *(line(x, top, x, bottom, kind) for x, kind, _ in marked),
-        *(words(marked[k][0], bottom + 14, marked[k][2], "middle", "tick") for k in written),
+        *([rectangle(low, top, high - low, bottom - top, "allowed")] if edges else []),
+        *(line(x, top, x, bottom, kind) for x, kind in zip(places, kinds, strict=True)),
+        *_below(places, texts, bottom + 14),
         words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
-        *(words(x, 12, head, "end", "muted") for x, head in zip(columns, heads, strict=True)),
+        *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
     ]
     for k, (name, value, half) in enumerate(zip(names, last, expanded_mm, strict=True)):
         y = _TOP + _ROW * (k + 0.5)
@@ -209,7 +214,7 @@ def deviation_rows(
             numbers.insert(1, signed(expected_mm[k], 3))
         parts += [
             words(2, y + 4, name, class_="strong"),
-            *(words(x, y + 4, text, "end") for x, text in zip(columns, numbers, strict=True)),
+            *(words(x, y + 4, text, "end") for x, text in zip(heads, numbers, strict=True)),
             tag(
                 "g",
                 line(start, y, stop, y, "thread"),
@@ -224,7 +229,7 @@ def deviation_rows(
     worst = max(range(len(names)), key=lambda k: abs(last[k]))
     finding = f"Of the differences {names[worst]} is left largest: {signed(last[worst], 3)} mm."
     title = "Differences, before and after"
-    return svg("deviations", _WIDE, bottom + _UNDER, title, finding, *parts)
+    return svg("deviations", _WIDE, bottom + _UNDER, title, finding, parts)
 
 
 # --- residuals --------------------------------------------------------------------------------
@@ -263,8 +268,8 @@ def residual_panels(
         widest = [max(text.split(), key=len, default="") for text in postures]
         parts = [
             rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band"),
-            *(line(40.0, y, width - 6.0, y, kind) for y, kind, _ in _marked(up, 4)),
-            *(words(36.0, y + 3.5, text, "end", "tick") for y, _, text in _marked(up, 4)),
+            *(line(40.0, y, width - 6.0, y, kind) for y, kind, _ in up.ticks(4)),
+            *(words(36.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
             words(2.0, 14.0, "µm", class_="muted"),
             *(
                 words(columns[k], up.start + 12.0 * (n + 1) + 1.0, word, "middle")
@@ -289,9 +294,8 @@ def residual_panels(
             f"Residuals of {one.words}: the largest is at posture {posture[worst]}, cycle"
             f" {cycle[worst]}."
         )
-        body = tag("g", *parts, class_=f"c-{AXES[one.leg]}")
-        name = f"residual-{AXES[one.direction]}{AXES[one.leg]}"
-        panels.append(svg(name, width, height, f"Residuals, {one.words}", finding, body))
+        name, title = f"residual-{AXES[one.direction]}{AXES[one.leg]}", f"Residuals, {one.words}"
+        panels.append(svg(name, width, height, title, finding, parts, f"c-{AXES[one.leg]}"))
     return tuple(panels)
 
 
@@ -341,8 +345,7 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
     texts = [tick_text(float(limit), float(limits[1] - limits[0])) for limit in limits]
     for k in range(CLASSES):
         yield rectangle(places[k], above, box, 12, f"heat {kind}{k}")
-    for k in apart(places, texts):
-        yield words(places[k], above + 26, texts[k], "middle", "tick")
+    yield from _below(places, texts, above + 26)
     yield words(places[-1] + 8, above + 10, unit, class_="muted")
 
 
@@ -384,13 +387,10 @@ def workspace_maps(
                 x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - up(y_mm)
                 body.append(tag("circle", cx=x, cy=y, r=5.0, class_="worst"))
             name = f"workspace-{when.replace(' ', '-')}-{k}"
-            drawn = tag("g", *body, class_="map")
-            panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, drawn))
-    legend = svg(
-        "workspace-colours", 260.0, 30.0, "Colours of the maps", "From zero upwards, in mm.",
-        tag("g", *_colours(14.0, 2.0, limits, "mm", "h"), class_="map"),
-    )  # fmt: skip
-    return tuple(panels), legend
+            panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, body, "map"))
+    title, finding = "Colours of the maps", "From zero upwards, in mm."
+    colours = _colours(14.0, 2.0, limits, "mm", "h")
+    return tuple(panels), svg("workspace-colours", 260.0, 30.0, title, finding, colours, "map")
 
 
 def _maps(found: Workspace) -> WorkspaceMaps:
@@ -400,15 +400,13 @@ def _maps(found: Workspace) -> WorkspaceMaps:
 
 def _cells(number: Ints) -> Iterator[Html]:
     """Squares of one colour, (n, n), y upwards; neighbours in a row are one rectangle."""
-    count = len(number)
-    size = _SIZE / count
+    size = _SIZE / len(number)
     for row, classes in enumerate(number.tolist()):
         y, first = _ABOVE + _SIZE - (row + 1) * size, 0
-        for k in range(1, count + 1):
-            if k == count or classes[k] != classes[first]:
-                colour = f"heat h{classes[first]}"
-                yield rectangle(_LEFT + first * size, y, (k - first) * size, size, colour)
-                first = k
+        for colour, run in itertools.groupby(classes):
+            many = len(list(run))
+            yield rectangle(_LEFT + first * size, y, many * size, size, f"heat h{colour}")
+            first += many
 
 
 def _contour(beyond: Bools) -> Iterator[Html]:
@@ -440,6 +438,7 @@ def bed_maps(
     """
     reach = max(float(np.abs(place_mm).max(initial=1.0)), bed_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
+    away = _BED / 2 + 12  # of the towers' names from the middle
     size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
     panels = []
     for number, (model, left) in enumerate(left_mm.items()):
@@ -459,24 +458,17 @@ def bed_maps(
         name = f"bed-{number}-{title.replace(' ', '-')}".rstrip("-")
         heading = ", ".join(filter(None, (model, title)))
         finding = f"What is left of each touch, {heading}; {int(out.sum())} stand out, ringed."
-        turned = [math.radians(angle) for angle in towers_deg]
-        ends = (x0 - scale * reach, scale * 2.0 * reach)
-        body = tag(
-            "g",
-            tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"),
-            *dots,
-            *(
-                words(x0 + (_BED / 2 + 12) * math.cos(angle),
-                      y0 - (_BED / 2 + 12) * math.sin(angle) + 5, tower, "middle", "axis")
-                for tower, angle in zip("abc", turned, strict=True)
-            ),
+        body = [tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"), *dots]
+        for tower, angle in zip("abc", map(math.radians, towers_deg), strict=True):
+            x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
+            body.append(words(x, y + 5, tower, "middle", "axis"))
+        body += [
             words(_BESIDE - 40, 14, heading, class_="strong"),
             words(x0, _OVER + _BED - 4, "front", "middle", "muted"),
-            *_axes(ends[0], _OVER, ends[1], (-reach, reach)),
+            *_axes(x0 - scale * reach, _OVER, scale * 2.0 * reach, (-reach, reach)),
             *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
-            class_="map",
-        )  # fmt: skip
-        panels.append(svg(name, 324.0, _OVER + _BED + 58.0, heading, finding, body))
+        ]
+        panels.append(svg(name, 324.0, _OVER + _BED + 58.0, heading, finding, body, "map"))
     return tuple(panels)
 
 
@@ -536,7 +528,7 @@ def machine_sketch(
         ("axis", [AXES[rail] for rail in sorted(rails)]),
     ):
         finding += f" Marked, because of a fault: {what} {'; '.join(marked)}." if marked else ""
-    return svg("machine", 328.0, 232.0, "The machine and its gauges", finding, *parts)
+    return svg("machine", 328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
 def _at(leg: int, fraction: float) -> Floats:
@@ -611,7 +603,7 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         taken.append(np.array([x, y]))
         parts.append(words(x, y + 4, name, "middle", "strong halo"))
     finding = "Three rails that should meet in one point, and the gap between each two of them."
-    return svg("rails", 328.0, 258.0, "The rails where they pass each other", finding, *parts)
+    return svg("rails", 328.0, 258.0, "The rails where they pass each other", finding, parts)
 
 
 def _paper(place: Floats) -> Floats:
@@ -693,12 +685,11 @@ def course(
     across = Scale(times[0], times[-1], 74.0, wide - 26.0)
     places = [across(time) for time in times]
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
-    shown = [new[k] for k in apart([places[k] for k in new], [labels[k] for k in new])]
     middles = [(places[gap] + places[gap + 1]) / 2.0 for gap in gaps]
     parts = [
-        *(line(50.0, y, wide, y, kind) for y, kind, _ in _marked(up, 4)),
-        *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in _marked(up, 4)),
-        *(words(places[k], bottom + 18.0, labels[k], "middle", "tick") for k in shown),
+        *(line(50.0, y, wide, y, kind) for y, kind, _ in up.ticks(4)),
+        *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
+        *_below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0),
         words(50.0, 12.0, f"{name}, {unit_words(unit)}", class_="strong"),
         *(line(50.0, up(limit), wide, up(limit), "due") for limit in limits),
         *(line(x, 22.0, x, bottom, "ink") for x in middles),
@@ -712,5 +703,4 @@ def course(
     finding = f"{name} of {len(found)} sessions, {labels[0]} to {labels[-1]}."
     own = "".join(letter if letter.isalnum() else "-" for letter in name)
     axis = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True)).get(name, "x")
-    body = tag("g", *parts, class_=f"c-{axis}")
-    return svg(f"course-{own}", wide, bottom + 26.0, name, finding, body)
+    return svg(f"course-{own}", wide, bottom + 26.0, name, finding, parts, f"c-{axis}")

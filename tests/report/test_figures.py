@@ -11,7 +11,7 @@ from orthoglide_cal import errors, words
 from orthoglide_cal.model import Series
 from orthoglide_cal.report import facts, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
-from orthoglide_cal.report.figures import Scale, around, mark, tick_text, ticks
+from orthoglide_cal.report.figures import Scale, around, mark, tick_text
 
 
 def marks(picture: str) -> list[tuple[float, float]]:
@@ -24,7 +24,8 @@ def test_scale_and_ticks():
     assert scale(-2.0) == 10.0
     assert scale(0.0) == 30.0
     assert Scale(1.0, 1.0, 0.0, 8.0)(1.0) == 4.0
-    assert ticks(-0.32, 0.55, 4) == pytest.approx([-0.25, 0.0, 0.25, 0.5])
+    written = [(kind, text) for _, kind, text in Scale(-0.32, 0.55, 0.0, 87.0).ticks(4)]
+    assert written == [("grid", "−0.25"), ("zero", "0.00"), ("grid", "0.25"), ("grid", "0.50")]
     assert [tick_text(v, 0.25) for v in (-0.25, 0.0, 0.5)] == ["−0.25", "0.00", "0.50"]
     assert [tick_text(v, 20.0) for v in (-20.0, 0.0)] == ["−20", "0"]
     low, high = around([0.3, -0.1])
@@ -46,7 +47,7 @@ def test_residual_panels_one_scale_and_named_worst():
     assert len(drawn) == 2
     assert "the largest is at posture iso, cycle 2" in drawn[1]
     # Both panels have the same scale: the same residual stands at the same height.
-    grid = [re.findall(r'<line x1="46" y1="([\d.]+)"', panel) for panel in drawn]
+    grid = [re.findall(r'<line x1="40" y1="([\d.]+)"', panel) for panel in drawn]
     assert grid[0] == grid[1]
     assert drawn[0].index(">min<") < drawn[0].index(">iso<") < drawn[0].index(">max<")
     both = figures.residual_panels(series, *where, {"a": left, "b": 0.5 * left}, 0.003)

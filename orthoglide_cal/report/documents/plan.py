@@ -28,7 +28,7 @@ from orthoglide_cal.planning.plan import (
     BestDesign,
     MeasurementPlan,
 )
-from orthoglide_cal.planning.separation import TRACE_SIGMA, SeparatedPair
+from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import about, to_follow
@@ -73,7 +73,7 @@ def plan_document(
         # The largest U of the lengths that there are; None if there are none to be entered.
         now = max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
         plan = plan.changed(now_mm=now)
-    given = plan, machine_file, begun, source
+    given = plan, machine_file, begun if plan.next else None, source
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
     return doc.Document(data, partial(_page, *given), partial(_screen, *given))
@@ -82,68 +82,48 @@ def plan_document(
 def _screen(
     plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
 ) -> doc.Page:
-    steps = tuple(_to_do(plan, machine_file, source))
-    if begun is not None and plan.next:
+    if begun is not None:
         notice = _next_notice(plan, begun)
         grid = _next_grid(plan, plan.next[1:_BRIEF_NEXT])
         sections = [doc.Section("Or", (grid,))] if grid.rows else []
     else:
         notice = _notice(plan)
+        limits = map(doc.Paragraph, _limits(plan))
         sections = [
-            doc.Section(
-                None, (_sessions_grid(plan, brief=True), *map(doc.Paragraph, _limits(plan)))
-            ),
+            doc.Section(None, (_sessions_grid(plan, brief=True), *limits)),
             doc.Section(None, tuple(map(doc.Paragraph, _left_open(plan)))),
         ]
-    return doc.Page(
-        kind="Plan",
-        title=None,
-        notice=notice,
-        sections=(
-            *sections,
-            doc.Section(
-                "Next", (doc.Instructions(steps), doc.Paragraph("More: the same with --details"))
-            ),
-        ),
-    )
+    more = doc.Paragraph("More: the same with --details")
+    steps = doc.next_steps(_to_do(plan, machine_file, source), more)
+    return doc.Page("Plan", notice=notice, sections=(*sections, steps))
 
 
 def _page(
     plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
 ) -> doc.Page:
-    model, vocabulary = plan.model, plan.model.machine.vocabulary
-    session = [("Session", plan.chosen.what)]
+    machine, session = plan.model.machine, [("Session", plan.chosen.what)]
     if plan.assumed_mm is not None:
         assumed = f"about {plan.assumed_mm:g} mm each are assumed"
-        session.append((vocabulary.many.capitalize(), assumed))
-    facts, notice = session, _notice(plan)
-    first: tuple[doc.Section, ...] = ()
-    if begun is not None and plan.next:
+        session.append((machine.vocabulary.many.capitalize(), assumed))
+    facts, notice, sections = doc.Facts(tuple(session)), _notice(plan), list[doc.Section]()
+    if begun is not None:
+        ranking = _next_grid(plan, plan.next, full=True)
+        sections.append(doc.Section("What to measure next, best first", (ranking,)))
+        sections.append(doc.Section("A separate session would give", (facts, notice)))
         data = f"{file_words(visible(begun.input.path))}, {begun.input.readings}"
-        alone = (doc.Facts(tuple(session)), notice)
-        first = (
-            doc.Section("What to measure next, best first", (_next_grid(plan, plan.next, True),)),
-            doc.Section("A separate session would give", alone),
-        )
-        facts, notice = [("Readings", data)], _next_notice(plan, begun)
-    limits = doc.Section(None, tuple(map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))))
+        facts, notice = doc.Facts((("Readings", data),)), _next_notice(plan, begun)
+    limits = map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))
+    sections += [_sessions(plan), doc.Section(None, tuple(limits))]
+    sections += [_ways(plan)] if plan.compare else []
+    sections += [_design(plan, plan.design, machine_file, source)] if plan.design else []
+    sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
     return doc.Page(
         kind="Plan",
         title=plan.machine,
-        facts=doc.Facts(tuple(facts)),
+        facts=facts,
         notice=notice,
-        sheet=(
-            doc.Section("Next", (doc.Instructions(tuple(_to_do(plan, machine_file, source))),)),
-        ),
-        sections=(
-            *first,
-            _sessions(plan),
-            limits,
-            *([_ways(plan)] if plan.compare else []),
-            *([_design(plan, plan.design, machine_file, source)] if plan.design else []),
-            budget_section(model.machine, plan.budget, plan.total),
-            _separation(plan),
-        ),
+        sheet=(doc.next_steps(_to_do(plan, machine_file, source)),),
+        sections=tuple(sections),
     )
 
 
@@ -264,7 +244,8 @@ def _left_open(plan: MeasurementPlan) -> Iterator[str]:
     """What cannot be seen, what cannot be distinguished, and a shorter way."""
     if plan.apart.invisible:
         yield f"Cannot be seen: {listed([cause.id for cause in plan.apart.invisible])}."
-    near = [" from ".join(pair.causes) for pair in _near(plan)]
+    pairs = (pair for pair in plan.apart.visible.pairs if pair.sigma < TRACE_SIGMA)
+    near = [" from ".join(pair.causes) for pair in pairs]
     if near:
         rest = ", and others" if len(near) > _SHOWN_PAIRS else ""
         yield f"Cannot be distinguished: {', '.join(near[:_SHOWN_PAIRS])}{rest}."
@@ -276,11 +257,6 @@ def _left_open(plan: MeasurementPlan) -> Iterator[str]:
         yield f"To distinguish {' and '.join(best.causes)}: {size} (--layout {best.name})."
     elif best.minutes < plan.chosen.minutes:
         yield f"Shorter: {size} (--design best); some faults show less."
-
-
-def _near(plan: MeasurementPlan) -> list[SeparatedPair]:
-    """Pairs of causes that the session cannot distinguish."""
-    return [pair for pair in plan.apart.visible.pairs if pair.sigma < TRACE_SIGMA]
 
 
 def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
@@ -301,36 +277,35 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     `brief`: of cycles the largest U, of layouts those that no quicker one beats.
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
-    rivals, noise = bool(machine.rivals), cycles and not brief
-    names = [f"{machine.vocabulary.one} ± U, mm"] if cycles and brief else machine.parameter_names
-    tool = "tool ± U, mm" if brief else "tool"
-    head = ["cycles" if cycles else "layout", "readings", "min", *["noise"] * noise]
-    head += [*names, *[tool] * machine.has_cube, *["σ"] * rivals]
-    rows = []
-    for each in _worthwhile(plan) if brief and not cycles else plan.by_cycles:
-        name = str(each.cycles) if cycles else each.name
-        chosen = (each.name, each.cycles) == (plan.protocol, plan.cycles)
-        row: list[doc.Inline] = [
-            doc.Strong(f"→ {name}" if cycles and brief else name) if chosen else name
-        ]
-        row += [str(each.readings), f"{each.minutes:.0f}"]
-        if noise:
-            row.append(two_figures(max(each.noise_std_mm.values())))
-        if cycles and brief:
-            row.append(two_figures(max(each.expanded_mm.values())))
-        else:
-            row += [
-                two_figures(parameter.lessened) if parameter.determined else "–"
-                for parameter in each.parameters.values()
-            ]
-        if each.tool_mm is not None:
-            row.append(two_figures(each.tool_mm))
-        if rivals:
-            row.append("" if each.rivals_sigma is None else f"{each.rivals_sigma:.1f}")
-        rows.append(tuple(row))
+    shown = _worthwhile(plan) if brief and not cycles else plan.by_cycles
+    names: list[doc.Inline] = [str(each.cycles) if cycles else each.name for each in shown]
+    for k, each in enumerate(shown):
+        if (each.name, each.cycles) == (plan.protocol, plan.cycles):
+            names[k] = doc.Strong(f"→ {names[k]}" if cycles and brief else f"{names[k]}")
+    columns: dict[str, Sequence[doc.Inline]] = {
+        "cycles" if cycles else "layout": names,
+        "readings": [str(each.readings) for each in shown],
+        "min": [f"{each.minutes:.0f}" for each in shown],
+    }
+    if cycles and brief:
+        largest = [two_figures(max(each.expanded_mm.values())) for each in shown]
+        columns[f"{machine.vocabulary.one} ± U, mm"] = largest
+    else:
+        if cycles:
+            columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
+        for name in machine.parameter_names:
+            own = [each.parameters[name] for each in shown]
+            columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in own]
+    if machine.has_cube:
+        tool = [two_figures(each.tool_mm or 0.0) for each in shown]
+        columns["tool ± U, mm" if brief else "tool"] = tool
+    if machine.rivals:
+        sigma = [each.rivals_sigma for each in shown]
+        columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
+    rows = [*zip(*columns.values(), strict=True)]
     if fixed := _fixed(plan):
-        rows.append((*fixed, *[""] * rivals))
-    return doc.Grid(tuple(head), tuple(rows), words=() if cycles else (0,))
+        rows.append((*fixed, *[""] * bool(machine.rivals)))
+    return doc.Grid(tuple(columns), tuple(rows), words=() if cycles else (0,))
 
 
 def _fixed(plan: MeasurementPlan) -> tuple[str, ...]:
