@@ -28,9 +28,9 @@ from orthoglide_cal.report.documents.diagnosis import (
     note_blocks,
 )
 from orthoglide_cal.report.documents.parameters import (
-    UNKNOWN,
     alone_block,
     budget_sections,
+    found_words,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -213,12 +213,7 @@ def _result(
         blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case), *drawn)
         yield doc.Section(parameters_title(case), blocks)
     else:
-        found = ", ".join(
-            f"{each.name} {UNKNOWN}"
-            if each.found is None
-            else f"{each.name} {with_uncertainty(each.found, each.expanded)} {each.unit}"
-            for each in answer.parameters
-        )
+        found = ", ".join(f"{each.name} {found_words(each)}" for each in answer.parameters)
         causes = " and ".join(answer.named)
         said = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
         paragraph = doc.Paragraph(f"{said} {found} (± U, 95 %).", small=True)

@@ -24,8 +24,6 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-# Instead of a number that the readings do not give.
-UNKNOWN = "not determined"
 # Source → in words, and what would reduce it.
 _SOURCES: Mapping[str, tuple[str, str]] = {
     Origin.NOISE: (
@@ -91,10 +89,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     alone = answer.alone if brief and not enter else None
 
     def found(chosen: Sequence[Parameter]) -> list[str]:
-        return [
-            UNKNOWN if each.found is None else signed(each.found, own)
-            for each, own in zip(chosen, digits, strict=True)
-        ]
+        return [found_words(each, own) for each, own in zip(chosen, digits, strict=True)]
 
     columns: dict[str, Sequence[doc.Blank]] = {"": [each.name for each in every]}
     if not (case.unit or brief):
@@ -113,15 +108,23 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
         columns["enter" if brief else "type in"] = [doc.Typed(each) for each in new]
     if brief:
         columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if case.unit else unit
-    caption = None
-    if not brief:
-        caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
-        if answer.dof is not None:
-            caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
-        caption += "."
-    rows, left = tuple(zip(*columns.values(), strict=True)), (0, len(columns) - 1)
+    head, rows = tuple(columns), tuple(zip(*columns.values(), strict=True))
+    if brief:
+        return doc.Grid(head, rows, (0, len(head) - 1))
+    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
+    if answer.dof is not None:
+        caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
     # From afar one reads what to type in, and nothing else.
-    return doc.Grid(tuple(columns), rows, left if brief else (0,), caption, enter and not brief)
+    return doc.Grid(head, rows, caption=f"{caption}.", tiles=enter)
+
+
+def found_words(each: Parameter, decimals: int | None = None) -> str:
+    """What was found of it; without `decimals` with its U and unit."""
+    if each.found is None:
+        return "not determined"
+    if decimals is None:
+        return f"{with_uncertainty(each.found, each.expanded)} {each.unit}"
+    return signed(each.found, decimals)
 
 
 def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[str]:
@@ -146,95 +149,73 @@ def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Gr
 
 def largest_words(case: Case) -> str:
     """The largest contribution to U in one line."""
-    largest = largest_line(case.answer.budget)
+    largest = max(case.answer.budget, key=_adds)
     what = largest.source
     if what in _SOURCES:
         what = source_words(what, case.machine)[0]
-    size = (
-        "" if largest.size is None else f", ± {_size(largest).replace(' (assumed)', ', assumed')}"
-    )
-    possible = "possible: " * largest.possible
-    return f"Largest contribution to U (95 %): {possible}{what}{size}."
+    size = _size(largest).replace(" (assumed)", ", assumed")
+    told = f"{'possible: ' * largest.possible}{what}{f', ± {size}' if size else ''}"
+    return f"Largest contribution to U (95 %): {told}."
 
 
-def largest_line(lines: Sequence[BudgetLine]) -> BudgetLine:
-    """Of a budget, the source that adds most."""
-    return max(lines, key=lambda each: sum(std**2 for std in each.std))
+def _adds(each: BudgetLine) -> float:
+    """What a source adds to the variance of all parameters."""
+    return sum(std**2 for std in each.std)
 
 
 def alone_block(case: Case) -> tuple[doc.Block, ...]:
     """What the parameters would be without the causes that were found, in one line."""
-    if case.answer.alone is None:
+    alone, digits = case.answer.alone, case.answer.decimals
+    if alone is None:
         return ()
-    values = ", ".join(
-        f"{each.name} {UNKNOWN if each.found is None else signed(each.found, case.answer.decimals)}"
-        for each in case.answer.alone.parameters
-    )
-    left = plain(case.answer.alone.rms_after_mm, 4)
-    return (
-        doc.Paragraph(f"{case.words.many.capitalize()} alone: {values} ({left} mm r.m.s. left)."),
-    )
+    values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
+    left = f"({plain(alone.rms_after_mm, 4)} mm r.m.s. left)"
+    return (doc.Paragraph(f"{case.words.many.capitalize()} alone: {values} {left}."),)
 
 
-def open_blocks(case: Case) -> tuple[doc.Block, ...]:
+def open_blocks(case: Case) -> Iterator[doc.Block]:
     """What these readings do not determine: parameters, and what is taken as given."""
-    return tuple(map(doc.Paragraph, _open(case)))
-
-
-def _open(case: Case) -> Iterator[str]:
     names = {each.name for each in case.answer.parameters}
     missing = [each for each in case.answer.undetermined if each.name in names]
     if missing:
-        told = " and ".join(
-            f"{each.name} (U = {two_figures(each.within)} {each.unit})" for each in missing
-        )
-        yield f"These {case.answer.input.readings} readings do not determine {told}."
+        told = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
+        readings = case.answer.input.readings
+        yield doc.Paragraph(f"These {readings} readings do not determine {told}.")
     for each in case.answer.undetermined:
         if each.name not in names:
-            yield (
-                f"Not determined: {each.name}, taken as stated to within"
-                f" {each.within:.2g} {unit_words(each.unit)}."
-            )
+            within = f"{each.within:.2g} {unit_words(each.unit)}"
+            told = f"Not determined: {each.name}, taken as stated to within {within}."
+            yield doc.Paragraph(told)
 
 
-def budget_sections(case: Case) -> tuple[doc.Section, ...]:
+def budget_sections(case: Case) -> Iterator[doc.Section]:
     """The budget of an answer; nothing without a result."""
-    lines, total = case.answer.budget, case.answer.total
-    return () if total is None else (budget_section(case.machine, lines, total),)
+    if case.answer.total is not None:
+        yield budget_section(case.machine, case.answer.budget, case.answer.total)
 
 
 def budget_section(
     machine: Machine, lines: Sequence[BudgetLine], total: BudgetTotal
 ) -> doc.Section:
     """Each source with its size, and what it adds to each parameter of the kind of machine."""
-    words, unit = machine.vocabulary, common_unit(machine)
-    rows = [
-        (
-            source_words(each.source, machine, each.possible)[0],
-            each.type,
-            _size(each),
-            *map(two_figures, each.std),
-        )
-        for each in sorted(lines, key=lambda each: -max(each.std))
-        if not each.minor
-    ]
+    unit, rows = common_unit(machine), list[tuple[str, ...]]()
+    for each in sorted(lines, key=lambda each: -max(each.std)):
+        if not each.minor:
+            what = source_words(each.source, machine, each.possible)[0]
+            rows.append((what, each.type, _size(each), *map(two_figures, each.std)))
     if any(total.minor):
         others = sum(each.minor for each in lines)
         rows.append((counted(others, "other"), "", "", *map(two_figures, total.minor)))
     rows.append(("together, u", "", "", *map(two_figures, total.std)))
-    reach = map(two_figures, total.expanded)
-    rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *reach))
-    largest = largest_line(lines)
+    expanded = map(two_figures, total.expanded)
+    rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *expanded))
+    largest = max(lines, key=_adds)
     what, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name}, {own}" for name, own in named]
-    return doc.Section(
-        f"Uncertainty of the {words.many}{unit}",
-        (
-            doc.Grid(("source", "type", "size", *heads), tuple(rows)),
-            doc.Paragraph(f"Largest contribution: {what}. {remedy}"),
-        ),
-    )
+    grid = doc.Grid(("source", "type", "size", *heads), tuple(rows))
+    told = doc.Paragraph(f"Largest contribution: {what}. {remedy}")
+    return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", (grid, told))
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:

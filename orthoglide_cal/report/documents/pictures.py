@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -60,13 +60,13 @@ def brief_residuals(answer: Answer, many: str) -> list[doc.Block]:
         return [_differences(answer)]
     if _on_bed(answer):
         return []
-    without, with_it = (_by_leg(answer.residuals, left) for left in _left(answer, many).values())
+    left = _left(answer, many)
+    without, with_it = (_by_leg(answer.residuals, values) for values in left.values())
     if len(without.rows) > _MOST_SERIES or len(without.head) > _MOST_SERIES // 2 + 1:
         return []
     pairs = zip(without.rows, with_it.rows, strict=True)
     rows = tuple((*one, "", *other[1:]) for one, other in pairs)
-    ids = " and ".join(cause.id for cause in answer.causes)
-    title = doc.Paragraph(f"Mean residuals, µm: {many} only, and with {ids}.")
+    title = doc.Paragraph(f"Mean residuals, µm: {', and '.join(left)}.")
     return [title, doc.Grid(("", *without.head[1:], "  ", *with_it.head[1:]), rows)]
 
 
@@ -105,39 +105,35 @@ def differences_figure(
 def residual_blocks(case: Case) -> list[doc.Block]:
     """The same as figures; nothing of differences, which have a figure of their own."""
     answer = case.answer
+    rows, sigma = answer.residuals, _sigma_mm(answer)
     if answer.input.kind != DataKind.READINGS:
         return []
     left = _left(answer, case.words.many)
-    if _on_bed(answer):
-        return [*_bed(LinearDelta.require(case.machine), answer, left), *_distances(answer)]
-    rows = answer.residuals
-    panels = figures.residual_panels(
-        [_series_of(row) for row in rows],
-        [" ".join(filter(None, (row.posture, row.end))) for row in rows],
-        [row.displacement_mm or 0.0 for row in rows],
-        [row.cycle for row in rows],
-        left,
-        _sigma_mm(answer),
-    )
-    key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
-    if len(left) > 1:
-        key = f"Open: {', filled: '.join(left)}. {key}"
-    return [doc.Figure(None, "", panels, key=key)]
-
-
-def _bed(machine: LinearDelta, answer: Answer, left: Mapping[str, Floats]) -> Iterator[doc.Figure]:
-    """The bed as found, and what each model leaves of it."""
-    places, measured = _places(answer), np.array([row.measured_mm for row in answer.residuals])
+    if not _on_bed(answer):
+        panels = figures.residual_panels(
+            [_series_of(row) for row in rows],
+            [" ".join(filter(None, (row.posture, row.end))) for row in rows],
+            [row.displacement_mm or 0.0 for row in rows],
+            [row.cycle for row in rows],
+            left,
+            sigma,
+        )
+        key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
+        key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
+        return [doc.Figure(None, "", panels, key=key)]
+    places, measured = _places(answer), np.array([row.measured_mm for row in rows])
+    machine, blocks = LinearDelta.require(case.machine), list[doc.Block]()
     for title, own in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
-        before = {"before": measured[own] - measured[own].mean()}
-        after = {f"after, {model}": values[own] for model, values in left.items()}
+        shown = {"before": measured[own] - measured[own].mean()}
+        shown |= {f"after, {model}": values[own] for model, values in left.items()}
         maps = figures.bed_maps(
-            title, places[own], before | after, machine.bed_radius_mm, machine.tower_angles_deg
+            title, places[own], shown, machine.bed_radius_mm, machine.tower_angles_deg
         )
-        sketch = _signs(places[own], left[list(left)[-1]][own], _sigma_mm(answer))
+        sketch = _signs(places[own], left[list(left)[-1]][own], sigma)
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
-        yield doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch)
+        blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
+    return [*blocks, *_distances(answer)]
 
 
 def _on_bed(answer: Answer) -> bool:
@@ -153,13 +149,12 @@ def _sigma_mm(answer: Answer) -> float:
 
 def _left(answer: Answer, many: str) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]."""
-    rows = answer.residuals
+    rows, ids = answer.residuals, " and ".join(cause.id for cause in answer.causes)
     left = {f"{many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])}
-    if answer.causes:
-        modelled = [row.modelled_mm if row.with_causes_mm is None else row.with_causes_mm
-                    for row in rows]  # fmt: skip
-        names = " and ".join(cause.id for cause in answer.causes)
-        left[f"with {names}"] = np.array([row.measured_mm for row in rows]) - modelled
+    if ids:
+        known = ((row.with_causes_mm, row.modelled_mm) for row in rows)
+        modelled = [alone if both is None else both for both, alone in known]
+        left[f"with {ids}"] = np.array([row.measured_mm for row in rows]) - modelled
     return left
 
 
@@ -177,27 +172,22 @@ def _places(answer: Answer) -> Floats:
 
 def _surfaces(answer: Answer) -> dict[str, list[int]]:
     """The height of each touched surface, in words where there are several: its touches."""
-    touched = [(k, row.surface_mm or 0.0) for k, row in enumerate(answer.residuals)
-               if not row.distance]  # fmt: skip
-    heights = sorted({height for _, height in touched})
-    return {
-        f"at {height:g} mm" if len(heights) > 1 else "": [k for k, own in touched if own == height]
-        for height in heights
-    }
+    found: dict[float, list[int]] = {}
+    for k, row in enumerate(answer.residuals):
+        if not row.distance:
+            found.setdefault(row.surface_mm or 0.0, []).append(k)
+    return {f"at {mm:g} mm" if len(found) > 1 else "": found[mm] for mm in sorted(found)}
 
 
 def _distances(answer: Answer) -> list[doc.Block]:
     """Measured distances, with what the models make of them [mm]."""
-    rows = [row for row in answer.residuals if row.distance]
-    if not rows:
-        return []
-    models = ("modelled", *(["with causes"] if answer.causes else []))
-    cells = (
-        (row.measured_mm, row.modelled_mm, row.with_causes_mm or row.modelled_mm)[: len(models) + 1]
-        for row in rows
-    )
-    written = tuple(tuple(signed(value, 3) for value in values) for values in cells)
-    return [doc.Grid(("distance", *models), written, words=(), caption="Distances, mm.")]
+    head = ("distance", "modelled", *(["with causes"] if answer.causes else []))
+    rows = []
+    for row in answer.residuals:
+        if row.distance:
+            sizes = row.measured_mm, row.modelled_mm, row.with_causes_mm or row.modelled_mm
+            rows.append(tuple(signed(mm, 3) for mm in sizes[: len(head)]))
+    return [doc.Grid(head, tuple(rows), words=(), caption="Distances, mm.")] if rows else []
 
 
 def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> tuple[str, ...]:
@@ -236,17 +226,13 @@ def _differences(answer: Answer) -> doc.Grid:
     """One row per difference: measured, modelled, left without and with the causes [mm]."""
     left = _left(answer, "offsets")
     names = ["left", f"left with the cause{'s' * (len(answer.causes) > 1)}"]
-    rows = tuple(
-        (
-            row.posture or "",
-            signed(row.measured_mm, 3),
-            signed(row.modelled_mm, 3),
-            *(signed(float(values[k]), 3) for values in left.values()),
-        )
-        for k, row in enumerate(answer.residuals)
-    )
+    rows = []
+    for k, row in enumerate(answer.residuals):
+        sizes = row.measured_mm, row.modelled_mm, *(float(values[k]) for values in left.values())
+        rows.append((row.posture or "", *(signed(mm, 3) for mm in sizes)))
     head = ("", "measured", "modelled by offsets", *names[: len(left)])
-    return doc.Grid(head, rows, caption=comparison_words(answer.input.kind == DataKind.SINGLE)[1])
+    meaning = comparison_words(answer.input.kind == DataKind.SINGLE)[1]
+    return doc.Grid(head, tuple(rows), caption=meaning)
 
 
 def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = None) -> doc.Grid:
@@ -271,9 +257,9 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = 
     for posture in postures:
         column = [_mean_and_signs(own[posture], sigma_mm) for own in cells.values()]
         # Signs begin below each other, however many repeats there are.
-        longest = max(len(cell.partition(" ")[2]) for cell in column)
-        padded = [cell + " " * (longest - len(cell.partition(" ")[2])) for cell in column]
-        columns.append(padded)
+        signs = [len(cell.partition(" ")[2]) for cell in column]
+        pairs = zip(column, signs, strict=True)
+        columns.append([cell + " " * (max(signs) - count) for cell, count in pairs])
     return doc.Grid(("leg, direction", *postures), tuple(zip(cells, *columns, strict=True)))
 
 
