@@ -62,6 +62,11 @@ def file_words(path: str) -> str:
     return "standard input" if path == "-" else path
 
 
+def system_words(error: object) -> str:
+    """What the system says of an error, without its number."""
+    return getattr(error, "strerror", None) or str(error)
+
+
 class OrthocalError(Exception):
     """Base of all errors; `exit_code` is the process's exit status for it.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +13,7 @@ import typer
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, argument, flag, option
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.errors import OrthocalError, UsageError, command
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.controller_file import ControllerFile
@@ -60,7 +59,7 @@ def apply(
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files import read_input
-    from orthoglide_cal.files.controller_file import controller_file
+    from orthoglide_cal.files.controller_file import controller_file, live_offsets
     from orthoglide_cal.files.moonraker import is_address, restart
     from orthoglide_cal.report.documents.application import application_document
     from orthoglide_cal.results import take_back
@@ -69,6 +68,9 @@ def apply(
         raise UsageError("It is not clear which offsets were entered.", "Name the session.")
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError("`apply` asks before it changes anything.", "In a script, give --yes.")
+
+    def agrees(question: str) -> bool:
+        return yes or typer.confirm(question, err=True)
 
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
@@ -81,30 +83,29 @@ def apply(
         document = application_document(found, path)
         if not json:
             common.deliver(document)
-
-        def agrees(question: str) -> bool:
-            return yes or typer.confirm(question, err=True)
-
-        target = found.file.document.path
-        controller = found.controller
-        if controller is not None:
+        target, controller = found.file.document.path, found.controller
+        what = "Take them back" if undo else "Record them"
+        question = f"Does the controller hold these values now? {what} in {target}"
+        if controller:
             question = f"Write this to {controller.target}, and record it in {target}"
-        else:
-            what = "Take them back" if undo else "Record them"
-            question = f"Does the controller hold these values now? {what} in {target}"
         if not agrees(question):
             common.tell("Nothing was changed.")
             return
-        live = controller is not None and _runs_here(controller)
-        if live and undo:
-            live = found.entry.written is not None and found.entry.written.live
-        elif live and (live := agrees(LIVE)):
-            found = found.live()
-        _write(found, live)
+        live = False
+        if controller and controller.adds:
+            held = [float(each.before) for each in controller.settings.values()]
+            live = live_offsets() == held and agrees(LIVE)
+        _write(found)
         if json:
-            common.deliver(application_document(found, path), as_json=True)
+            common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
-        if live:
+        if live and controller:
+            written = controller_file(controller.target).settings.values()
+            if live_offsets(*(each.before for each in written)) is None:
+                raise InputError(
+                    "The running LinuxCNC does not take the offsets; its INI holds them.",
+                    "Restart LinuxCNC, then home.",
+                )
             common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
         if controller and is_address(controller.target) and agrees(RESTART):
             restart(controller.target)
@@ -113,42 +114,25 @@ def apply(
     common.for_each([session or ""], judge, as_json=json)
 
 
-def _runs_here(controller: ControllerFile) -> bool:
-    """Whether a LinuxCNC that runs on this computer holds what its INI holds."""
-    from orthoglide_cal.files.halcmd import live_offsets
-
-    held = tuple(float(each.text) for each in controller.settings.values())
-    return controller.adds and live_offsets() == held
-
-
-def _write(found: Application, live: bool) -> None:
+def _write(found: Application) -> None:
     """Write the record, then the controller's file; what is taken back, in the other order.
 
     So the record never lacks what a controller holds, whenever the program is killed.
     """
-    from orthoglide_cal.files import read_machine_file, write_text
-    from orthoglide_cal.files.controller_file import controller_file, write_controller_file
-    from orthoglide_cal.files.halcmd import set_live_offsets
+    from orthoglide_cal.files import write_text
+    from orthoglide_cal.files.controller_file import replace_file
 
-    path = Path(found.file.document.path)
-    if path.exists() and read_machine_file(path).document.sha256 != found.file.document.sha256:
-        raise UsageError(f"{path} was changed meanwhile.", "Give the command again.")
-
-    write = partial(write_text, path.resolve(), overwrite=True)
-    if not found.undone:
-        write(found.text)
-    if found.controller is not None:
+    record, controller = found.file.document, found.controller
+    writes = [(record.path, record.sha256, found.text.encode())]
+    if controller is not None:
+        writes.append((controller.target, controller.sha256, found.data))
+    for target, before, data in reversed(writes) if found.undone else writes:
         try:
-            write_controller_file(found.controller, found.data)
+            replace_file(target, before, data)
         except OrthocalError:
-            if not found.undone:
-                write(found.file.document.text)
+            if target != record.path and not found.undone:
+                write_text(Path(record.path).resolve(), record.text, overwrite=True)
             raise
-        if live:
-            settings = controller_file(found.controller.target).settings
-            set_live_offsets([each.text for each in settings.values()])
-    if found.undone:
-        write(found.text)
 
 
 def _entered(
@@ -175,8 +159,9 @@ def _entered(
     from orthoglide_cal.results import apply as application
 
     of_printer = controller is not None and not controller.adds
-    at = machine or (machine_in_folder(Path()) if of_printer else common.own_machine_file(None))
-    file = common.read_machine_file(common.own_machine_file(at)) if at else None
+    file = None
+    if machine or not of_printer or machine_in_folder(Path()):
+        file = common.read_machine_file(common.own_machine_file(machine))
     own = read_input(path, otherwise=lambda: file.model if file else default_machine())
     file = file or new_machine_file(own.model)
     known = file.model.machine

@@ -117,7 +117,7 @@ def measure(
     from orthoglide_cal.cli.keyboard import StandardInput
     from orthoglide_cal.files import machine_in_folder
     from orthoglide_cal.planning.steps import Order
-    from orthoglide_cal.session.standing import follow as following
+    from orthoglide_cal.session.standing import Standing
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
@@ -154,7 +154,7 @@ def measure(
         temperature_c=temperature,
         gauges=tuple(guided.GaugeLabel(id=id, certificate=no or None) for id, no in labels),
     )
-    standing = following(follow) if follow else None
+    standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)
     show = _show_on(aside if json else common.console(), aside)
     with ExitStack() as left, _saved_when_interrupted() as running:

@@ -9,64 +9,49 @@ of a Moonraker server.
 from __future__ import annotations
 
 import hashlib
-import io
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+import subprocess
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_settings import SAVED, Settings
-from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_bytes
+from orthoglide_cal.files.text import read_bytes, write_bytes
 from orthoglide_cal.model import AXES
 from orthoglide_cal.model.machine import Written, WrittenValue
 from orthoglide_cal.words import MM_PER_INCH, plain
 
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
-# Key, value, and the first character of what follows it if that is no remark.
-_ENTRY = re.compile(r"\s*([A-Za-z_0-9]+)\s*=\s*(\S*)\s*([^#;\s]?)")
-_UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
-_OPTION = re.compile(r"(?:#\*#)?\s*[^:=]+?\s*[:=]\s*")
+_ENTRY = re.compile(r"\s*(\w+)\s*([:=])\s*([^#;]*?)\s*([#;].*)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
-# What a delta's calibration determines, and its arms → section and option of printer.cfg.
+_UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
+# What is read of a file → its section and option.
+_UNIT = "unit"
+_LINUXCNC = {
+    **{axis: (f"JOINT_{joint}", "HOME_OFFSET") for joint, axis in enumerate(AXES)},
+    _UNIT: ("TRAJ", "LINEAR_UNITS"),
+}
 _KLIPPER = {
     "radius": ("printer", "delta_radius"),
     **{f"angle_{tower}": (f"stepper_{tower}", "angle") for tower in "abc"},
     **{f"arm_{tower}": (f"stepper_{tower}", "arm_length") for tower in "abc"},
     **{tower: (f"stepper_{tower}", "position_endstop") for tower in "abc"},
 }
-_JOINTS = {f"JOINT_{number}": axis for number, axis in enumerate(AXES)}
 _ROUNDED = 1e-4  # of a value in the file [mm, deg]
 _HEADER = """
 #*# <---------------------- SAVE_CONFIG ---------------------->
 #*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
 #*#
 """
+_FOREIGN = re.compile(r"^(?!#\*#( |$)).*", re.MULTILINE)  # a line that is not of the block
+_ADD = "Write {1} = {2} once in [{0}]; values in included files are not read."
 _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
     " both places, delete the upper line."
 )
-
-
-@dataclass(frozen=True)
-class StoredValue:
-    """One value in a controller's file.
-
-    Attributes:
-        key: where a person finds it, such as "[JOINT_0] HOME_OFFSET".
-        line: counted from 1.
-        start: of the value, bytes from the beginning of the file.
-        text: the value as it stands there.
-        own: whether it may be written; not above the block that Klipper writes.
-    """
-
-    key: str
-    line: int
-    start: int
-    text: str
-    own: bool = True
 
 
 @dataclass(frozen=True)
@@ -76,7 +61,7 @@ class ControllerFile:
     Attributes:
         target: its path or address, the same whichever way it was named.
         data: its bytes.
-        settings: parameter → where it stands.
+        settings: parameter → where it stands, in the order of the joints; nothing replaced yet.
         unit_mm: length of the unit of its values [mm].
         adds: whether a change is added to what stands there; otherwise the value replaces it.
         remarks: what to know before it is written.
@@ -84,7 +69,7 @@ class ControllerFile:
 
     target: str
     data: bytes
-    settings: Mapping[str, StoredValue]
+    settings: Mapping[str, WrittenValue]
     unit_mm: float = 1.0
     adds: bool = False
     remarks: tuple[str, ...] = ()
@@ -95,92 +80,61 @@ class ControllerFile:
         return hashlib.sha256(self.data).hexdigest()
 
     def changed(self, amounts: Mapping[str, float], decimals: int) -> tuple[Written, bytes]:
-        """The file with other values.
+        """What is replaced, for the record, and the bytes then.
 
         Args:
             amounts: parameter → what is added, where the file adds [mm]; otherwise what is to stand
                 there [mm, deg].
             decimals: of them.
-
-        Returns:
-            What is replaced, for the record, and the bytes.
-
-        Raises:
-            InvalidFileError: a value is not where it can be changed; each with its line.
         """
-        replaced, faults = [], Faults(self.target)
+        values = []
         decimals += 2 if self.unit_mm > 1.0 else 0
         for name, amount in amounts.items():
-            setting = self.settings.get(name)
-            if setting is None:
-                section, option = _KLIPPER[name]
-                faults.add("The option is missing.", _SAVE, column=f"{option} of [{section}]")
-                continue
-            line, key, before = setting.line, setting.key, setting.text
-            new = float(before) + amount / self.unit_mm if self.adds else amount
-            if abs(new - float(before)) < 0.5 * 10.0**-decimals:
-                continue
-            if not setting.own:
-                what = "This is above the SAVE_CONFIG block, so Klipper uses it first."
-                faults.add(what, _SAVE, line=line, column=key, value=before)
-            after = plain(new, max(decimals, len(before.partition(".")[2])))
-            replaced.append(WrittenValue(line=line, key=key, before=before, after=after))
-        faults.check()
-        data = self.with_values({each.key: each.after for each in replaced})
-        digests = {"sha256_before": self.sha256, "sha256_after": hashlib.sha256(data).hexdigest()}
-        return Written(target=self.target, **digests, values=tuple(replaced)), data
+            stands = self.settings[name]
+            before = float(stands.before)
+            new = before + amount / self.unit_mm if self.adds else amount
+            if abs(new - before) >= 0.5 * 10.0**-decimals:
+                shown = max(decimals, len(stands.before.partition(".")[2]))
+                values.append(stands.changed(after=plain(new, shown)))
+        then = self._replaced(values)
+        digests = {"sha256_before": self.sha256, "sha256_after": then.sha256}
+        return Written(target=self.target, **digests, values=tuple(values)), then.data
 
     def restored(self, written: Written) -> bytes:
-        """The file as it was before it was written, to the last byte.
+        """The bytes as they were before they were written, to the last one.
 
         Raises:
-            UsageError: it is not what was written any more; with what differs.
+            UsageError: the file is not what was written any more; with what differs.
         """
-        data = self.with_values({each.key: each.before for each in written.values})
-        digests = self.sha256, hashlib.sha256(data).hexdigest()
-        if digests == (written.sha256_after, written.sha256_before):
-            return data
-        now = {each.key: each.text for each in self.settings.values()}
-        lines = [
-            f"{each.key} holds {now.get(each.key, 'nothing')}; {each.after} was written."
-            for each in written.values
-            if now.get(each.key) != each.after
-        ]
+        wrote = written.values
+        then = self._replaced(each.changed(before=each.after, after=each.before) for each in wrote)
+        if (self.sha256, then.sha256) == (written.sha256_after, written.sha256_before):
+            return then.data
+        differing = self.differing({each.key: float(each.after) for each in wrote})
+        by_hand = ", ".join(f"{each.key} = {each.before}" for each in wrote)
         raise UsageError(
-            f"{self.target} was changed since it was written. "
-            + (" ".join(lines) or "The values are the same; something else in it was changed."),
-            "Nothing was changed. Restore these values by hand: "
-            + ", ".join(f"{each.key} = {each.before}" for each in written.values),
+            f"{self.target} was changed since it was written."
+            f" {differing or 'The values are the same; something else in it was changed.'}",
+            f"Nothing was changed. Restore these values by hand: {by_hand}",
         )
 
-    def check(self, expected: Mapping[str, float], since: str) -> None:
-        """The file holds these values.
+    def differing(self, expected: Mapping[str, float]) -> str:
+        """Which values, by their keys there, are others than these, in words; "" for none."""
+        held = {each.key: each.before for each in self.settings.values()}
+        return " ".join(
+            f"{key} holds {held.get(key, 'nothing')} instead of {value:g}."
+            for key, value in expected.items()
+            if not abs(float(held.get(key, "nan")) - value) <= _ROUNDED
+        )
 
-        Args:
-            expected: parameter, or key there → value.
-            since: what the values are known from, such as "this was measured with".
-
-        Raises:
-            UsageError: it does not: what was measured is about other values.
-        """
-        known = {**self.settings, **{each.key: each for each in self.settings.values()}}
-        for name, value in expected.items():
-            setting = known.get(name)
-            if setting is None or abs(float(setting.text) - value) > _ROUNDED:
-                held = f"{setting.key} holds {setting.text}" if setting else f"{name} is missing"
-                raise UsageError(
-                    f"{self.target}: {held}; {since} {value:g}. Somebody changed it since.",
-                    "Restore it, or measure again with the present values.",
-                )
-
-    def with_values(self, values: Mapping[str, str]) -> bytes:
-        """The bytes with other texts of some values, each by its key."""
-        data = self.data
-        for setting in sorted(self.settings.values(), key=lambda each: -each.start):
-            if setting.key in values:
-                end = setting.start + len(setting.text)
-                data = data[: setting.start] + values[setting.key].encode() + data[end:]
-        return data
+    def _replaced(self, values: Iterable[WrittenValue]) -> ControllerFile:
+        """The file with other values in some lines."""
+        lines = dict(enumerate(self.data.splitlines(keepends=True), start=1))
+        for each in values:
+            key, *value = re.split(rb"(?<=[:=])", lines.get(each.line, b""), maxsplit=1)
+            after = b"".join(value).replace(each.before.encode(), each.after.encode(), 1)
+            lines[each.line] = key + after
+        return replace(self, data=b"".join(lines.values()))
 
 
 def controller_file(target: str) -> ControllerFile:
@@ -190,91 +144,105 @@ def controller_file(target: str) -> ControllerFile:
         target: path, or address of a Moonraker server.
 
     Raises:
-        InvalidFileError: values are missing, or there twice; each with its line.
+        InvalidFileError: values are not where they can be changed; each with its line.
         InputError: it cannot be read, or is the file of no controller that is known here.
     """
     data, server = read_bytes(target), moonraker.is_address(target)
     target = moonraker.base(target) if server else str(Path(target).resolve())
-    if re.search(rb"(?m)^\s*\[(JOINT_0|EMCMOT|TRAJ)\]", data):
-        return _ini(target, data)
-    if re.search(rb"(?m)^\[printer\]", data):
-        return _printer(target, data)
-    raise InputError(
-        "This is not the file of a known controller.",
-        "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
-        file=target,
-    )
+    text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
+    if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
+        found = _found(target, text, "=", _LINUXCNC, 0)
+        unit_mm = _UNITS[found.pop(_UNIT).before.lower()]
+        return ControllerFile(target, data, found, unit_mm, adds=True)
+    if "\n[printer]" not in text:
+        raise InputError(
+            "This is not the file of a known controller.",
+            "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
+            file=target,
+        )
+    above, header, block = text.partition(_HEADER)
+    heading = (above + header).count("\n") - 1 if header else len(text)
+    if header and (foreign := _FOREIGN.search(block.rstrip())):
+        what = "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
+        line = heading + 1 + block.count("\n", 0, foreign.start())
+        remedy = "Move it above the block."
+        raise InputError(what, remedy, file=target, line=line, value=foreign[0])
+    found = _found(target, text.replace("\n#*#", "\n"), ":=", _KLIPPER, heading)
+    included = "The file includes others. A value that is also in one of them is the one in force."
+    remarks = (included,) if "\n[include " in text else ()
+    return ControllerFile(target, data, found, remarks=remarks)
 
 
-def write_controller_file(before: ControllerFile, data: bytes) -> None:
-    """Write it if it still is what was read.
+def replace_file(target: str, before: str, data: bytes) -> None:
+    """Write a file, or the printer.cfg of a server, if it still has this digest, or is new.
 
     Raises:
         UsageError: it was changed meanwhile, or the printer prints.
         InputError: it cannot be written.
     """
-    if controller_file(before.target).sha256 != before.sha256:
-        raise UsageError(f"{before.target} was changed meanwhile.", "Give the command again.")
-    if moonraker.is_address(before.target):
-        moonraker.upload(before.target, data)
+    server = moonraker.is_address(target)
+    there = server or Path(target).exists()
+    if there and hashlib.sha256(read_bytes(target)).hexdigest() != before:
+        raise UsageError(f"{target} was changed meanwhile.", "Give the command again.")
+    if server:
+        moonraker.upload(target, data)
     else:
-        write_bytes(Path(before.target), data, overwrite=True)
+        write_bytes(Path(target).resolve(), data, overwrite=True)
 
 
-def _ini(target: str, data: bytes) -> ControllerFile:
-    """LinuxCNC's INI; one byte is one character, whatever its encoding."""
-    faults, section, units, start = Faults(target), "", set[float](), 0
-    found: dict[str, StoredValue] = {}
-    text = data.decode("latin-1")
-    for number, line in enumerate(io.StringIO(text, newline=""), start=1):
-        head, entry = _SECTION.match(line), _ENTRY.match(line)
-        key, value = (entry[1], "" if entry[3] else entry[2]) if entry else ("", "")
-        if head:
+def _found(
+    target: str, text: str, signs: str, wanted: Mapping[str, tuple[str, str]], heading: int
+) -> dict[str, WrittenValue]:
+    """Where each value stands: once, below the heading of Klipper's block. Raises InvalidFileError.
+
+    The text begins with an empty line. One of the `signs` is between an option and its value.
+    """
+    faults, section, found = Faults(target), "", dict[str, WrittenValue]()
+    places = defaultdict[tuple[str, str], list[tuple[int, str]]](list)
+    for number, line in enumerate(text.split("\n")):
+        if head := _SECTION.match(line):
             section = head[1]
-        elif (section, key) == ("TRAJ", "LINEAR_UNITS"):
-            units.add(_UNITS.get(value.lower(), 0.0))
-            if 0.0 in units or len(units) > 1:
-                what = "This unit is unknown." if 0.0 in units else "The unit is given twice."
-                faults.add(what, "Write mm or inch, once.", line=number, value=line.strip())
-        elif entry and key == "HOME_OFFSET" and section in _JOINTS:
-            setting = StoredValue(f"[{section}] {key}", number, start + entry.start(2), value)
-            first = found.setdefault(_JOINTS[section], setting)
-            if first is not setting or not _NUMBER.fullmatch(value):
-                twice = f"This is given twice: also in line {first.line}."
-                what = "This is not a number." if first is setting else twice
-                remedy, said = "Write one decimal number, once.", line.strip()
-                faults.add(what, remedy, line=number, column=setting.key, value=said)
-        start += len(line)
-    for section in (each for each, name in _JOINTS.items() if name not in found):
-        remedy = f"Add HOME_OFFSET = 0 to [{section}]; values in included files are not read."
-        faults.add("The value is missing.", remedy, column=f"[{section}] HOME_OFFSET")
-    if not units:
-        remedy = "Add LINEAR_UNITS = mm, or inch."
-        faults.add("The unit is missing.", remedy, column="[TRAJ] LINEAR_UNITS")
+        elif (entry := _ENTRY.fullmatch(line)) and entry[2] in signs:
+            places[section, entry[1]].append((number, entry[3]))
+    for name, place in wanted.items():
+        key, entries = "[{}] {}".format(*place), places[place]
+        remedy = _ADD.format(*place, "mm (or inch)" if name == _UNIT else "NUMBER")
+        remedy = _SAVE if heading else remedy
+        if not entries:
+            faults.add("The value is missing.", remedy, column=key)
+        for number, value in entries:
+            what = ""
+            if number != entries[0][0]:
+                what = f"This is given twice: also in line {entries[0][0]}."
+            elif number <= heading:
+                what = "This is above the SAVE_CONFIG block, so Klipper uses it first."
+            elif name == _UNIT and value.lower() not in _UNITS:
+                what = "This unit is unknown."
+            elif name != _UNIT and not _NUMBER.fullmatch(value):
+                what = "This is not a number."
+            if what:
+                faults.add(what, remedy, line=number, column=key, value=value)
+            else:
+                found[name] = WrittenValue(line=number, key=key, before=value, after=value)
     faults.check()
-    return ControllerFile(
-        target, data, {axis: found[axis] for axis in AXES}, units.pop(), adds=True
-    )
+    return found
 
 
-def _printer(target: str, data: bytes) -> ControllerFile:
-    """Klipper's printer.cfg."""
-    document = document_from_bytes(data, target)
-    settings = Settings(document, lambda name: False)
-    above, header, block = document.text.partition(_HEADER)
-    heading = (above + header).count("\n")
-    for number, line in enumerate(block.rstrip().split("\n"), start=heading + 1):
-        if header and not (line == SAVED or line.startswith(f"{SAVED} ")):
-            what = "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
-            raise InputError(what, "Move it above the block.", file=target, line=number, value=line)
-    lines = list(io.StringIO(data.decode("latin-1"), newline=""))
-    found = {}
-    for name, (section, option) in _KLIPPER.items():
-        value = settings.options.get((section, option))
-        before = value and _OPTION.match(lines[value.line - 1])
-        if value and before and _NUMBER.fullmatch(value.text) and value.texts[0][0] == value.line:
-            start = sum(map(len, lines[: value.line - 1])) + before.end()
-            own = bool(header) and value.line > heading
-            found[name] = StoredValue(f"[{section}] {option}", value.line, start, value.text, own)
-    included = "The file includes others. A value that is also in one of them is the one in force."
-    return ControllerFile(target, data, found, remarks=(included,) if settings.included else ())
+def live_offsets(*new: str) -> list[float] | None:
+    """The home offsets of a LinuxCNC on this computer, by `halcmd`; None if none runs, or takes it.
+
+    Args:
+        new: set before they are read, in the unit of its INI; in force at the next homing.
+    """
+    found = []
+    for joint, _ in enumerate(AXES):
+        pin = f"ini.{joint}.home_offset"
+        try:
+            for what in (*(("setp", pin, text) for text in new[joint : joint + 1]), ("getp", pin)):
+                run = subprocess.run(
+                    ["halcmd", *what], capture_output=True, text=True, check=True, timeout=5.0
+                )
+            found.append(float(run.stdout))
+        except (OSError, subprocess.SubprocessError, ValueError):
+            return None
+    return found

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.errors import InputError, UsageError, system_words
 
 KEY = "MOONRAKER_API_KEY"
 PORT = 7125
@@ -89,13 +89,12 @@ def _asked(address: str, path: str, *keys: str) -> object:
         for key in keys:
             found = found[key]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise _wrong(address, f", or does not report its {keys[-1]}") from error
+        raise InputError(
+            f"The server there is not Moonraker, or does not report its {keys[-1]}.",
+            f"Give the address of Moonraker; its port is usually {PORT}.",
+            file=address,
+        ) from error
     return found
-
-
-def _wrong(address: str, why: str = "") -> InputError:
-    remedy = f"Give the address of Moonraker; its port is usually {PORT}."
-    return InputError(f"The server there is not Moonraker{why}.", remedy, file=address)
 
 
 def _request(address: str, path: str, body: bytes | None = None, kind: str = "") -> bytes:
@@ -111,8 +110,9 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
         # A printer is in the same network: no proxy knows it.
         with build_opener(ProxyHandler({})).open(request, timeout=_TIMEOUT_S) as answer:
             data: bytes = answer.read(_LARGEST + 1)
-            if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
+            if not int(answer.headers.get("Content-Length", 0)) <= len(data) <= _LARGEST:
                 raise HTTPException("the answer was cut off")
+            return data
     except HTTPError as error:
         what, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
         if error.code in (401, 403):
@@ -122,13 +122,10 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
             what, remedy = "The server has no printer.cfg.", "Check that Klipper runs there."
         raise InputError(what, remedy, file=address) from error
     except (OSError, HTTPException, ValueError) as error:
-        reason = getattr(error, "reason", None) or error
-        said = "no answer in time" if "timed out" in str(reason) else str(reason) or "cut off"
+        said = system_words(getattr(error, "reason", None) or error) or "cut off"
+        said = "no answer in time" if "timed out" in said else said
         raise InputError(
             f"The server cannot be read: {said}.",
             "Check the address, the port, and that the printer is switched on.",
             file=address,
         ) from error
-    if len(data) > _LARGEST:
-        raise _wrong(address)
-    return data

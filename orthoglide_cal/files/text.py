@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.errors import InputError, UsageError, system_words
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.model import Source
 from orthoglide_cal.system import SYSTEM
@@ -85,8 +85,8 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
             with Path(path).open("rb") as file:
                 data = file.read(limit + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        what, remedy = f"The file cannot be read: {reason}.", "Check the path and its permissions."
+        what = f"The file cannot be read: {system_words(error)}."
+        remedy = "Check the path and its permissions."
         if isinstance(error, FileNotFoundError):
             what, remedy = "There is no such file.", "Check the path."
         elif isinstance(error, IsADirectoryError):
@@ -158,7 +158,7 @@ def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
         ) from error
     except OSError as error:
         raise InputError(
-            f"The file cannot be written: {error.strerror or error}.",
+            f"The file cannot be written: {system_words(error)}.",
             "Check the folder, its permissions and the free space.",
             file=str(path),
         ) from error

@@ -69,7 +69,6 @@ class Written(Schema):
     sha256_before: Digest  # of the whole file
     sha256_after: Digest
     values: tuple[WrittenValue, ...] = ()
-    live: bool = False  # the running controller was told, too
 
 
 class Entered(Schema):

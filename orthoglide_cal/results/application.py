@@ -16,6 +16,11 @@ from orthoglide_cal.model import Entered, Machine, Model
 from orthoglide_cal.model.machine import JointOffsets, Written
 from orthoglide_cal.results.answer import Answer
 
+_FIRST = (
+    "They are written here for the first time, and the change is added: a value may hold more than"
+    " the offset, such as the place of the switch."
+)
+
 
 class Recording(Enum):
     """Whether a machine file keeps what was entered in the controller after a measurement."""
@@ -57,17 +62,6 @@ class Application:
         """Offsets in the controller from then on (x, y, z) [mm]; none of a printer."""
         return (self.entry.before if self.undone else self.entry.after) or ()
 
-    @property
-    def is_first(self) -> bool:
-        """Whether nothing is recorded of what the controller's file must hold."""
-        return _written_to(self.file.model.machine, self.controller) is None
-
-    def live(self) -> Application:
-        """The same, told to the running controller, too."""
-        written = self.entry.written and self.entry.written.changed(live=True)
-        entry = self.entry.changed(written=written)
-        return replace(self, entry=entry, text=_recorded(self.file, entry))
-
 
 def apply(
     given: Input,
@@ -96,17 +90,17 @@ def apply(
         UsageError: the measurement is of another machine, or was applied before, or other
             offsets were entered after it; the controller's file is of another kind of machine, or
             does not hold what it held when that was measured.
-        InvalidFileError: a value is not where it can be changed.
     """
     machine, sha256 = file.model.machine, given.measured.source.sha256
     known = _written_to(machine, controller)
     if controller and known and known.sha256_before == controller.sha256:
-        last = machine.history[-1]
+        *history, last = machine.history
         if last.data_sha256 == sha256:
-            # The program was killed between the record and the controller's file.
-            data = controller.with_values({each.key: each.after for each in known.values})
-            text, conditions = file.document.text, given.conditions
-            return Application(file, last, False, text, conditions, controller, data)
+            # The program was killed before it wrote that file: as if nothing were recorded.
+            machine, known = machine.changed(history=tuple(history)), None
+            if last.before is not None:
+                machine = machine.changed(offsets_mm=last.before)
+            file = replace(file, model=replace(file.model, machine=machine))
     obstacle = None if machine.keeps_itself else _obstacle(given, file)
     if measured_on is not None:
         # Causes may have been accepted since; rails and legs are what they were.
@@ -123,12 +117,17 @@ def apply(
                 f" {machine.kind}.",
                 "Name the file of its own controller.",
             )
-        if known:
-            wrote = {each.key: float(each.after) for each in known.values}
-            controller.check(wrote, "what was written last is")
+        expected = {each.key: float(each.after) for each in known.values} if known else {}
         if not controller.adds:
-            held = {each.name: each.active for each in answer.parameters}
-            controller.check(held, "this was measured with")
+            stands = controller.settings
+            expected |= {stands[each.name].key: each.active for each in answer.parameters}
+        elif not known:
+            controller = replace(controller, remarks=(_FIRST,))
+        if differing := controller.differing(expected):
+            raise UsageError(
+                f"{controller.target}: {differing} Somebody changed it since.",
+                "Restore it, or measure again with the present values.",
+            )
         written, data = controller.changed(values or amounts, decimals)
     date = at.isoformat(timespec="milliseconds")
     entry = Entered(date=date, data_sha256=sha256, written=written)
@@ -136,7 +135,7 @@ def apply(
         before = given.model.orthoglide.offsets_mm
         after = JointOffsets(*(each.new(decimals) for each in answer.parameters))
         entry = entry.changed(before=before, after=after)
-    text = _recorded(file, entry)
+    text = with_history(file, entry.after, *machine.history, entry)
     return Application(file, entry, False, text, given.conditions, controller, data)
 
 
@@ -144,12 +143,6 @@ def _written_to(machine: Machine, controller: ControllerFile | None) -> Written 
     """What the last entry of a machine wrote to a controller's file; None if it did not."""
     written = machine.history[-1].written if machine.history else None
     return written if written and controller and written.target == controller.target else None
-
-
-def _recorded(file: StoredMachine, entry: Entered) -> str:
-    """The machine file with an entry, which may stand there already."""
-    earlier = (each for each in file.model.machine.history if each.date != entry.date)
-    return with_history(file, entry.after, *earlier, entry)
 
 
 def recording(given: Input) -> Recording:

@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import visible
+from orthoglide_cal.errors import system_words, visible
 from orthoglide_cal.files import session_text, write_text
 from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
@@ -214,9 +214,9 @@ class Dialogue:
         try:
             return self.standing.at(point.joints, point.tool, self.setting.machine.home_mm)
         except (OSError, ValueError) as gone:
-            said = f"LinuxCNC does not answer any more: {gone}. Continue by hand: nothing is lost."
             self.standing.close()
-            self.standing = None
+            self.standing, why = None, system_words(gone)
+            said = f"LinuxCNC does not answer any more: {why}. Continue by hand: nothing is lost."
             self.asker.say(said, Style.BAD)
             return None
 

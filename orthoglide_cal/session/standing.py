@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import UsageError, system_words
 from orthoglide_cal.model import AXES, Floats
 from orthoglide_cal.words import MM_PER_INCH
 
@@ -36,19 +36,24 @@ class Standing:
     """The joints of a running controller.
 
     Args:
-        host, port: of linuxcncrsh.
+        address: linuxcnc[:HOST[:PORT]], of linuxcncrsh.
 
     Raises:
         UsageError: there is no LinuxCNC, or one that cannot be followed.
     """
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, address: str) -> None:
+        found = _ADDRESS.fullmatch(address)
+        port = int(found[2] or PORT) if found else 0
+        if found is None or not 0 < port < 65536:
+            raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
+        host = (found[1] or "localhost").strip("[]")
         self._open = ExitStack()
         try:
-            connection = socket.create_connection((host, port), _TIMEOUT_S)
-            self._socket = self._open.enter_context(connection)
-            lines = connection.makefile("r", encoding="ascii", errors="replace")
-            self._lines = self._open.enter_context(lines)
+            self._socket = socket.create_connection((host, port), _TIMEOUT_S)
+            self._open.enter_context(self._socket)
+            self._lines = self._socket.makefile("r", encoding="ascii", errors="replace")
+            self._open.enter_context(self._lines)
             self._ask("hello EMC orthocal 1.0", "HELLO ACK")
             (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
             self._unit_mm = _UNITS[unit]
@@ -56,7 +61,7 @@ class Standing:
         except (OSError, KeyError, ValueError) as error:
             self.close()
             raise UsageError(
-                f"No LinuxCNC can be followed at {host}:{port}: {error}.",
+                f"No LinuxCNC can be followed at {host}:{port}: {system_words(error)}.",
                 "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh); or"
                 " measure without --follow.",
             ) from error
@@ -95,12 +100,3 @@ class Standing:
             if not line.startswith(question.upper()):
                 raise ConnectionError(f"the answer is {line!r}" if line else "it has closed")
         raise ConnectionError("no answer")
-
-
-def follow(address: str) -> Standing:
-    """The controller of `--follow linuxcnc[:HOST[:PORT]]`. Raises UsageError."""
-    found = _ADDRESS.fullmatch(address)
-    port = int(found[2] or PORT) if found else 0
-    if found is None or not 0 < port < 65536:
-        raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
-    return Standing((found[1] or "localhost").strip("[]"), port)

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from orthoglide_cal.files.controller_file import replace_file
 from tests import truth
-from tests.files.test_controller_file import INI
+from tests.files.test_controller_file import CFG, INI
 from tests.linuxcnc import LinuxCnc, missing
 
 from .program import answer, done, refused, run, words
@@ -94,7 +95,8 @@ def test_what_somebody_changed_since_is_not_written_over() -> None:
     ("content", "said"),
     [(INI.replace("HOME_OFFSET = 0.500", "HOME = 1"), "missing"),
      ("# nothing\n", "known controller"),
-     ("[printer]\nkinematics: delta\n", "Name the file of its own controller")],
+     (CFG, "Name the file of its own controller"),
+     ("[printer]\nkinematics: delta\n", "SAVE_CONFIG")],
 )  # fmt: skip
 def test_a_file_that_cannot_be_written_leaves_everything(content: str, said: str) -> None:
     Path("mill.ini").write_text(content, encoding="utf-8")
@@ -107,25 +109,30 @@ def test_a_file_that_cannot_be_written_leaves_everything(content: str, said: str
 
 @pytest.mark.parametrize("on", ["again", "undo"])
 def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def killed(*_: object) -> None:
-        raise KeyboardInterrupt
+    def killed(target: str, before: str, data: bytes) -> None:
+        if target.endswith(".ini"):
+            raise KeyboardInterrupt
+        replace_file(target, before, data)
 
     with monkeypatch.context() as patch:
-        patch.setattr("orthoglide_cal.files.controller_file.write_controller_file", killed)
+        patch.setattr("orthoglide_cal.files.controller_file.replace_file", killed)
         run("apply", "before.csv", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == INI
     assert len(history()) == 1
     assert "was not written" in " ".join(done().split())
     if on == "again":
         told: list[str] = []
+
+        def live(*new: str) -> list[float]:
+            """A LinuxCNC with these offsets runs here."""
+            told.extend(new)
+            return [0.5, -12.25, 0.0]
+
         with monkeypatch.context() as patch:
-            # A LinuxCNC with these offsets runs here.
-            patch.setattr("orthoglide_cal.files.halcmd.live_offsets", lambda: (0.5, -12.25, 0.0))
-            patch.setattr("orthoglide_cal.files.halcmd.set_live_offsets", told.extend)
+            patch.setattr("orthoglide_cal.files.controller_file.live_offsets", live)
             done("apply", "before.csv", "--to", "mill.ini", "--yes")
         assert [float(text) for text in told] == offsets() != [0.5, -12.25, 0.0]
-        (entry,) = history()
-        assert entry["written"]["live"]
+        assert len(history()) == 1
         assert "was not written" not in " ".join(done().split())
         done("apply", "--undo", "--to", "mill.ini", "--yes")
     else:

@@ -60,6 +60,7 @@ def test_addresses_that_are_of_no_use(address: str) -> None:
     result = run("solve", address)
     assert result.exit_code in (2, 3)
     assert "ddress" in result.stderr
+    assert "Errno" not in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import InputError, InvalidFileError, OrthocalError, UsageError
-from orthoglide_cal.files.controller_file import controller_file, write_controller_file
+from orthoglide_cal.files.controller_file import controller_file, replace_file
 
 INI = """\
 # Fräse 7; HOME_OFFSET = 9 in a remark
@@ -45,11 +45,15 @@ homing_speed: 50
 #*#
 #*# [stepper_a]
 #*# angle = 210.000000
+#*# arm_length = 380.000000
 #*# position_endstop = 300.100000
 #*# [stepper_b]
 #*# angle = 330.000000
+#*# arm_length = 380.000000
 #*# position_endstop = 300.200000
 #*# [stepper_c]
+#*# angle = 90.000000
+#*# arm_length = 380.000000
 #*# position_endstop = 300.300000
 """
 VALUES = {"radius": 140.2, "a": 300.5, "b": 300.2, "c": 299.9}
@@ -60,7 +64,7 @@ def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
     head, *joints = INI.split("[JOINT_")
     path = tmp_path / "mill.ini"
     path.write_text("[JOINT_".join((head, *reversed(joints))), encoding="utf-8")
-    texts = [each.text for each in controller_file(str(path)).settings.values()]
+    texts = [each.before for each in controller_file(str(path)).settings.values()]
     assert texts == ["0.500", "-12.25", "0"]
 
 
@@ -77,7 +81,7 @@ def test_three_values_change_and_come_back(
     link.symlink_to(path)
     before = controller_file(str(link))
     written, new = before.changed(CHANGES, 3)
-    write_controller_file(before, new)
+    replace_file(before.target, before.sha256, new)
     assert link.is_symlink()
     assert path.stat().st_mode & 0o777 == 0o640
     lines = zip(data.split(b"\n"), path.read_bytes().split(b"\n"), strict=True)
@@ -88,7 +92,7 @@ def test_three_values_change_and_come_back(
         assert float(each.after) == pytest.approx(old + CHANGES[name] / factor, abs=rounding)
     assert b"# the switch; 0.500 behind it" in path.read_bytes()
     after = controller_file(str(path))
-    write_controller_file(after, after.restored(written))
+    replace_file(after.target, after.sha256, after.restored(written))
     assert path.read_bytes() == data
 
 
@@ -103,7 +107,7 @@ def test_three_values_change_and_come_back(
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = nan", "not a number"),
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
         ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
-        ("LINEAR_UNITS = mm", "", "unit is missing"),
+        ("LINEAR_UNITS = mm", "", "LINEAR_UNITS: The value is missing"),
         ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
     ],
 )
@@ -126,10 +130,10 @@ def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
     written, data = before.changed(VALUES, 4)
     assert [(each.line, each.before, each.after) for each in written.values] == [
         (10, "140.100000", "140.200000"),
-        (14, "300.100000", "300.500000"),
-        (19, "300.300000", "299.900000"),
+        (15, "300.100000", "300.500000"),
+        (23, "300.300000", "299.900000"),
     ]
-    write_controller_file(before, data)
+    replace_file(before.target, before.sha256, data)
     after = controller_file(str(path))
     assert after.restored(written) == CFG.encode()
 
@@ -137,7 +141,7 @@ def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
 def test_a_block_that_klipper_ignores_is_not_written(tmp_path: Path) -> None:
     path = tmp_path / "printer.cfg"
     path.write_text(CFG + "[fan]\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"line 20.*ignores"):
+    with pytest.raises(InputError, match=r"line 24.*ignores"):
         controller_file(str(path))
 
 
@@ -145,10 +149,12 @@ def test_a_block_that_klipper_ignores_is_not_written(tmp_path: Path) -> None:
 def test_a_printer_s_own_line_is_never_overruled(tmp_path: Path, line: str) -> None:
     path = tmp_path / "printer.cfg"
     path.write_text(CFG.replace("[printer]\n", f"[printer]\n{line}\n", 1), encoding="utf-8")
-    file = controller_file(str(path))
-    assert file.settings["radius"].text == "140.3"
     with pytest.raises(InvalidFileError, match="line 2"):
-        file.changed(VALUES, 4)
+        controller_file(str(path))
+    alone = CFG.replace("#*# delta_radius = 140.100000\n", "")
+    path.write_text(alone.replace("[printer]\n", f"[printer]\n{line}\n", 1), encoding="utf-8")
+    with pytest.raises(InvalidFileError, match=r"line 2.*above.*140\.3"):
+        controller_file(str(path))
 
 
 @pytest.mark.parametrize(
@@ -167,7 +173,7 @@ def test_what_was_changed_since_is_not_restored(
     with pytest.raises(UsageError, match=said):
         after.restored(written)
     with pytest.raises(UsageError, match="changed meanwhile"):
-        write_controller_file(before, data)
+        replace_file(before.target, before.sha256, data)
 
 
 def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
@@ -176,7 +182,7 @@ def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
     before = controller_file(str(path))
     path.chmod(0o444)
     with pytest.raises(InputError, match="read-only"):
-        write_controller_file(before, b"nothing")
+        replace_file(before.target, before.sha256, b"nothing")
     assert path.read_text(encoding="utf-8") == INI
     assert [each.name for each in tmp_path.iterdir()] == ["mill.ini"]
 
@@ -202,7 +208,7 @@ def test_mutants_change_and_come_back_or_are_refused(tmp_path: Path, count: int)
         try:
             before = controller_file(str(path))
             written, new = before.changed(CHANGES if before.adds else VALUES, 3)
-            write_controller_file(before, new)
+            replace_file(before.target, before.sha256, new)
             after = controller_file(str(path))
             assert after.restored(written) == bytes(data)
             done += 1

@@ -12,7 +12,7 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.session import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Questioned
-from orthoglide_cal.session.standing import follow
+from orthoglide_cal.session.standing import Standing
 from tests.linuxcnc import LinuxCnc, missing
 
 from .virtual import Screen, a_dialogue
@@ -66,7 +66,7 @@ def rsh() -> Iterator[Rsh]:
 def followed(path: Path, server: Rsh, *lines: str) -> tuple[Dialogue, Screen]:
     """A session that follows the server, answered by these lines."""
     dialogue, screen, _ = a_dialogue(path / "s.journal", lines)
-    dialogue.standing = follow(server.address)
+    dialogue.standing = Standing(server.address)
     with closing(dialogue), pytest.raises(Quit):
         dialogue.run()
     return dialogue, screen
@@ -114,20 +114,21 @@ def test_a_connection_that_is_lost_is_said_once_and_the_session_goes_on(
     "address", ["emc", "linuxcnc:", "linuxcnc:h:0", "linuxcnc:h:x", "linuxcnc:127.0.0.1:9"]
 )
 def test_what_cannot_be_followed(address: str) -> None:
-    with pytest.raises(UsageError):
-        follow(address)
+    with pytest.raises(UsageError) as caught:
+        Standing(address)
+    assert "Errno" not in str(caught.value)
 
 
 def test_a_unit_that_is_unknown_is_refused() -> None:
     server = Rsh("CUSTOM")
     with pytest.raises(UsageError, match="CUSTOM"):
-        follow(server.address)
+        Standing(server.address)
     server.stop()
 
 
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
 def test_a_real_linuxcnc_says_where_it_stands() -> None:
-    with LinuxCnc() as machine, closing(follow("linuxcnc")) as standing:
+    with LinuxCnc() as machine, closing(Standing("linuxcnc")) as standing:
         machine.drive(60.0, 0.0, -5.0)
         near = standing.at(np.full(3, 310.0), np.array([60.0, 0.0, -5.0]), 310.0)
         assert near.away_mm < 1e-3

@@ -71,10 +71,5 @@ def _written(found: Application, controller: ControllerFile, written: Written) -
     for each in written.values:
         now, new = (each.after, each.before) if found.undone else (each.before, each.after)
         rows.append((str(each.line), each.key, now, doc.Strong(new)))
-    notes = [f"Lines of {written.target}; all others stay.", *controller.remarks]
-    if found.is_first and controller.adds:
-        notes.append(
-            "They are written here for the first time, and the change is added: a value may hold"
-            " more than the offset, such as the place of the switch."
-        )
+    notes = (f"Lines of {written.target}; all others stay.", *controller.remarks)
     return doc.Grid(("line", "what", "now", "from now on"), tuple(rows), caption=" ".join(notes))
