@@ -9,8 +9,8 @@ import re
 
 import numpy as np
 
-from tests.printer_files import OFF, STEP, printer_cfg
-from tests.truth.delta import Delta, Floats, Truth, indicated, touches
+from tests.printer_files import OFF, printer_cfg
+from tests.truth.delta import Delta, Floats, Truth, touches
 
 UNEVEN = Delta(
     "uneven", (300.0, 301.5, 299.25), 150.0, (209.0, 331.5, 90.0), (380.0, 381.0, 379.5), 100.0
@@ -183,10 +183,6 @@ def klippy_log(machine: Delta, truth: Truth, saved: bool = False, noise: float =
         "Calculated delta_calibrate parameters: {'endstop_a': 380.2, 'radius': 150.1}\n"
     )
     return told(without) + calculated + (told(plain) if saved else "")
-
-
-def steps(machine: Delta, places: Floats) -> Floats:
-    return (machine.home - indicated(machine, places)) / STEP
 
 
 FILES = {

@@ -20,8 +20,7 @@ import yaml
 from typer.testing import Result
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import read_input, read_machine
+from orthoglide_cal.files import read_machine
 from tests.cli.program import SIX, answer, done, parameters, refused, run, words
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
@@ -306,22 +305,6 @@ def test_dates_of_one_printer_are_judged_together(own: Path) -> None:
     assert "printer.cfg later.cfg --data mesh --together" in said
     for wrong in (("printer.cfg", "--together"), ("printer.cfg", "--recalibrated")):
         assert run("diagnose", *wrong).exit_code == 2
-
-
-def test_distances_scatter_as_a_calliper_does_and_not_as_a_probe(own: Path) -> None:
-    """Thirty calibrations with a probe of 12 µm and a calliper of 50 µm, on a bed without grain.
-
-    Four degrees of freedom each: the mean variance has a relative spread of √(2/120) = 0.13, so
-    that 1.65 is missed with a chance below one in ten thousand.
-    """
-    text = delta_yaml(V400).replace("calliper_mm: 0.03", "calliper_mm: 0.05")
-    Path("v400.yaml").write_text(re.sub(r"texture_mm: [\d.]+", "texture_mm: 0.0", text))
-    model, variances = read_machine("v400.yaml"), []
-    for seed in range(30):
-        Path("p.cfg").write_text(printer_cfg(V400, OFF, seed=seed))
-        given = read_input("p.cfg", model)
-        variances.append(solve(given.measured, given.model).sigma_residuals_mm ** 2)
-    assert np.mean(variances) < 1.65 * 0.012**2
 
 
 def test_a_simulated_printer_is_found_out(own: Path) -> None:

@@ -14,8 +14,6 @@ from tests import truth
 from tests.diagnosis.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE
 
-SIX = "experiment2.csv", "experiment3.csv"
-
 
 def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))

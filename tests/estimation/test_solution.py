@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.least_squares import OPTIMAL
-from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.model import Floats, Measured, double_posture, single_posture
 from orthoglide_cal.paper.tables import experiment
 from tests import truth
@@ -100,32 +98,6 @@ def test_what_is_passed_in_stays_writable_and_apart() -> None:
     posed = Posed(problem, data, ())
     data[0] += 1.0
     assert posed.data[0] == data[0] - 1.0
-
-
-def test_healthy_sessions_are_called_what_the_gauges_noise_would_give() -> None:
-    """A chance of 0.001 each: two or more alarms in 100 sessions have a chance of 0.5 %."""
-    plan = double_posture(PROTOTYPE)
-    solutions = [solve(readings(NOMINAL, plan, seed=k), NOMINAL) for k in range(100)]
-    assert sum(solution.suspicious for solution in solutions) <= 1
-    healthy = next(solution for solution in solutions if not solution.suspicious)
-    assert "agree with the gauge's noise" in healthy.judgement
-    chances = [solution.lack_of_fit_p for solution in solutions]
-    # Every chance is as likely as any other: their mean has a standard error of 0.029.
-    assert np.mean(np.array(chances, dtype=float)) == pytest.approx(0.5, abs=5.0 * 0.029)
-
-
-def test_a_bent_machine_is_called_one_that_the_model_leaves_out() -> None:
-    gap = CAUSES["axis_gap"].at(np.array([0.3, -0.4, 0.25]))
-    session = readings(NOMINAL.extended([gap]), double_posture(PROTOTYPE))
-    solution = solve(session, NOMINAL)
-    assert solution.suspicious
-    assert solution.lack_of_fit_p is not None
-    assert solution.lack_of_fit_p < SUSPICIOUS
-    assert "larger than the gauge's noise" in solution.judgement
-    # Repeats know nothing of the gap; the residuals do.
-    assert solution.sigma_repeats_mm is not None
-    assert solution.sigma_residuals_mm is not None
-    assert solution.sigma_residuals_mm > 2.0 * solution.sigma_repeats_mm
 
 
 @pytest.mark.parametrize(

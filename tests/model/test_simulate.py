@@ -10,22 +10,18 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import SingularError, UnreachableError
 from orthoglide_cal.model import (
     Contact,
-    Effect,
     Floats,
     GaugePlan,
     Machine,
     Model,
-    Place,
     Posture,
-    differentiate,
     double_posture,
     simulate,
     simulate_with_jacobian,
     single_posture,
 )
-from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import STEP
-from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_machines
+from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model import table2
 from tests.model.geometries import bent_rails, mixed_plan, on_rails
 
@@ -98,64 +94,7 @@ def test_the_closed_form_of_the_jacobian(
     assert (np.abs(slope - nominal).max() > 1e-4) == (made is not Model)
 
 
-# --- derivatives by the parameters of causes --------------------------------------------------
-
-
-def some_effects() -> tuple[Effect, ...]:
-    """One cause of each stage, one without parameters among them."""
-    return (
-        CAUSES["leg_length"].at(np.array([0.05, -0.03, 0.11])),
-        CAUSES["sign_flip"].at(np.zeros(0), Place((2, 1))),
-        CAUSES["thermal_drift"].at(np.array([0.13, -0.07, 0.19])),
-        CAUSES["gauge_slip"].at(np.array([2.0]), Place((7, 1))),
-        CAUSES["bar_skew"].at(1e-3 * np.array([1.1, -0.6, 0.4, 0.9, -1.3, 0.5])),
-    )
-
-
-def test_derivatives_by_offsets_and_causes_against_finite_differences() -> None:
-    known = NOMINAL_LARGE.extended([CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.25]))])
-    effects, plan = some_effects(), mixed_plan(LARGE)
-    sizes = [effect.theta.size for effect in effects]
-    readings, slope = differentiate(known, OFFSETS, plan, effects)
-    assert readings == pytest.approx(simulate(known.extended(effects), OFFSETS, plan), abs=1e-12)
-    assert slope.shape == (len(plan), 3 + sum(sizes))
-
-    def at(values: Floats) -> Floats:
-        offsets, *thetas = np.split(values, np.cumsum([3, *sizes])[:-1])
-        moved = [replace(e, theta=theta) for e, theta in zip(effects, thetas, strict=True)]
-        return simulate(known.extended(moved), offsets, plan)
-
-    point = np.concatenate([OFFSETS, *(effect.theta for effect in effects)])
-    # Millimetres and millimetres per hour, one slip, then radians.
-    steps = np.array([1e-3] * 10 + [1e-5] * 6)
-    for k, step in enumerate(steps):
-        move = step * np.eye(point.size)[k]
-        difference = (at(point + move) - at(point - move)) / (2.0 * step)
-        assert np.abs(difference).max() > 1e-2
-        assert slope[:, k] == pytest.approx(difference, abs=2e-8 * np.abs(difference).max() + 1e-9)
-
-
 # --- batches, and postures that cannot be taken -----------------------------------------------
-
-
-def test_offsets_and_machines_are_batched_together() -> None:
-    rng = np.random.default_rng(2)
-    plan = mixed_plan(PROTOTYPE)
-    offsets = rng.normal(0.0, 1.0, (4, 5, 3))
-    directions = np.eye(3) + rng.normal(0.0, 0.01, (5, 3, 3))
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    lengths = PROTOTYPE.leg_length_mm + rng.normal(0.0, 0.1, (5, 3))
-    rails = Geometry(rng.normal(0.0, 0.3, (5, 3, 3)), directions, lengths)
-    model = on_rails(PROTOTYPE, rails)
-    together, slope = simulate_with_jacobian(model, offsets, plan)
-    assert together.shape == (4, 5, len(plan))
-    assert slope.shape == (4, 5, len(plan), 3)
-    assert np.array_equal(together, simulate(model, offsets, plan))
-    for i, j in ((0, 0), (2, 3), (3, 4)):
-        one = on_rails(PROTOTYPE, Geometry(rails.points[j], rails.directions[j], rails.lengths[j]))
-        readings, by_offsets = simulate_with_jacobian(one, offsets[i, j], plan)
-        assert np.abs(together[i, j] - readings).max() < 1e-12
-        assert np.abs(slope[i, j] - by_offsets).max() < 1e-12
 
 
 def test_an_unreachable_session_is_an_error_or_nan() -> None:

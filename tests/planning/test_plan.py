@@ -12,7 +12,7 @@ from orthoglide_cal.planning.plan import METHODS, SHOWN_CYCLES, Wanted, measurem
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol
 from tests.machines import NOMINAL, both_models, sure
 
-DOUBLE, SINGLE, BEST = MeasuringProtocol
+DOUBLE, SINGLE = MeasuringProtocol.DOUBLE, MeasuringProtocol.SINGLE
 
 
 def worst(found: SessionForecast) -> float:

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import read_input, session_text
+from orthoglide_cal.files import session_text
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session import Dialogue, Style
 from orthoglide_cal.session import journal as journal_module
@@ -18,7 +17,6 @@ from orthoglide_cal.session.events import Opened, replay
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode
 
-from .terminal import Terminal
 from .virtual import (
     DOUBLE,
     SINGLE,
@@ -187,38 +185,3 @@ def test_killed_while_the_session_file_is_written(
     assert not target.exists() or target.read_text(encoding="utf-8") == text
     dialogue.publish()
     assert target.read_text(encoding="utf-8") == text
-
-
-def kill_program(folder: Path, kills: list[int], *options: str) -> None:
-    """Drive the real program, killing it at the prompts of these steps."""
-    resume: tuple[str, ...] = ()
-    remaining = list(kills)
-    while True:
-        with Terminal(folder, "s.yaml", *options, *resume) as terminal:
-            while True:
-                terminal.child.expect([r"(\d+)\. Gauge [^\r\n]* > $", "More: orthocal"])
-                if terminal.child.match.re.groups == 0:
-                    assert terminal.finish() == 0
-                    return
-                number = int(terminal.child.match.group(1))
-                if remaining and number == remaining[0]:
-                    remaining.pop(0)
-                    terminal.child.kill(signal.SIGKILL)
-                    break
-                terminal.type("")
-        resume = ("--resume",)
-
-
-def offsets_of(path: Path) -> list[float]:
-    read = read_input(str(path))
-    return solve(read.measured, read.model).offsets_mm.tolist()
-
-
-def test_the_program_itself_is_killed(tmp_path: Path) -> None:
-    options = ("--protocol", "single", "--cycles", "1", "--gauge", "simulated", "--seed", "21")
-    whole, killed = tmp_path / "whole", tmp_path / "killed"
-    whole.mkdir()
-    killed.mkdir()
-    kill_program(whole, [], *options)
-    kill_program(killed, [2, 9, 16], *options)
-    assert offsets_of(killed / "s.yaml") == offsets_of(whole / "s.yaml")

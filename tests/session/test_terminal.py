@@ -80,9 +80,6 @@ def test_colours_only_where_they_are_wanted(tmp_path: Path) -> None:
         assert not ESCAPE.search(terminal.seen)
 
 
-# ---- keyboard-wedge gauges
-
-
 # ---- interruptions
 
 

@@ -1,4 +1,7 @@
-"""The truth of a linear delta must itself be true: both kinematics, every effect, the touch."""
+"""The truth of a linear delta must itself be true: towers, rails, touches, draws and files.
+
+Its kinematics are compared with the program's in `tests/model/test_linear_delta.py`.
+"""
 
 import csv
 import io
@@ -12,75 +15,21 @@ from .delta import (
     KOSSEL,
     TOLERANCES,
     V400,
-    Delta,
     Layout,
     Surface,
     Truth,
     delta_csv,
-    distances,
     feet,
     grain,
-    indicated,
     make_delta_session,
     places_of,
     probe_bed,
     rails,
     texture,
-    tool,
     touches,
     ways_between,
 )
 from .plan import Floats, frozen
-
-UNEVEN = Delta("uneven", (300.0, 301.5, 299.25), 150.0, (209.0, 331.5, 90.0), (380.0, 381.0, 379.5))
-MACHINES = (V400, KOSSEL, UNEVEN)
-BENT = Truth(
-    endstops=frozen([0.7, -0.4, 0.3]),
-    radius=0.6,
-    angles=frozen([0.2, -0.15, 0.0]),
-    radii=frozen([0.3, -0.5, 0.2]),
-    leans=frozen(np.array([[3.0, -2.0], [-1.5, 4.0], [2.5, 1.0]])),
-    arms=frozen([0.4, -0.3, 0.2]),
-    scales=frozen([1.2, -0.8, 0.5]),
-)
-
-
-def _places(machine: Delta, seed: int, count: int = 40) -> Floats:
-    rng = np.random.default_rng(seed)
-    turn, away = rng.uniform(0, 2 * np.pi, count), machine.bed * np.sqrt(rng.uniform(0, 1, count))
-    return np.stack((away * np.cos(turn), away * np.sin(turn), rng.uniform(-1, 90, count)), axis=1)
-
-
-def _closed_form(centres: Floats, lengths: Floats) -> Floats:
-    """The lower common point of three spheres, shape (3, 3) and (3,), by planes and a line."""
-    normals = 2.0 * (centres[1:] - centres[0])
-    sums = (centres**2).sum(axis=1) - lengths**2
-    line = np.cross(normals[0], normals[1])
-    line /= np.linalg.norm(line)
-    foot = np.linalg.lstsq(normals, sums[1:] - sums[0], rcond=None)[0]
-    apart = foot - centres[0]
-    along = apart @ line
-    root = np.sqrt(along**2 - apart @ apart + lengths[0] ** 2)
-    ends = foot + np.array([-along - root, -along + root])[:, None] * line
-    return ends[np.argmin(ends[:, 2])]
-
-
-@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
-def test_a_perfect_machine_goes_where_it_is_told(machine: Delta) -> None:
-    places = _places(machine, 1)
-    found = tool(machine, Truth(), indicated(machine, places))
-    np.testing.assert_allclose(found, places, atol=1e-9)
-
-
-def test_the_tool_is_the_lower_point_that_trilateration_finds() -> None:
-    joints = indicated(UNEVEN, _places(UNEVEN, 3))
-    found = tool(UNEVEN, BENT, joints)
-    home, arms = UNEVEN.home, np.array(UNEVEN.arms) + BENT.arms
-    assert np.abs(found - _places(UNEVEN, 3)).max() > 0.5
-    for place, joint in zip(found, joints, strict=True):
-        height = joint + BENT.endstops - (home - joint) * 1e-3 * BENT.scales
-        centres = feet(UNEVEN, BENT) + height[:, None] * rails(UNEVEN, BENT)
-        np.testing.assert_allclose(place, _closed_form(centres, arms), atol=1e-8)
 
 
 def test_where_the_towers_stand() -> None:
@@ -97,22 +46,6 @@ def test_a_rail_leans_outwards_and_in_the_sense_of_its_angle() -> None:
     up = rails(V400, truth)
     np.testing.assert_allclose(up[2] / up[2, 2], [-2e-3, 3e-3, 1.0], atol=1e-12)
     np.testing.assert_allclose(up[:2], [[0, 0, 1], [0, 0, 1]], atol=1e-12)
-
-
-def test_a_touch_is_where_the_tip_meets_the_surface() -> None:
-    rng = np.random.default_rng(6)
-    bed = Surface(150.0, {(1, 0): 0.3, (0, 2): -0.4, (2, 1): 0.25}, texture(rng, 0.02, 25.0))
-    tilt = Surface(150.0, {(1, 0): 0.1, (1, 1): -0.05})
-    truth = replace(BENT, bed=bed, tilt=tilt, drift=0.3, rates=frozen([0.1, -0.2, 0.05]))
-    at = places_of(Layout(41), V400.bed)
-    x, y = at.T
-    block, hours = np.repeat([0.0, 30.0], [20, 21]), np.linspace(0.0, 0.5, 41)
-    z = touches(V400, truth, x, y, block, hours)
-    joints = indicated(V400, np.stack((x, y, z), axis=1))
-    touched = tool(V400, truth, joints, hours)
-    tip = touched[:, 2] + tilt.height(touched[:, 0], touched[:, 1]) - 0.3 * hours
-    np.testing.assert_allclose(tip, bed.height(touched[:, 0], touched[:, 1]) + block, atol=1e-9)
-    assert np.abs(z - block).max() > 0.5
 
 
 def test_a_perfect_machine_reads_the_bed_the_probe_and_the_clock() -> None:
@@ -145,15 +78,6 @@ def test_lost_motion_leaves_a_carriage_behind() -> None:
     warm = Truth(rates=frozen([0.0, 0.01, 0.0]))
     later = touches(V400, warm, x, np.zeros(5), np.zeros(5), np.full(5, 2.0))
     np.testing.assert_allclose(later, down, atol=1e-9)
-
-
-def test_distances_on_a_print() -> None:
-    first, second = np.array([[5.0, 0.0, 0.0]]), np.array([[69.0, 48.0, 0.0]])
-    np.testing.assert_allclose(distances(V400, Truth(), first, second), [80.0], atol=1e-9)
-    ends = tool(V400, BENT, indicated(V400, np.concatenate((first, second))))
-    apart = distances(V400, BENT, first, second)
-    np.testing.assert_allclose(apart, [np.linalg.norm(ends[1] - ends[0])], atol=1e-9)
-    assert abs(apart[0] - 80.0) > 0.05
 
 
 @pytest.mark.parametrize("places", [7, 13, 25, 41, 121, 400])

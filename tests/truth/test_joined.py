@@ -34,35 +34,6 @@ def test_the_first_readings_stay_and_the_new_ones_have_their_own_zeros() -> None
     assert (exact.readings - exact.clean)[60:].std() == pytest.approx(MICRON.sigma, rel=0.3)
 
 
-def test_entering_the_offsets_takes_them_away() -> None:
-    first = drawn("axis_gap")
-    both = again(first, entered=first.offsets)
-    healthy = signals(first.plan, PROTOTYPE, state_with(np.zeros(3), first.effects)[None])[0]
-    expected = healthy - healthy[first.plan.stand]
-    assert about_zeros(both, both.clean)[60:] == pytest.approx(expected, abs=1e-9)
-
-
-def test_a_stand_stays_where_it_was_when_an_offset_is_entered() -> None:
-    first, step = drawn(seed=5), (5.0, 0.0, 0.0)
-    both, followed = again(first, part=0, entered=step), again(first, entered=step)
-    # A stand set up afterwards would touch the same place if it were that much nearer the carriage.
-    nearer = again(first, entered=step, gauge_at=0.5 - 5.0 / PROTOTYPE.leg)
-    rows = 60 + np.flatnonzero(first.plan.setup == 0)
-    stayed, afresh, same = (each.clean[rows] - each.clean[60] for each in (both, followed, nearer))
-    assert np.ptp(stayed - afresh) > 0.03
-    assert stayed == pytest.approx(same, abs=1e-3)
-    assert both.plan.stand[rows].tolist() == [0] * 10
-    assert followed.plan.stand[rows].tolist() == [60] * 10
-
-
-def test_a_turned_bar_falls_where_it_rose() -> None:
-    both = again(drawn("bar_skew"), turned=1)
-    straight = signals(both.plan, PROTOTYPE, state_with(both.offsets, ())[None])[0]
-    skew = about_zeros(both, both.clean - straight)
-    assert np.abs(skew[:60]).max() > 0.02
-    assert skew[60:] == pytest.approx(-skew[:60], abs=1e-12)
-
-
 @pytest.mark.parametrize("cause", ["sign_flip", "swapped_gauges", "gauge_drift", "stand_shift"])
 def test_what_happened_to_a_gauge_ends_with_its_part(cause: str) -> None:
     """In the same part it goes on; in the next one it is over."""

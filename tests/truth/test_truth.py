@@ -1,4 +1,8 @@
-"""The truth must itself be true: its geometry, its noise and each of its effects."""
+"""The truth must itself be true: its noise, its clock, its draws and its files.
+
+Its geometry and its effects are compared with the program's, which stand on other legs, in
+`tests/causes` and `tests/estimation`.
+"""
 
 import csv
 import io
@@ -11,7 +15,6 @@ import numpy as np
 import pytest
 
 from . import (
-    CAUSES,
     DIAL,
     GAUGES,
     LARGE,
@@ -30,18 +33,11 @@ from . import (
     standard_plan,
 )
 from .effects import state_with, swapped_rows, transposed
-from .forward import PARTS, SIZE, carriages_and_tool, jacobian
+from .forward import PARTS, SIZE, jacobian
 from .plan import Floats, Plan, frozen
 from .session import Setting
 
 OFFSETS = frozen([0.43, -0.71, 0.28])
-
-
-def _random_states(rng: np.random.Generator, count: int) -> Floats:
-    """Conditions with everything wrong at once, shape (count, 30)."""
-    states = rng.normal(size=(count, SIZE))
-    states[:, PARTS["backlash"]] *= 0.03
-    return states
 
 
 def _plan(machine: Machine = PROTOTYPE, seed: int = 5) -> Plan:
@@ -55,63 +51,6 @@ def _healthy(session: Session) -> Floats:
     return surface + session.zeros[session.plan.setup]
 
 
-@pytest.mark.parametrize("machine", MACHINES.values(), ids=list(MACHINES))
-def test_tool_lies_on_three_spheres(machine: Machine) -> None:
-    rng = np.random.default_rng(1)
-    plan, states = _plan(machine), _random_states(rng, 7)
-    carriages, tool = carriages_and_tool(plan, machine, states, rng.normal(size=(60, 3)))
-    legs = machine.leg + states[:, PARTS["leg_length"]].T[:, :, None]
-    gaps = np.sqrt(((tool - carriages) ** 2).sum(axis=1)) - legs
-    assert np.abs(gaps).max() < 1e-10
-    # The assembly with the tool near the origin, not the one at 2L/3 (1, 1, 1).
-    assert np.abs(tool).max() < 1.2 * -machine.lower
-
-
-def test_rails_have_the_stated_distances_and_angles() -> None:
-    state = np.zeros(SIZE)
-    state[PARTS["axis_gap"]] = 0.3, -0.5, 0.2
-    state[PARTS["axis_squareness"]] = 1.5, -0.7, 2.1
-    plan = _plan()
-    ahead = np.tile(np.array([11.0, 7.0, 5.0]), (60, 1))
-    feet = [carriages_and_tool(plan, PROTOTYPE, state[None], m)[0] for m in (0 * ahead, ahead)]
-    point = feet[0][:, :, 0, 0]
-    way = feet[1][:, :, 0, 0] - point
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    for k, (a, b) in enumerate(((0, 1), (1, 2), (2, 0))):
-        # cos(90 deg - s) = sin(s); the second-order part of the symmetric split is below 1e-5.
-        assert way[a] @ way[b] == pytest.approx(np.sin(1e-3 * state[6 + k]), abs=3e-6)
-        across = np.cross(way[a], way[b])
-        distance = (point[a] - point[b]) @ across / np.linalg.norm(across)
-        assert distance == pytest.approx(state[3 + k], abs=2e-3)
-
-
-@pytest.mark.parametrize("machine", MACHINES.values(), ids=list(MACHINES))
-def test_readings_agree_with_table_2(machine: Machine) -> None:
-    """Table 2 with eq. (4) as corrected in the errata: closed form against Newton."""
-    plan, leg_length = _plan(machine), machine.leg
-
-    def tool(joints: Floats) -> Floats:
-        # |p|^2 - 2 p_i rho_i + rho_i^2 = L^2: p_i = rho_i/2 + u/rho_i with 2u = |p|^2 - L^2, and
-        # the sum of the squares of p_i makes a quadratic of u. Its lower root is the near assembly.
-        a = (1.0 / joints**2).sum()
-        c = (joints**2).sum() / 4.0 - leg_length**2
-        u = (-1.0 - np.sqrt(1.0 - 4.0 * a * c)) / (2.0 * a)
-        point: Floats = joints / 2.0 + u / joints
-        return point
-
-    got = signals(plan, machine, state_with(OFFSETS, ())[None])[0]
-    level = tool(leg_length + OFFSETS)
-    for n in range(plan.count):
-        i, j, d = int(plan.leg[n]), int(plan.direction[n]), plan.displacement[n]
-        sine = d / leg_length
-        joints = leg_length * np.sqrt(1.0 - sine**2) + OFFSETS
-        joints[i] = leg_length + leg_length * sine + OFFSETS[i]
-        moved = tool(joints)
-        share = (leg_length / 2.0 + d - level[i] / 2.0 + OFFSETS[i] / 2.0) / (joints[i] - moved[i])
-        deviation = share * moved[j] - level[j] / 2.0
-        assert got[n] - got[plan.stand[n]] == pytest.approx(deviation, abs=1e-10)
-
-
 def test_healthy_noise_has_the_stated_size() -> None:
     """2 x 40 x 60 readings each: the r.m.s. is within 5 %, 4.9 of its standard deviations."""
     for gauge in GAUGES.values():
@@ -123,21 +62,6 @@ def test_healthy_noise_has_the_stated_size() -> None:
         assert abs(noise.mean()) < 5.0 * gauge.sigma / np.sqrt(noise.size)
         steps = np.concatenate([s.readings for s in sessions]) / gauge.resolution
         assert np.allclose(steps, np.round(steps), atol=1e-6)
-
-
-def test_a_misplaced_gauge_reads_the_slope_of_its_leg() -> None:
-    """Further towards the tool by δ it reads more by δ times what the leg rises per millimetre."""
-    rng = np.random.default_rng(3)
-    plan, states = _plan(LARGE), _random_states(rng, 3)
-    states[:, PARTS["bar_skew"]] = 0.0
-    misplaced = np.array([1.3, -0.7, 2.1, -1.9, 0.4, 0.9])
-    carriages, tool = carriages_and_tool(plan, LARGE, states, np.zeros((plan.count, 3)))
-    rows = np.arange(plan.count)
-    leg = tool[:, :, rows] - carriages[plan.leg, :, :, rows].transpose(1, 2, 0)
-    rise = leg[plan.direction, :, rows].T / np.abs(leg[plan.leg, :, rows].T)
-    moved = signals(plan, LARGE, states, None, misplaced) - signals(plan, LARGE, states)
-    assert np.allclose(moved, misplaced[plan.setup] * rise, atol=1e-9)
-    assert np.abs(moved).max() > 1e-3
 
 
 def test_legs_places_and_scale_act_as_drawn() -> None:
@@ -179,60 +103,12 @@ def test_the_clock_walks_through_the_standard_session() -> None:
     assert plan.minutes[-1] - plan.minutes[0] < 25.0
 
 
-def test_carriages_remember_where_they_came_from() -> None:
-    plan = _plan()
-    assert not plan.approach[:2].any()
-    # iso -> max: own carriage up, the others sink; -> min: all down; -> iso: all up.
-    # The stand moves to the next leg, the machine does not.
-    wanted = [[1.0, -1.0, -1.0], [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]
-    assert plan.approach[[2, 4, 6, 20]].tolist() == wanted
-    steps = np.diff(plan.indicated[::2], axis=0)
-    moved = np.flatnonzero(np.any(steps != 0, axis=1)) * 2 + 2
-    assert moved.size == 27
-    assert np.array_equal(
-        plan.approach[moved], np.sign(plan.indicated[moved] - plan.indicated[moved - 2])
-    )
-
-
 def test_the_same_seed_gives_the_same_record() -> None:
     first, again, other = (
         make_session(seed, LARGE, DIAL, ("backlash", "misread")).readings for seed in (9, 9, 10)
     )
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
-
-
-@pytest.mark.parametrize("cause", CAUSES)
-@pytest.mark.parametrize("seed", [2, 3])
-def test_each_effect_changes_what_it_should(cause: str, seed: int) -> None:
-    session = make_session(seed, PROTOTYPE, MICRON, (cause,))
-    effect, plan = session.effects[0], session.plan
-    healthy, rows = _healthy(session), np.arange(plan.count)
-    change = session.clean - healthy
-    mine = plan.setup == effect.setup
-    if cause == "sign_flip":
-        assert np.allclose(session.clean, np.where(mine, -healthy, healthy))
-    elif cause == "swapped_gauges":
-        legs = plan.leg == effect.leg
-        assert np.allclose(session.clean[legs], healthy[legs].reshape(-1, 2)[:, ::-1].ravel())
-        assert np.allclose(change[~legs], 0.0)
-    elif cause in ("misread", "gauge_slip"):
-        assert np.allclose(change, np.where(rows == effect.row, effect.parameters[0], 0.0))
-        assert mine[effect.row]
-    elif cause == "stand_shift":
-        assert effect.row is not None
-        assert np.allclose(change, np.where(mine & (rows >= effect.row), effect.parameters[0], 0))
-        assert 0 < np.count_nonzero(change) < 10
-    elif cause == "gauge_drift":
-        assert np.allclose(change, mine * effect.parameters[0] * plan.hours)
-    elif cause == "bar_skew":
-        # Along a leg the tool's end (share 1) is L times the slope away from the carriage's end.
-        steps = (change - change[plan.stand]) / np.array(effect.parameters)[plan.setup]
-        assert np.allclose(steps, 1e-3 * plan.displacement, rtol=1e-2, atol=1e-3)
-    else:
-        assert 1e-4 < np.abs(change - change[plan.stand]).max() < 0.5
-        linear = jacobian(plan, PROTOTYPE, state_with(session.offsets, ()))
-        assert np.allclose(change, linear[:, PARTS[cause]] @ effect.parameters, atol=2e-3)
 
 
 def test_motion_causes_move_the_carriages_as_stated() -> None:
