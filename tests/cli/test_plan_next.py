@@ -153,16 +153,3 @@ def test_minutes_are_short_numbers() -> None:
     (plan,) = lines(once("plan", DOUBLE, "--json"))
     minutes = [each["minutes"] for each in (*plan["next"], *plan["by_cycles"], plan["design"])]
     assert all(len(repr(each)) <= 6 for each in minutes)
-
-
-@pytest.mark.parametrize("path", [DOUBLE, SINGLE, SIX])
-def test_every_kind_of_data_has_a_next(path: str) -> None:
-    """Sound data, too: ranked by the uncertainty that is left for the time."""
-    (plan,) = lines(once("plan", path, "--json"))
-    found = plan["next"]
-    assert found
-    assert all(each["minutes"] > 0.0 for each in found)
-    assert {len(each["separates"]) for each in found} <= {0, 2}
-    if not any(each["separates"] for each in found):
-        assert all(each["chance"] == 0.0 for each in found)
-        assert min(found, key=lambda each: each["expanded_mm"]["x"])["expanded_mm"]["x"] > 0.0

@@ -59,14 +59,6 @@ def test_every_error_is_an_object_with_json(
     assert said["error"]
 
 
-@pytest.mark.parametrize("verb", ["solve", "report"])
-@pytest.mark.parametrize("path", [SIX, DOUBLE])
-def test_what_must_not_be_entered_exits_with_4(verb: str, path: str) -> None:
-    result = run(verb, path)
-    assert result.exit_code == (4 if "Do not enter" in result.stdout else 0)
-    assert (result.exit_code == 4) == (path == SIX)
-
-
 def test_apply_says_nothing_is_entered_before_it_asks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

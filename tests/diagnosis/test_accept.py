@@ -77,13 +77,6 @@ class TestAccept:
         assert diagnose(GAP, "--accept", "axis_gap").code == 0
         assert [path.name for path in tmp_path.iterdir()] == ["machine-axis_gap.yaml"]
 
-    def test_standard_input_can_be_accepted(self, tmp_path: Path) -> None:
-        target = tmp_path / "new.yaml"
-        text = GAP.read_text(encoding="utf-8")
-        ran = diagnose("-", "--accept", "axis_gap", "--output", target, text=text)
-        assert ran.code == 0
-        assert read_machine(target).accepted[0].cause.id == "axis_gap"
-
     @pytest.mark.parametrize("cause", ["misread", "stand_shift", "gauge_slip", "sign_flip"])
     def test_the_measurement_is_no_part_of_the_machine(self, tmp_path: Path, cause: str) -> None:
         target = tmp_path / "new.yaml"

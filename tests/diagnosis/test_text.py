@@ -4,19 +4,13 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import pytest
-
 from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.diagnosis import diagnose as analysed
-from orthoglide_cal.files import read_input, readings_csv
-from orthoglide_cal.model import double_posture
-from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.files import read_input
 from orthoglide_cal.results import answer_to
 from tests import truth
-from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, written
+from tests.diagnosis.command import GAP, SECOND, diagnose, shown, written
 from tests.diagnosis.sessions import known
-from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.results.sessions import given
 
 
@@ -29,32 +23,6 @@ def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
 
 
 class TestText:
-    FILES = (HEALTHY, GAP, SECOND, THIRD, SAMPLES / "single_posture_session.csv")
-
-    @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-    def test_nothing_is_wider_than_a_terminal(self, path: Path) -> None:
-        lines = shown(path).splitlines()
-        assert len(lines) > 14
-        # What is to be typed stays on one line.
-        assert max(len(line) for line in lines if "orthocal " not in line) <= 80
-        assert [line for line in lines if line != line.rstrip()] == []
-        assert "\x1b" not in shown(path)
-
-    def test_many_postures_and_cycles_stay_within_it(self, tmp_path: Path) -> None:
-        plan = double_posture(PROTOTYPE, cycles=12)
-        moved = plan.displacement * np.where(np.arange(len(plan)) % 7 < 3, 0.37, 1.0)
-        plan = replace(plan, displacement=moved)
-        rng = np.random.default_rng(1)
-        made = synthetic_session(NOMINAL, plan, np.array([0.3, -0.2, 0.5]), rng)
-        path = tmp_path / ("a rather long name of a file of readings " * 3 + ".csv")
-        path.write_text(readings_csv(made), encoding="utf-8")
-        ran = diagnose(path, "--details")
-        assert ran.code == 0
-        # What is to be typed stays on one line.
-        lines = [line for line in ran.out.splitlines() if "orthocal " not in line]
-        assert max(map(len, lines)) <= 80
-        assert "22.2" in ran.out
-
     def test_wrapped_lines_keep_their_place(self) -> None:
         lines = shown(SECOND, "--details").splitlines()
         start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("1."))
@@ -118,14 +86,3 @@ class TestText:
         assert before.startswith("Something is wrong")
         assert after.startswith("Something may be wrong")
         assert after.endswith("nor from a sound machine.")
-
-    def test_names_from_outside_are_shown_not_obeyed(self, tmp_path: Path) -> None:
-        session = truth.make_session(21, truth.PROTOTYPE, truth.MICRON)
-        readings, machine = written(tmp_path, session, "\x1b[31mred.csv")
-        text = machine.read_text(encoding="utf-8")
-        name = '"[bold]\\u202Eevil[/bold]"'
-        machine.write_text(text.replace("truth-prototype", name), encoding="utf-8")
-        ran = diagnose(readings, "--machine", machine)
-        assert "\x1b" not in ran.out
-        assert "\u202e" not in ran.out
-        assert "[bold]" in ran.out

@@ -243,15 +243,6 @@ def test_the_order_of_rows_does_not_matter() -> None:
     assert second.causes[0].probability == pytest.approx(first.causes[0].probability)
 
 
-def test_zeros_of_the_gauges_do_not_matter() -> None:
-    readings, model = known(drawn("sign_flip", truth.MICRON, 2))
-    zeros = np.random.default_rng(2).uniform(-4.0, 4.0, 6)[readings.plan.setup]
-    moved = replace(readings, value=readings.value + zeros)
-    first, second = diagnose(readings, model), diagnose(moved, model)
-    assert ids(first) == ids(second) == ("sign_flip",)
-    assert second.offsets_mm == pytest.approx(first.offsets_mm, abs=1e-8)
-
-
 def one_alone(cause: str, size: float, place: int, seed: int) -> truth.Session:
     rng = np.random.default_rng([seed, place])
     plan = truth.standard_plan(truth.PROTOTYPE, rng)

@@ -53,20 +53,6 @@ def test_conditioning_and_predicting_agree_on_the_unknowns() -> None:
     np.testing.assert_allclose(covariances[1], covariance, atol=1e-12)
 
 
-def test_a_common_size_is_found_from_the_data() -> None:
-    """200 unknowns 2.5 times as large as stated, seen once each beside noise: within a fifth.
-
-    The relative spread of such an estimate is 1/√400 = 0.05.
-    """
-    rng = np.random.default_rng(3)
-    columns = np.hstack([rng.normal(size=(200, 3)), 0.02 * np.eye(200)])
-    unknowns = np.concatenate([rng.normal(size=3), 2.5 * rng.normal(size=200)])
-    data = columns @ unknowns + 0.01 * rng.normal(size=200)
-    sizes = np.concatenate([np.full(3, 10.0), np.ones(200)])
-    found = fit_size(columns, data, sizes, 0.01, np.arange(3, 203))
-    assert found == pytest.approx(2.5, rel=0.2)
-
-
 def test_what_free_unknowns_leave_has_nothing_of_them() -> None:
     values = RNG.standard_normal((7, 2))
     left = unexplained(COLUMNS, values)

@@ -31,7 +31,7 @@ from tests.estimation.sessions import (
     problem_of,
     readings,
 )
-from tests.machines import NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, extended, sure
+from tests.machines import NOMINAL, NOMINAL_LARGE, both_models, extended, sure
 
 UNEQUAL = [0.31, 0.27, 0.55, -0.12, 0.08, 0.49]
 
@@ -77,20 +77,6 @@ def papers_matrix(kind: DataKind, machine: Machine) -> Floats:
 def test_the_models_derivative_is_the_papers_matrix(model: Model, kind: DataKind) -> None:
     expected = papers_matrix(kind, model.machine)
     assert matrix_of(kind, model) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("name", "printed", "half_digit"),
-    [
-        ("a1", 0.20, 0.005), ("a2", -0.34, 0.005),
-        ("b1", 0.19, 0.005), ("b2", -0.32, 0.005), ("c1", 0.14, 0.005),
-        ("c2", -0.060, 0.001),  # errata, after eq. (16): printed as +0.06
-        ("b", 0.52, 0.005), ("c", 0.197, 0.001),  # printed 0.20
-    ],
-)  # fmt: skip
-def test_coefficients_of_the_prototype(name: str, printed: float, half_digit: float) -> None:
-    assert coefficients(PROTOTYPE)[name] == pytest.approx(printed, abs=half_digit)
-    assert np.abs(matrix_of(TWELVE, NOMINAL)).max() == pytest.approx(0.3223, abs=1e-4)
 
 
 @both_models

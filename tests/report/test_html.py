@@ -6,18 +6,14 @@ import re
 from dataclasses import replace
 from html import escape
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.files import GaugeIdentity, read_machine
 from orthoglide_cal.model import Details
 from orthoglide_cal.report.document import MARK
 from orthoglide_cal.report.escape import Html, in_html, tag
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.results.validity import validity
-from tests.machines import ROOT
 from tests.report.cases import changed, documents, report_of
 from tests.results import cases
 from tests.results.cases import identity_of
@@ -170,40 +166,6 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
     assert "Milling &amp; Sons" in head
     assert "instruction 12" not in head
     assert "<div>Authorised by B. Petit, date</div>" in whole
-
-
-@pytest.mark.parametrize(
-    ("due", "finished", "past"),
-    [
-        ("2027-01-31", "2027-02-01T08:00:00+01:00", True),
-        ("2027-01-31", "2027-01-31T23:00:00", False),
-        ("2027-01-31", "2026-12-24T08:00:00", False),
-        ("2027-01-31", "on a Monday", False),
-        ("2027-01-31", None, False),
-    ],
-)
-def test_a_gauge_that_was_due_before_the_measurement_is_marked(
-    tmp_path: Path, due: str, finished: str | None, past: bool
-):
-    """From the machine file to the page."""
-    path = tmp_path / "machine.yaml"
-    text = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
-    path.write_text(f"{text}report: {{gauge_due: {due}, place: Nantes}}\n", encoding="utf-8")
-    given = replace(cases.healthy().given, model=read_machine(path))
-    gauges = (GaugeIdentity(id="41", certificate="7", due=due),)
-    conditions = given.conditions.changed(finished=finished, gauges=gauges)
-    given = replace(given, conditions=conditions)
-    known = cases.healthy().answer.changed(validity=validity(given))
-    whole = html(report_of(replace(cases.healthy(), given=given, answer=known)).page())
-    assert "<dt>Place</dt><dd><bdi>Nantes</bdi></dd>" in whole
-    (said,) = re.findall(r"<dt>Gauges</dt><dd>(.*?)</dd>", whole)
-    said = re.sub("<.*?>", "", said)
-    assert due in said
-    assert ("overdue" in said) == past
-    # And beside the verdict, which is then not green.
-    (verdict,) = re.findall(r'<div class="notice (.*?)</div>', whole)
-    assert ("Gauge 41 is overdue" in verdict) == past
-    assert verdict.startswith("good") != past
 
 
 @pytest.mark.parametrize("name", ["healthy", "failed", "verified"])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.files import Input
 from orthoglide_cal.results.history import History, Story, compare, moment_of
 from orthoglide_cal.results.verification import verify
 from tests import truth
@@ -173,26 +172,8 @@ def test_the_name_of_a_file_tells_its_date(name, day):
     assert (found and found.isoformat()) == day
 
 
-def other_machine() -> Input:
-    """A session of a machine with other legs."""
+def test_another_machine_is_refused():
     exact, rng = Setting.exact(), np.random.default_rng(1)
-    return measured(truth.LARGE, truth.DIAL, TRUE, (), exact, rng, "other.csv")
-
-
-@pytest.mark.parametrize(
-    ("inputs", "more", "says"),
-    [
-        (lambda: [given(session(TRUE, 1))], {}, "two sessions"),
-        (lambda: [given(session(TRUE, 1)), other_machine()], {}, "several machines"),
-        (lambda: [given(session(TRUE, k)) for k in (1, 2)], {"dates": ["2026-03-02"]}, "1 dates"),
-        (
-            lambda: [given(session(TRUE, k)) for k in (1, 2)],
-            {"dates": ["2026-03-02", "soon"]},
-            "no date",
-        ),
-        (lambda: [given(session(TRUE, k)) for k in (1, 2)], {"limit_mm": 0.0}, "greater than"),
-    ],
-)
-def test_what_cannot_be_compared_is_refused(inputs, more, says):
-    with pytest.raises(UsageError, match=says):
-        compare(inputs(), **more)
+    other = measured(truth.LARGE, truth.DIAL, TRUE, (), exact, rng, "other.csv")
+    with pytest.raises(UsageError, match="several machines"):
+        compare([given(session(TRUE, 1)), other])

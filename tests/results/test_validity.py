@@ -102,6 +102,7 @@ def test_it_stands_beside_the_verdict_of_report_and_verify_and_in_json() -> None
         lines = {line.text for line in notice.lines if isinstance(line, doc.Doubtful)}
         assert lines == set(data["reservations"])
     assert verified.data()["before"]["validity"]["gauges"][0]["overdue"] is True
+    assert "overdue: " in html(reported.page())
 
 
 def test_a_simulated_session_is_no_certificate() -> None:

@@ -7,11 +7,9 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.session.events import RECORD, Opened, Planned, replay
-from orthoglide_cal.session.journal import Journal
 
-from .going_on import alone, choice, content, events_of, is_step, is_turn, without_times
+from .going_on import choice, content, events_of, is_step, is_turn, without_times
 from .terminal import Terminal, refused, run_program
-from .virtual import opened
 
 HERE = Path(__file__).parent
 
@@ -70,14 +68,6 @@ def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) 
         readings = [{**record["readings"][0], **spoilt}]
         with pytest.raises(ValueError, match=r"\w"):
             RECORD.validate_json(json.dumps({**record, "readings": readings}))
-
-
-def test_both_first_records_are_there_or_none(tmp_path: Path, first: Path) -> None:
-    path = tmp_path / "s.journal"
-    planned = Planned(at=opened().at, readings=(), following=alone(first))
-    journal = Journal.create(path, opened(), planned)
-    journal.close()
-    assert events_of(path) == (opened(), planned)
 
 
 def test_what_is_measured_is_said_once(first: Path, tmp_path: Path) -> None:

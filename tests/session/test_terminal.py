@@ -25,7 +25,6 @@ from .terminal import (
     PROGRAM,
     PROMPT,
     QUESTION,
-    SerialLine,
     Terminal,
     environment,
     run_program,
@@ -55,20 +54,6 @@ def file_of(folder: Path) -> dict[str, Any]:
     """The session file as any other program reads it."""
     content: dict[str, Any] = yaml.safe_load((folder / "s.yaml").read_text(encoding="utf-8"))
     return content
-
-
-def test_a_complete_session_through_a_serial_gauge(tmp_path: Path, line: SerialLine) -> None:
-    protocol = SINGLE
-    steps = steps_of(protocol)
-    values = readings_of(steps, 6)
-    options = ("s.yaml", "--protocol", protocol.split("-")[0], "--gauge", f"mahr:{line.path}")
-    with Terminal(tmp_path, *options) as terminal:
-        for step, value in zip(steps, values, strict=True):
-            assert terminal.step() == step.number
-            line.send(f"  {value:.3f} mm\r\n".encode())
-        assert terminal.finish() == 0
-    assert_fits(terminal.seen)
-    assert_found(tmp_path, protocol, 6, values)
 
 
 def test_colours_only_where_they_are_wanted(tmp_path: Path) -> None:
