@@ -236,8 +236,9 @@ def read_input(
 
     given = files.read_input(path, known_machine(machine_file), folder_machine, data)
     require_printer(given.measured.source, data)
-    known = tuple(sorted(set(rule_out or ())))
-    given = replace(given, model=replace(given.model, ruled_out=known))
+    if rule_out:
+        known = tuple(sorted(set(rule_out)))
+        given = replace(given, model=replace(given.model, ruled_out=known))
     try:
         return replace(given, keeper=read_machine_file(own_machine_file(machine_file)))
     except OrthocalError:
