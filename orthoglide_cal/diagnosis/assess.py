@@ -14,7 +14,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.candidates import Candidates, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, unit_of
-from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations, log_evidence
+from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations
 from orthoglide_cal.diagnosis.result import Verdict
 from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
 from orthoglide_cal.errors import PostureError
@@ -347,7 +347,7 @@ class Assessment:
         """Chance that noise as stated leaves more than the calibrated parameters alone do."""
         noise = self.at.white.machine.instrument.noise_mm
         dof = len(self.at.white) - self.alone.offsets.size
-        return chance_of_residual(self.alone.sum_of_squares(noise), dof, noise)
+        return chance_of_residual(self.alone.square, dof, noise)
 
     @cached_property
     def alone(self) -> Fitted:
@@ -516,9 +516,9 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
         new = list(chosen)
         found = fit_explanations([scores[ids] for ids in new])
         fits.update(zip(new, found, strict=True))
-        evidence.update((ids, log_evidence(scores[ids], fits[ids])) for ids in new)
+        evidence.update((ids, fits[ids].log_evidence) for ids in new)
         comparable = [ids for ids in new if unit_of(fits[ids].effects) == 1.0]
-        log_fit.update((ids, fits[ids].log_likelihood(at.noise.stated)) for ids in comparable)
+        log_fit.update((ids, fits[ids].log_likelihood) for ids in comparable)
         return Posterior.of(
             evidence, candidates.log_prior, patterns, remedies, odds, shape, doubted, log_fit
         )

@@ -363,7 +363,7 @@ def _again(correlation: float) -> Iterator[str]:
 def _lack_of_fit(found: Assessment, measured: Measured, nominal: Floats) -> LackOfFit:
     white, nothing = found.at.white, found.alone
     noise, dof = white.machine.instrument.noise_mm, len(white) - nothing.offsets.size
-    total = nothing.sum_of_squares(noise)
+    total = nothing.square
     repeats, chance = None, None
     if white.raw:
         repeats = scatter_of_repeats(white.plan, measured.value)

@@ -22,12 +22,9 @@ from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.scores import (
     BLUNDER_SCALES,
-    LOG_ALL,
     Remedy,
     Score,
-    all_or_one,
-    evidence_by_noise,
-    scaled,
+    evidence_at_fits,
 )
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
@@ -60,9 +57,12 @@ class Fitted(ReadOnly):
     uncertain of the data in addition to noise.
 
     Attributes:
-        log_density: ln p of the data if all parameters act, with the prior of places.
-        log_bounds: ln of how much likelier they make it than the prior does that widths are
-            positive, one by one.
+        log_evidence: as of `Score`; how much likelier the data make it than the prior does that
+            widths are positive is part of it.
+        log_likelihood: ln p of the data at the fit, without its constant; the sizes of causes do
+            not count, but that widths are positive does.
+        square: what noise must have left, σ²·χ² [mm²]: residuals, and how far what is uncertain of
+            the data had to be stretched; of k − 3 degrees of freedom, of the offsets alone.
         effects: its causes with their best parameters, each with its own covariance.
         offsets: shape (3,) [mm].
         covariance: of all unknowns, shape (q, q), internal units.
@@ -79,8 +79,9 @@ class Fitted(ReadOnly):
         remedy: what it asks of a technician.
     """
 
-    log_density: float
-    log_bounds: float
+    log_evidence: float
+    log_likelihood: float
+    square: float
     effects: tuple[Effect, ...]
     offsets: Floats
     covariance: Floats
@@ -149,32 +150,6 @@ class Fitted(ReadOnly):
         """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
         return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
 
-    def sum_of_squares(self, noise: float) -> float:
-        """What noise must have left, σ²·χ² of k − 3 degrees of freedom, of the offsets alone [mm²].
-
-        Residuals, and how far what is uncertain of the data had to be stretched.
-
-        Args:
-            noise: stated σ of one reading, by which the fit was weighed [mm].
-        """
-        found, _ = condition(self.columns, self.linear, self.sizes, noise)
-        stretched = noise * (found / self.sizes)[len(self.offsets) :]
-        return float(self.residual @ self.residual + stretched @ stretched)
-
-    def log_likelihood(self, noise: float) -> float:
-        """ln p of the data at the fit, without its constant; the sizes of causes do not count,
-        but that widths are positive does.
-
-        Args:
-            noise: stated σ of one reading [mm].
-        """
-        linear = self.linear - self.columns @ self.centre
-        found, _ = condition(self.columns, linear, self.sizes, noise)
-        carried = len(found) - sum(each.columns.shape[1] for each in self.uncertain)
-        stretched = noise * (found / self.sizes)[carried:]
-        square = float(self.residual @ self.residual + stretched @ stretched)
-        return self.log_bounds - 0.5 * square / noise**2
-
     def budget(self, gauge: Instrument) -> Budget:
         """The uncertainty of its offsets by source; what its causes leave open comes last."""
         width = len(self.offsets)
@@ -221,14 +196,14 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
     found: dict[int, Fitted] = {}
     for at in dict.fromkeys(each.at for each in searches):
         group = [n for n, each in enumerate(searches) if each.at is at]
-        by_noise = evidence_by_noise(
+        weighed = evidence_at_fits(
             [searches[n].score for n in group],
             [searches[n].own for n in group],
             [searches[n].linear + searches[n].added for n in group],
             [searches[n].seen for n in group],
         )
         found |= {
-            n: searches[n].fitted(scores[n], own) for n, own in zip(group, by_noise, strict=True)
+            n: searches[n].fitted(scores[n], *own) for n, own in zip(group, weighed, strict=True)
         }
     return [found[n] for n in range(len(scores))]
 
@@ -355,10 +330,12 @@ class _Search:
             self.offsets = self.offsets - self.found[: self.width]
             self._solve()
 
-    def fitted(self, score: Score, by_noise: Floats) -> Fitted:
+    def fitted(self, score: Score, by_noise: Floats, log_evidence: float) -> Fitted:
         """The fit, of this explanation or of one that holds an exchange besides.
 
-        `by_noise` is its log evidence by scale and σ, shape (s, g).
+        Args:
+            score: that one, or its own.
+            by_noise, log_evidence: as `evidence_at_fits` gives them.
         """
         at, columns, linear = self.at, self.columns, self.linear
         log = float(log_sum(by_noise))
@@ -390,15 +367,21 @@ class _Search:
             else:
                 effects.append(cause.at(np.array([count] if count else [], np.float64), place))
             slots = (*slots, slot)
+        if score.replanned is not None:
+            log_evidence += score.log_evidence - score.replanned.log_evidence
+        residual, carried = linear - columns @ found, self.own.shape[1] + self.free.shape[1]
+        stretched = at.noise.stated * ((found - centre) / sizes)[carried:]
+        square = float(residual @ residual + stretched @ stretched)
         return Fitted(
-            log_density=log,
-            log_bounds=bounds,
+            log_evidence=log_evidence + bounds,
+            log_likelihood=bounds - 0.5 * square / at.noise.stated**2,
+            square=square,
             effects=tuple(effects),
             offsets=self.offsets + (found - self.found)[: self.width],
             covariance=covariance,
             slots=slots,
             linear=linear,
-            residual=linear - columns @ found,
+            residual=residual,
             local=columns[:, self.local] @ found[self.local],
             columns=columns,
             centre=centre,
@@ -408,27 +391,6 @@ class _Search:
             uncertain=self.uncertain,
             remedy=score.remedy,
         )
-
-
-def log_evidence(score: Score, fit: Fitted) -> float:
-    """Log evidence of an explanation at its fit: as of `Score`.
-
-    Widths are positive: how much likelier the data make that than the prior does is part of it.
-    """
-    at, base = score.at, score.base
-    if score.replanned is not None:
-        more = score.log_evidence - score.replanned.log_evidence
-        return log_evidence(score.replanned, fit) + more
-    log = fit.log_density
-    if score.extra is None and len(base) == 1:
-        width = fit.offsets.size
-        own = fit.columns[:, : width + base[0].unknowns]
-        mine = own[:, width:] * at.sizes(base)[width:]
-        others = scaled(at, own[:, :width], ())
-        (log,) = all_or_one([(base[0], mine, log)], others, fit.linear, at.noise, at.scales)
-    elif base:
-        log += LOG_ALL
-    return log + fit.log_bounds
 
 
 @dataclass(frozen=True)
@@ -504,23 +466,11 @@ def predict_later(
             data; nothing else is. All of them where the machine was calibrated anew.
         before: the machine of the first data; None for the same as later.
     """
-    lasting = [effect for effect in fit.effects if effect.cause.lasting]
-    offsets, width = fit.offsets - applied, fit.offsets.size
-    then = [effect.transferred(before or later.machine, later.machine) for effect in lasting]
-    if free == width:
-        extended = replace(later.problem, model=later.problem.model.extended(then))
-        offsets = fit_offsets(extended, later.data).offsets_mm
-    ((predicted, jacobian),) = later.linearised((offsets, then))
-    columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
-    error = later.data - predicted
-    spread = _spread(fit, columns[:, free:], joint[free:, free:])
-    by_offsets, scaled_error = whiten(spread, jacobian[:, :free], error)
+    error, jacobian, scaled_error, by_parameter = _errors(later, fit, applied, free, before)
     if free:
         # What a fit to these errors leaves, of as many as it leaves free.
-        error, scaled_error = (
-            unexplained(own, left)
-            for own, left in ((jacobian[:, :free], error), (by_offsets, scaled_error))
-        )
+        error = unexplained(jacobian[:, :free], error)
+        scaled_error = unexplained(by_parameter[:, :free], scaled_error)
         scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
     return HeldOut(rms(error if later.raw else later.root @ error), rms(scaled_error))
 
@@ -534,21 +484,33 @@ def moved_origin(later: Whitened, fit: Fitted, applied: Floats) -> Floats | None
         Shape (h,) [mm]; None where nothing says that they do.
     """
     homed = later.machine.homed
-    lasting = [effect for effect in fit.effects if effect.cause.lasting]
-    offsets = fit.offsets - applied
-    ((predicted, jacobian),) = later.linearised((offsets, lasting))
-    columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
-    spread = _spread(fit, columns, joint)
-    by_origin, error = whiten(spread, jacobian[:, :homed], later.data - predicted)
+    _, _, error, by_parameter = _errors(later, fit, applied, 0, None)
+    by_origin = by_parameter[:, :homed]
     left = unexplained(by_origin, error)
     if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
         return None
     return np.asarray(np.linalg.lstsq(by_origin, error)[0])
 
 
-def _spread(fit: Fitted, columns: Floats, joint: Floats) -> Floats:
-    """Covariance of what is predicted, shape (k, k): noise, and unknowns of covariance (u, u)."""
-    return np.asarray(fit.sigma**2 * np.eye(len(columns)) + columns @ joint @ columns.T)
+def _errors(
+    later: Whitened, fit: Fitted, applied: Floats, free: int, before: Machine | None
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Errors (k,) of predicting later data and their derivatives by the parameters, (k, 3) [mm];
+    both again in units of what is stated for them. Arguments as of `predict_later`.
+    """
+    lasting = [effect for effect in fit.effects if effect.cause.lasting]
+    then = [effect.transferred(before or later.machine, later.machine) for effect in lasting]
+    offsets = fit.offsets - applied
+    if free == offsets.size:
+        extended = replace(later.problem, model=later.problem.model.extended(then))
+        offsets = fit_offsets(extended, later.data).offsets_mm
+    ((predicted, jacobian),) = later.linearised((offsets, then))
+    columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
+    columns, joint = columns[:, free:], joint[free:, free:]
+    spread = fit.sigma**2 * np.eye(len(later)) + columns @ joint @ columns.T
+    error, jacobian = later.data - predicted, jacobian[:, : offsets.size]
+    scaled_error, by_parameter = whiten(spread, error, jacobian)
+    return error, jacobian, scaled_error, by_parameter
 
 
 def known_then(

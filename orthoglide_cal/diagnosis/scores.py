@@ -11,13 +11,14 @@ import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_mean, log_sum
-from orthoglide_cal.diagnosis.explanations import Extra, Linearised, Placed
+from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.model import Cause, Floats, Machine, Place, Plan
@@ -121,12 +122,19 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
     by_noise = density.by_noise(residual)
     scores = _alone(at, bases, by_noise)
     if broad:
-        own = [at.jacobians[cause.id] * cause.prior_std(machine) for cause in broad]
-        logs = [scores[ids_of(cause)].log_evidence for cause in broad]
-        together = list(zip(broad, own, logs, strict=True))
-        either = all_or_one(together, scaled(at, at.jacobian, ()), residual, at.noise, at.scales)
-        for cause, mean in zip(broad, either, strict=True):
-            scores[ids_of(cause)] = replace(scores[ids_of(cause)], log_evidence=mean)
+        others = offsets_and_seen(at, at.jacobian)
+        acting = [
+            Acting(
+                cause,
+                at.jacobians[cause.id] * cause.prior_std(machine),
+                others,
+                residual,
+                scores[(cause.id,)].log_evidence,
+            )
+            for cause in broad
+        ]
+        for cause, mean in zip(broad, all_or_one(acting, at.noise, at.scales), strict=True):
+            scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
     density, by_noise = density.first(*at.usual), by_noise[:, : at.usual[0]] - at.usual[1]
     power, match = density.against(at.patterns, residual)
     for placed in at.extras.values():
@@ -177,9 +185,10 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Score]:
     return {ids_of(*base): Score(at, value, base, scale) for base, value, scale in each}
 
 
-def scaled(at: Linearised, columns: Floats, base: Sequence[Cause], scale: float = 1.0) -> Floats:
-    """B of a base from its derivatives (k, 3 + p): scaled by plausible sizes, shape (k, r) [mm]."""
-    return np.hstack([columns * at.sizes(base, scale), at.seen])
+def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
+    """What acts without any cause, (k, r) [mm]: offsets, from their derivatives (k, 3), and what is
+    uncertain of the data and shows."""
+    return np.hstack([OFFSETS_MM * jacobian, at.seen])
 
 
 def density_of(
@@ -197,49 +206,64 @@ def density_of(
     width = max(own.shape[1] + more.shape[1] for own, more in zip(columns, seen, strict=True))
     padded = np.zeros((len(bases), len(at.white), width))
     sizes = np.ones((len(bases), len(at.scales), width))
+    first, scales = at.jacobian.shape[1], np.array(list(at.scales))[:, None]
     for number, (own, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
         end = own.shape[1]
         padded[number, :, :end] = own
         padded[number, :, end : end + more.shape[1]] = more
-        sizes[number, :, :end] = [at.sizes(base, scale) for scale in at.scales]
+        sizes[number, :, :end] = at.sizes(base)
+        sizes[number, :, first:end] *= scales
     return at.noise.density(padded, sizes, np.log(list(at.scales.values())))
 
 
+class Acting(NamedTuple):
+    """A cause that may act with all its parameters, or with any one of them.
+
+    Attributes:
+        cause: the cause.
+        own: its columns, scaled by their plausible sizes, shape (k, p) [mm].
+        others: scaled columns of everything else, shape (k, r) [mm]; as many of each cause.
+        residual: data minus the model without the cause, shape (k,) [mm].
+        log_all: its log evidence if all its parameters act.
+    """
+
+    cause: Cause
+    own: Floats
+    others: Floats
+    residual: Floats
+    log_all: float
+
+
 def all_or_one(
-    together: Sequence[tuple[Cause, Floats, float]],
-    others: Floats,
-    residual: Floats,
-    noise: NoiseGrid,
-    scales: Mapping[float, float],
+    acting: Sequence[Acting], noise: NoiseGrid, scales: Mapping[float, float]
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
 
     Args:
-        together: each cause, its columns scaled by their plausible sizes, shape (k, p) [mm], and
-            its log evidence if all its parameters act.
-        others: scaled columns of everything else, shape (k, r) [mm].
-        residual: data minus the model without the cause, shape (k,) [mm].
+        acting: the causes.
         noise: the grid.
         scales: of their sizes, and the share of each.
     """
-    counts = [len(cause.names) for cause, _, _ in together]
-    always = others.shape[1]
-    width = always + 1 + max(len(cause.nuisance) for cause, _, _ in together)
-    columns = np.zeros((sum(counts), len(residual), width))
-    columns[..., :always] = others
+    if not acting:
+        return []
+    counts = [len(each.cause.names) for each in acting]
+    k, always = acting[0].others.shape
+    width = always + 1 + max(len(each.cause.nuisance) for each in acting)
+    columns = np.zeros((sum(counts), k, width))
     rows = np.split(columns, np.cumsum(counts)[:-1])
-    for (cause, own, _), filled in zip(together, rows, strict=True):
-        named = len(cause.names)
-        filled[..., always] = own[:, :named].T
-        filled[..., always + 1 : always + 1 + len(cause.nuisance)] = own[:, named:]
+    for each, named, filled in zip(acting, counts, rows, strict=True):
+        filled[..., :always] = each.others
+        filled[..., always] = each.own[:, :named].T
+        filled[..., always + 1 : always + 1 + len(each.cause.nuisance)] = each.own[:, named:]
     sizes = np.ones((len(scales), width))
     sizes[:, always:] = np.array(list(scales))[:, None]
-    shares = np.log(list(scales.values()))
-    logs = log_sum(noise.density(columns, sizes, shares).by_noise(residual), (1, 2))
-    each = np.split(logs, np.cumsum(counts)[:-1])
+    density = noise.density(columns, sizes, np.log(list(scales.values())))
+    residuals = np.repeat(np.stack([each.residual for each in acting]), counts, axis=0)
+    logs = log_sum(density.log_density(residuals[:, None, :, None]), (1, 2, 3))
+    singles = np.split(logs, np.cumsum(counts)[:-1])
     return [
-        float(np.logaddexp(log_all + LOG_ALL, log_mean(ones) + math.log(1.0 - ALL)))
-        for (_, _, log_all), ones in zip(together, each, strict=True)
+        float(np.logaddexp(each.log_all + LOG_ALL, log_mean(ones) + math.log(1.0 - ALL)))
+        for each, ones in zip(acting, singles, strict=True)
     ]
 
 
@@ -269,13 +293,13 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     return scores
 
 
-def evidence_by_noise(
+def evidence_at_fits(
     scores: Sequence[Score],
     columns: Sequence[Floats],
     residuals: Sequence[Floats],
     seen: Sequence[Floats],
-) -> Iterator[Floats]:
-    """Log evidence of explanations by scale and σ, each of shape (s, g).
+) -> Iterator[tuple[Floats, float]]:
+    """Of explanations the log density by scale and σ if all parameters act, (s, g), and evidence.
 
     Args:
         scores: the explanations, of one linear model; of a relabelling only the place at which it
@@ -288,22 +312,31 @@ def evidence_by_noise(
     at, bases = scores[0].at, [score.base for score in scores]
     density = density_of(at, columns, bases, seen)
     every = density.log_density(np.stack(residuals)[:, None, :, None])[..., 0]
-    few, share = at.usual
+    (few, share), first = at.usual, at.jacobian.shape[1]
+    densities, acting = [], dict[int, Acting]()
     for number, (score, by_noise) in enumerate(zip(scores, every, strict=True)):
-        extra = score.extra
-        if extra is not None or len(score.base) > 1:
+        base, extra, own, residual = score.base, score.extra, columns[number], residuals[number]
+        if extra is not None or len(base) > 1:
             by_noise = by_noise[:few] - share
-        if extra is None:
-            yield by_noise
-            continue
-        placed = at.extras[extra.cause.id]
-        if isinstance(extra.cause, RelabelCause):
-            yield by_noise + placed.log_weight[extra.place]
-            continue
-        own = density_of(at, [columns[number]], [score.base], [seen[number]]).first(*at.usual)
-        power, match = own.against(at.patterns[:, placed.own], residuals[number])
-        log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
-        yield log_sum(log[0] + placed.weights, (-2, -1))
+        if extra is not None:
+            placed = at.extras[extra.cause.id]
+            if isinstance(extra.cause, RelabelCause):
+                by_noise = by_noise + placed.log_weight[extra.place]
+            else:
+                alone = density_of(at, [own], [base], [seen[number]]).first(*at.usual)
+                power, match = alone.against(at.patterns[:, placed.own], residual)
+                log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
+                by_noise = log_sum(log[0] + placed.weights, (-2, -1))
+        elif len(base) == 1:
+            mine, others = own[:, first:] * at.sizes(base)[first:], own[:, :first]
+            log_all = float(log_sum(by_noise))
+            acting[number] = Acting(base[0], mine, offsets_and_seen(at, others), residual, log_all)
+        densities.append(by_noise)
+    either = all_or_one(list(acting.values()), at.noise, at.scales)
+    means = dict(zip(acting, either, strict=True))
+    for number, (score, by_noise) in enumerate(zip(scores, densities, strict=True)):
+        together = float(log_sum(by_noise)) + (LOG_ALL if score.base else 0.0)
+        yield by_noise, means.get(number, together)
 
 
 def pattern_density(
@@ -367,7 +400,7 @@ class Unlisted:
 def score_unlisted(at: Linearised) -> list[Unlisted]:
     """Every unlisted pattern, in addition to the offsets."""
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
-    offsets = scaled(at, at.jacobian, ())
+    offsets = offsets_and_seen(at, at.jacobian)
     patterns = [
         (what, at.white.matrix @ pattern * stated)
         for what, pattern in at.white.plan.patterns(at.white.raw)

@@ -193,7 +193,7 @@ class _Read:
         white = Whitened.of(given.measured, given.model if last.machine.probes else last)
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         (alone,) = _fits(white, ())
-        plain = dof > 0 and chance_of_residual(alone.sum_of_squares(noise), dof, noise) > PLAIN
+        plain = dof > 0 and chance_of_residual(alone.square, dof, noise) > PLAIN
         found = None if plain else assess(white)
         return cls(given, white, alone, found, last.machine)
 

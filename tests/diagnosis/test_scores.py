@@ -12,8 +12,7 @@ from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
-from orthoglide_cal.diagnosis.fit import log_evidence
-from orthoglide_cal.diagnosis.scores import all_or_one
+from orthoglide_cal.diagnosis.scores import Acting, all_or_one
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model import Cause, Effect, Floats, GaugePlan, simulate
 from tests import truth
@@ -234,10 +233,10 @@ def test_evidence_is_the_mean_over_all_and_each() -> None:
     ]
     expected = np.log(ALL * np.exp(together) + (1.0 - ALL) * np.mean(np.exp(each)))
     gap = rng.normal(0.0, 0.02, (20, 3))
-    alone = all_or_one([(cause, own, together)], others, residual, noise, SCALES)
-    both = [(CAUSES["axis_gap"], gap, 0.0), (cause, own, together)]
-    assert alone == pytest.approx([expected], abs=1e-6)
-    assert all_or_one(both, others, residual, noise, SCALES)[1] == pytest.approx(expected, abs=1e-6)
+    alone = Acting(cause, own, others, residual, together)
+    both = [Acting(CAUSES["axis_gap"], gap, 2.0 * others, 2.0 * residual, 0.0), alone]
+    assert all_or_one([alone], noise, SCALES) == pytest.approx([expected], abs=1e-6)
+    assert all_or_one(both, noise, SCALES)[1] == pytest.approx(expected, abs=1e-6)
     assert each[1] == max(*each, together)
 
 
@@ -348,8 +347,7 @@ def test_refined_evidence_against_weighted_samples_of_the_full_model(cause: str)
     residual, columns = linear_model(found, (kind,))
     sampled = either(sampled, one_alone(noise, kind, columns, residual, 0))
     tolerance = 0.5 if kind.positive else 0.05
-    score = found.scores[cause,]
-    assert log_evidence(score, fit) == pytest.approx(sampled, abs=tolerance + 3.0 * error)
+    assert fit.log_evidence == pytest.approx(sampled, abs=tolerance + 3.0 * error)
 
 
 def test_the_offsets_only_fit_is_that_of_solve() -> None:
