@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
@@ -60,6 +59,12 @@ PLACE_LIKELY = 0.05
 WEIGHS = 0.01
 
 
+def sizeless(ids: Ids, part: Ids) -> bool:
+    """Whether what a set adds to a part of it are faults without size, such as an exchange."""
+    more = set(ids) - set(part)
+    return set(part) < set(ids) and not any(CAUSES[id].unknowns for id in more)
+
+
 def bound(ids: Ids, best: Ids) -> float:
     """From which probability relative to the best answer a set of causes is left open.
 
@@ -71,10 +76,14 @@ def bound(ids: Ids, best: Ids) -> float:
     return WITHOUT_SIZE if sizeless(ids, best) else 1.0 / ODDS_TO_NAME
 
 
-def sizeless(ids: Ids, part: Ids) -> bool:
-    """Whether what a set adds to a part of it are faults without size, such as an exchange."""
-    more = set(ids) - set(part)
-    return set(part) < set(ids) and not any(CAUSES[id].unknowns for id in more)
+def probabilities(
+    log_evidence: Mapping[Ids, float], log_prior: Mapping[Ids, float], unlisted: Mapping[str, float]
+) -> tuple[Mapping[Ids, float], Mapping[str, float]]:
+    """Bayes' rule; `unlisted` holds evidence and prior weight together."""
+    logs = {ids: value + log_prior[ids] for ids, value in log_evidence.items()}
+    total = log_sum(np.array([*logs.values(), *unlisted.values()]))
+    listed = {ids: float(np.exp(value - total)) for ids, value in logs.items()}
+    return listed, {what: float(np.exp(value - total)) for what, value in unlisted.items()}
 
 
 @dataclass(frozen=True)
@@ -100,32 +109,6 @@ class Posterior:
     doubted: Ids = ()
     log_prior: Mapping[Ids, float] = field(default_factory=dict)
     log_fit: Mapping[Ids, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(
-        cls,
-        log_evidence: Mapping[Ids, float],
-        log_prior: Mapping[Ids, float],
-        unlisted: Mapping[str, float],
-        remedies: Mapping[Ids, Hashable],
-        odds: float,
-        shape: str = "",
-        doubted: Ids = (),
-        log_fit: Mapping[Ids, float] = MappingProxyType({}),
-    ) -> Posterior:
-        """Bayes' rule; `unlisted` holds evidence and prior weight together."""
-        logs = {ids: value + log_prior[ids] for ids, value in log_evidence.items()}
-        total = log_sum(np.array([*logs.values(), *unlisted.values()]))
-        return cls(
-            {ids: float(np.exp(value - total)) for ids, value in logs.items()},
-            {what: float(np.exp(value - total)) for what, value in unlisted.items()},
-            remedies,
-            odds,
-            shape,
-            doubted,
-            log_prior,
-            log_fit,
-        )
 
     @cached_property
     def _answers(self) -> Mapping[Hashable, tuple[Ids, ...]]:
@@ -179,13 +162,18 @@ class Posterior:
 
         A set that holds another rival and adds to it says nothing new, unless it is the likelier.
         """
-        share, same = self._share(self.best), self.same_answer(self.best)
-        held = {self.as_shape(self.best), *self._with_doubted()}
+        best, share, same = self.best, self._share(self.best), self.same_answer(self.best)
+        held = {self.as_shape(best)}
+        if self.shape and any(CAUSES[id].repeats for id in best):
+            # It leaves open what makes the shape: the likeliest with each cause that is doubted.
+            for doubted in set(self.doubted) - set(best):
+                sets = (ids for ids in self.listed if doubted in ids)
+                held |= set(sorted(sets, key=self.listed.__getitem__)[-1:])
+
         found = [
             ids
             for ids, value in self.listed.items()
-            if ids not in ((), self.best, *same)
-            if ids in held or value >= bound(ids, self.best) * share
+            if ids not in ((), best, *same) and (ids in held or value >= bound(ids, best) * share)
         ]
         kept = [
             ids
@@ -196,14 +184,6 @@ class Posterior:
             )
         ]
         return tuple(sorted(kept, key=lambda ids: -self.listed[ids]))
-
-    def _with_doubted(self) -> Iterator[Ids]:
-        """Where the best set leaves open what makes a shape: the likeliest with each such cause."""
-        if not self.shape or not any(CAUSES[id].repeats for id in self.best):
-            return
-        for doubted in set(self.doubted) - set(self.best):
-            sets = (ids for ids in self.listed if doubted in ids)
-            yield from sorted(sets, key=self.listed.__getitem__)[-1:]
 
     def silent(self, ids: Ids, part: Ids) -> bool:
         """Whether the data say nothing of what a set adds to a part of it.
@@ -219,15 +199,14 @@ class Posterior:
             gain = min(gain, self.log_fit[ids] - self.log_fit[part])
         return gain < math.log(SPEAKS)
 
-    def unshown(self, best: Ids | None = None) -> tuple[Ids, ...]:
-        """Faults without size besides an answer, the best by default, of which data say nothing,
-        however likely they are."""
-        best = self.best if best is None else best
-        share = self._share(best)
+    def unshown(self) -> tuple[Ids, ...]:
+        """Faults without size besides the best answer of which the data say nothing, however likely
+        they are."""
+        best, least = self.best, WITHOUT_SIZE * self._share(self.best)
         return tuple(
             ids
             for ids, value in self.listed.items()
-            if sizeless(ids, best) and value >= WITHOUT_SIZE * share and self.silent(ids, best)
+            if sizeless(ids, best) and value >= least and self.silent(ids, best)
         )
 
     def nearly_dismissed(self, ids: Ids) -> bool:
@@ -297,20 +276,11 @@ def judge(posterior: Posterior, misfit: float) -> Judgement:
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
-    """Explanations of one data set with their probabilities.
+    """Explanations of one data set with their probabilities."""
 
-    Attributes:
-        at: the data, and what every candidate would do to them.
-        scores: set of ids → its score where the offsets-only model fits best.
-        fits: nonlinear fits made so far.
-        unlisted: patterns beyond the list.
-        posterior: probabilities.
-        judgement: the verdict, and what it accepts.
-    """
-
-    at: Linearised
-    scores: Mapping[Ids, Score]
-    fits: dict[Ids, Fitted]
+    at: Linearised  # the data, and what every candidate would do to them
+    scores: Mapping[Ids, Score]  # where the offsets-only model fits best
+    fits: dict[Ids, Fitted]  # nonlinear ones made so far
     unlisted: tuple[Unlisted, ...]
     posterior: Posterior
     judgement: Judgement
@@ -406,7 +376,7 @@ class Assessment:
         best, posterior = self.judgement.accepted, self.posterior
         total = sum(posterior.listed[ids] for ids in (best, *posterior.same_answer(best)))
         found = []
-        for ids in posterior.unshown(best):
+        for ids in posterior.unshown():
             (more,) = set(ids) - set(best)
             places = self.scores[ids].at_places(PLACE_LIKELY, PLACES)
             fits = fit_explanations([score for _, score in places])
@@ -519,36 +489,34 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
         evidence.update((ids, fits[ids].log_evidence) for ids in new)
         comparable = [ids for ids in new if unit_of(fits[ids].effects) == 1.0]
         log_fit.update((ids, fits[ids].log_likelihood) for ids in comparable)
-        return Posterior.of(
-            evidence, candidates.log_prior, patterns, remedies, odds, shape, doubted, log_fit
+        listed, beyond = probabilities(evidence, candidates.log_prior, patterns)
+        return Posterior(
+            listed, beyond, remedies, odds, shape, doubted, candidates.log_prior, log_fit
         )
 
     posterior = weighed(ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
-    if at.local.any():
+    # With a local shape that is found to be larger or smaller, the noise is found, too.
+    noise_found = bool(at.local.any())
+    if noise_found:
         # Of printers the causes are large against what linear scores can follow.
         again = [ids for ids in order if ids not in fits and posterior.nearly_dismissed(ids)]
         posterior = weighed(again[:FITS])
-    best = posterior.best
-    # What has no size is judged by the fits, too.
-    likely = [ids for ids in posterior.listed if any(sizeless(ids, (id,)) for id in ids)]
-    likely = [
-        ids for ids in likely if posterior.listed[ids] >= WITHOUT_SIZE * posterior.listed[best]
-    ]
-    parts = [(id,) for ids in likely for id in ids if sizeless(ids, (id,))]
-    # Linear scores know no bounds: what is left open is so by its fit.
-    first = dict.fromkeys((*likely, *parts, best, *posterior.rivals()))
-    missing = [ids for ids in first if ids not in fits]
+    # What has no size is judged by the fits, too; and linear scores know no bounds: what is left
+    # open is so by its fit.
+    least = WITHOUT_SIZE * posterior.listed[posterior.best]
+    likely = [ids for ids, value in posterior.listed.items() if value >= least]
+    pairs = [(ids, (id,)) for ids in likely for id in ids if sizeless(ids, (id,))]
+    wanted = [*(ids for ids, _ in pairs), *(part for _, part in pairs)]
     for _ in range(FITS):
+        wanted += (posterior.best, *posterior.rivals())
+        missing = [ids for ids in dict.fromkeys(wanted) if ids not in fits]
         if not missing:
             break
         posterior = weighed(missing)
-        best = posterior.best
-        missing = [ids for ids in (best, *posterior.rivals()) if ids not in fits]
+    best = posterior.best
     if best not in fits:
         posterior = weighed([best])
     left = fits[best].residual
-    # With a local shape that is found to be larger or smaller, the noise is found, too.
-    noise_found = bool(at.local.any())
     noise = max(at.noise.stated, fits[best].sigma if noise_found else 0.0)
     misfit = chance_of_residual(float(left @ left), len(white) - fits[best].unknowns, noise)
     found = Assessment(at, scores, fits, unlisted, posterior, judge(posterior, misfit))

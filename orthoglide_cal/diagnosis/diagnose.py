@@ -13,7 +13,7 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import BEYOND, DISMISSED, Assessment, assess
 from orthoglide_cal.diagnosis.baselines import REPEATS, baselines, repeats
-from orthoglide_cal.diagnosis.candidates import Ids
+from orthoglide_cal.diagnosis.candidates import Ids, ids_of
 from orthoglide_cal.diagnosis.explanations import Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import HeldOut, leave_out_cells, moved_origin, predict_later
 from orthoglide_cal.diagnosis.result import (
@@ -65,9 +65,8 @@ def diagnose(
     with _weighable(model):
         white = Whitened.of(measured, model)
         changed = model.machine.differing(then.machine) if then is not None else ()
-        anew = bool(changed)
-        known = then if then is not None and anew else model
-        anew = anew if recalibrated is None else recalibrated
+        known = then if then is not None and changed else model
+        anew = bool(changed) if recalibrated is None else recalibrated
         later = None if holdout is None else Whitened.of(holdout, known)
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
@@ -76,10 +75,30 @@ def diagnose(
         found, again = _assessed(white, later)
         nothing, accepted = found.fit(()), found.accepted
         causes: tuple[FoundCause, ...] = ()
-        shift, free, beside = None, len(entered) * anew, None
-        if later is not None and not anew:
+        free, beside, told = len(entered) * anew, None, list[str]()
+        if later is not None and anew:
+            replaced = f" (other {', '.join(changed)} in force)" if changed else ""
+            told.append(
+                f"The machine was recalibrated before the held-out readings{replaced}: with and"
+                " without the extension its calibrated parameters are left free and fitted to"
+                " them, and the extension is carried over unchanged."
+            )
+        elif later is not None:
             shift = moved_origin(later, found.carried, entered)
-            free = 0 if shift is None else len(shift)
+            if shift is not None:
+                free = len(shift)
+                names = zip(model.machine.parameter_names, shift.tolist(), strict=False)
+                moves = ", ".join(f"{name} by {value:+.3f}" for name, value in names)
+                told.append(
+                    f"Between the two measurements the origin of the endstops has moved: {moves}"
+                    " mm. Nothing of it was entered. They are fitted to the held-out readings; all"
+                    " else is carried over."
+                )
+        if again is not None and again > REPEATS:
+            told.append(
+                f"The residual maps of these dates repeat (r = {again:.2f}): what the parameters"
+                " leave is a shape that lasts, not noise."
+            )
         if accepted.effects or (probes and (sensitivity or later is not None)):
             before, after = (
                 predict_later(later, fit, entered, free, model.machine)
@@ -100,7 +119,7 @@ def diagnose(
                 other = found.scaled(factor).judgement
                 changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
         offsets, covariance = found.offsets
-        unshown = _unshown(found)
+        unshown = _unshown(found, offsets, half_width(np.inf) * np.sqrt(np.diag(covariance)))
         matter = {fault.id for fault in unshown if fault.matters}
         nominal = _predicted(white, measured, found.at.residuals[0])
         return Diagnosis(
@@ -128,13 +147,7 @@ def diagnose(
             explanations=_explanations(found),
             unshown=unshown,
             beyond_tolerance=tuple(TimesStated(id=id, times=times) for id, times in found.beyond),
-            notes=(
-                *_notes(found, measured),
-                *(_recalibrated(changed) if anew and later is not None else ()),
-                *(() if shift is None else (_moved(model, shift),)),
-                *(() if again is None else _again(again)),
-                *_of_local_shape(found),
-            ),
+            notes=(*_notes(found, measured), *told, *_of_local_shape(found)),
         )
 
 
@@ -227,11 +240,11 @@ def _doubtful(found: Assessment, id: str) -> list[str]:
 
 def _explanations(found: Assessment) -> tuple[Explanation, ...]:
     """All that were tried, best first, with the parameters of those that are left open."""
-    machine = found.at.white.problem.model.machine
-    fits = {frozenset(effect.cause.id for effect in fit.effects): fit for _, fit in found.left_open}
+    names = found.at.white.machine.parameter_names
+    fits = {ids_of(*(effect.cause for effect in fit.effects)): fit for _, fit in found.left_open}
 
     def told(ids: Ids, probability: float) -> Explanation:
-        fit = fits.get(frozenset(ids))
+        fit = fits.get(ids)
         if fit is None:
             return Explanation(ids=ids, probability=probability)
         std = np.sqrt(np.diag(fit.joint_covariance()))
@@ -239,7 +252,7 @@ def _explanations(found: Assessment) -> tuple[Explanation, ...]:
             ids=ids,
             probability=probability,
             rms_mm=found.at.white.rms(fit.left) if ids else None,
-            parameters=estimated(machine.parameter_names, fit.offsets, std),
+            parameters=estimated(names, fit.offsets, std),
         )
 
     tried = [told(ids, value) for ids, value in found.posterior.listed.items()]
@@ -248,10 +261,9 @@ def _explanations(found: Assessment) -> tuple[Explanation, ...]:
     return tuple(sorted(tried, key=lambda each: -each.probability))
 
 
-def _unshown(found: Assessment) -> tuple[UnshownFault, ...]:
-    """Each fault that would not show, with all places where it may be."""
-    white, (offsets, covariance) = found.at.white, found.offsets
-    machine, u = white.machine, half_width(np.inf) * np.sqrt(np.diag(covariance))
+def _unshown(found: Assessment, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:
+    """Each fault that would not show, with all places where it may be; U (3,) of the offsets."""
+    white, machine = found.at.white, found.at.white.machine
     wheres: dict[str, list[str]] = {}
     moved: dict[str, Floats] = {}
     for id, _, fit in found.unshown:
@@ -277,13 +289,26 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[FoundCau
 
     What can act together with any other comes after it.
     """
-    machine = found.at.white.problem.model.machine
-    white, accepted = found.at.white, found.accepted
+    white, machine = found.at.white, found.at.white.machine
+    accepted, posterior = found.accepted, found.posterior
+    ids, rivals = set(found.judgement.accepted), posterior.rivals()
     falls = after.rms_mm < LOWER * before.rms_mm
+
+    def sure(id: str) -> bool:
+        """No explanation without this cause needs a fault of the measurement in its place."""
+        instead = {other for rival in rivals if id not in rival for other in rival} - ids
+        return id == posterior.shape or all(CAUSES[other].compensable for other in instead)
+
+    def aliases(id: str) -> Ids:
+        """What stands in its place in a rival explanation, or in one of the same remedy."""
+        others = (*posterior.same_answer(found.judgement.accepted), *rivals)
+        instead = (each for each in others if ids - {id} <= set(each) and id not in each)
+        return tuple(dict.fromkeys(o for each in instead for o in each if o not in ids))
+
     named = [
         FoundCause(
             id=effect.cause.id,
-            probability=found.posterior.listed[found.judgement.accepted],
+            probability=posterior.listed[found.judgement.accepted],
             where=where,
             parameters=tuple(
                 CauseParameter(name=name, **each._asdict(), expanded=half_width(np.inf) * each.std)
@@ -294,12 +319,12 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[FoundCau
             heldout_before_mm=before.rms_mm,
             heldout_after_mm=after.rms_mm,
             heldout_ratio=after.ratio,
-            aliases=_aliases(found, effect),
+            aliases=aliases(effect.cause.id),
             times_stated=times if times > BEYOND else None,
             remedy=effect.cause.words(machine).advice.format(where=where),
             recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
             and falls
-            and (effect.cause.id == found.posterior.shape or _sure(found, effect)),
+            and sure(effect.cause.id),
             in_machine=effect.cause.in_machine,
         )
         for effect in accepted.effects
@@ -307,57 +332,8 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[FoundCau
         for parameters in (white.problem.model.called(effect),)
         for times in (effect.times(machine),)
     ]
-    return tuple(
-        sorted(
-            named,
-            key=lambda cause: (
-                cause.id in machine.companions,
-                -found.scores[(cause.id,)].log_evidence,
-            ),
-        )
-    )
-
-
-def _sure(found: Assessment, effect: Effect) -> bool:
-    """No explanation without this cause needs a fault of the measurement in its place."""
-    without = [set(ids) for ids in found.posterior.rivals() if effect.cause.id not in ids]
-    instead = set().union(*without) - set(found.judgement.accepted)
-    return all(CAUSES[other].compensable for other in instead)
-
-
-def _aliases(found: Assessment, effect: Effect) -> Ids:
-    """Ids that stand in this cause's place in a rival explanation, or in one of the same remedy."""
-    id, accepted, posterior = effect.cause.id, found.judgement.accepted, found.posterior
-    beside = set(accepted) - {id}
-    others = (*posterior.same_answer(accepted), *posterior.rivals())
-    rivals = (ids for ids in others if beside <= set(ids) and id not in ids)
-    return tuple(dict.fromkeys(other for ids in rivals for other in ids if other not in beside))
-
-
-def _moved(model: Model, shift: Floats) -> str:
-    named = zip(model.machine.parameter_names, shift.tolist(), strict=False)
-    told = ", ".join(f"{name} by {value:+.3f}" for name, value in named)
-    return (
-        f"Between the two measurements the origin of the endstops has moved: {told} mm. Nothing of"
-        " it was entered. They are fitted to the held-out readings; all else is carried over."
-    )
-
-
-def _recalibrated(changed: Sequence[str]) -> Iterator[str]:
-    other = f" (other {', '.join(changed)} in force)" if changed else ""
-    yield (
-        f"The machine was recalibrated before the held-out readings{other}: with and without the"
-        " extension its calibrated parameters are left free and fitted to them, and the extension"
-        " is carried over unchanged."
-    )
-
-
-def _again(correlation: float) -> Iterator[str]:
-    if correlation > REPEATS:
-        yield (
-            f"The residual maps of these dates repeat (r = {correlation:.2f}): what the parameters"
-            " leave is a shape that lasts, not noise."
-        )
+    alone = {cause.id: -found.scores[(cause.id,)].log_evidence for cause in named}
+    return tuple(sorted(named, key=lambda each: (each.id in machine.companions, alone[each.id])))
 
 
 def _lack_of_fit(found: Assessment, measured: Measured, nominal: Floats) -> LackOfFit:

@@ -15,6 +15,7 @@ from orthoglide_cal.diagnosis.assess import (
     Posterior,
     assess,
     judge,
+    probabilities,
 )
 from orthoglide_cal.diagnosis.candidates import UNLISTED, Candidates, Ids
 from orthoglide_cal.diagnosis.explanations import Whitened
@@ -150,7 +151,8 @@ class TestVerdict:
 
 def test_bayes_rule_with_the_weights_of_the_candidates() -> None:
     weights = {(): log(0.5), ("misread",): log(0.2)}
-    found = Posterior.of({(): 3.0, ("misread",): 5.0}, weights, {"p": 4.0, "q": 2.0}, {}, 1.0)
+    shares = probabilities({(): 3.0, ("misread",): 5.0}, weights, {"p": 4.0, "q": 2.0})
+    found = Posterior(*shares, odds=1.0)
     parts = [0.5 * exp(3.0), 0.2 * exp(5.0), exp(4.0), exp(2.0)]
     got = [found.listed[()], found.listed["misread",], found.unlisted["p"], found.unlisted["q"]]
     assert got == pytest.approx([part / sum(parts) for part in parts])
