@@ -20,7 +20,6 @@ from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
-    Difference,
     Floats,
     Model,
     Plan,
@@ -28,7 +27,6 @@ from orthoglide_cal.model import (
     ideal_plan,
     reduction,
 )
-from orthoglide_cal.model.orthoglide import Orthoglide
 
 CONFIDENCE = 0.95
 # Singular values below this fraction of the sensitivity of a good plan count as zero.
@@ -180,37 +178,24 @@ def _undetermined(problem: Problem, names: Sequence[str]) -> RankDeficientError:
 
 def _mend(problem: Problem, matrix: Floats) -> str:
     """The fewest differences that complete the rank, in words."""
-    kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    rows = dict(zip(DIFFERENCES[kind], _rows(kind, problem.model.orthoglide), strict=True))
-    scale = max(float(np.abs(row).max()) for row in rows.values())
-    chosen: list[Difference] = []
-    while len(_free_directions(matrix, scale)):
-        smallest = {
-            key: np.sort(np.linalg.svd(np.vstack((matrix, row)), compute_uv=False))[::-1]
-            for key, row in rows.items()
-        }
-        missing = len(_free_directions(matrix, scale))
-        best = max(smallest, key=lambda key: _gain(smallest[key], matrix.shape[1] - missing))
-        chosen.append(best)
-        matrix = np.vstack((matrix, rows.pop(best)))
-    return "; ".join(_instruction(difference) for difference in chosen)
-
-
-def _gain(values: Floats, rank: int) -> float:
-    """The singular value that an added row lifts above a matrix of this rank."""
-    return float(values[rank]) if rank < len(values) else 0.0
-
-
-def _rows(kind: DataKind, machine: Orthoglide) -> Floats:
-    """Sensitivity of the differences of this kind to the offsets, shape (k, 3)."""
+    kind, machine = (
+        DataKind.SIX if problem.plan.fixed else DataKind.SINGLE,
+        problem.model.orthoglide,
+    )
     plan = ideal_plan(kind, machine)
-    matrix = reduction(kind, DIFFERENCES[kind], machine, plan)
-    return Problem(Model(machine), plan, matrix).at_zero[1]
-
-
-def _instruction(difference: Difference) -> str:
-    """What to read, in words."""
-    series, posture = difference
-    if posture is None:
-        return f"{series.words}, at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
-    return f"{series.words}, at {posture}, joint end and tool end"
+    reduced = reduction(kind, DIFFERENCES[kind], machine, plan)
+    sensitivity = Problem(Model(machine), plan, reduced).at_zero[1]
+    rows, scale = dict(zip(DIFFERENCES[kind], sensitivity, strict=True)), np.abs(sensitivity).max()
+    chosen = []
+    while missing := len(_free_directions(matrix, scale)):
+        rank, lifted = matrix.shape[1] - missing, {}
+        for key, row in rows.items():
+            values = np.linalg.svd(np.vstack((matrix, row)), compute_uv=False)
+            lifted[key] = values[rank] if rank < len(values) else 0.0
+        series, posture = best = max(lifted, key=lifted.__getitem__)
+        where = f"at {posture}, joint end and tool end"
+        if posture is None:
+            where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
+        chosen.append(f"{series.words}, {where}")
+        matrix = np.vstack((matrix, rows.pop(best)))
+    return "; ".join(chosen)

@@ -10,7 +10,6 @@ import functools
 import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property
 from typing import Literal
 
@@ -34,15 +33,10 @@ from orthoglide_cal.model.influence import Influence, Origin
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.schema import Schema
 
+# How the size of a source is known (GUM 4): from the scatter of these readings, or otherwise.
+Evaluation = Literal["A", "B"]
 # What adds less than this share of every standard deviation is summed up in one line.
 MINOR = 0.1
-
-
-class Evaluation(StrEnum):
-    """How the size of a source is known (GUM 4)."""
-
-    A = "A"  # from the scatter of these readings
-    B = "B"  # from anything else
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +45,7 @@ class Contribution(ReadOnly):
 
     Attributes:
         source: an `Origin` or a cause id.
-        evaluation: type A or B.
+        evaluation: of its size.
         size: its standard uncertainty, in `unit`; None where it has no single size.
         unit: of the size; "" without one.
         assumed: True if nobody stated its size: a default.
@@ -73,7 +67,7 @@ class Contribution(ReadOnly):
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Contribution:
         """What is left of a covariance (3, 3) [mm²] besides other sources; never negative."""
         root = root_of(covariance)
-        return cls(source, Evaluation.B, None, "", False, root @ root.T, possible=possible)
+        return cls(source, "B", None, "", False, root @ root.T, possible=possible)
 
     @property
     def std_mm(self) -> Floats:
@@ -139,29 +133,23 @@ def budget_of(
         scatter: of one reading, as found; None takes what is stated of the gauge.
         uncertain: what acts on the readings in addition to noise.
     """
+    evaluation: Evaluation
     unit = estimator @ estimator.T
     rounding2 = gauge.rounding_mm**2
     if scatter is None:
-        noise2, evaluation, dof = gauge.repeatability_mm**2, Evaluation.B, math.inf
+        evaluation, noise2, dof = "B", gauge.repeatability_mm**2, math.inf
     else:
-        noise2 = max(scatter.sigma_mm**2 - rounding2, 0.0)
-        evaluation, dof = Evaluation.A, math.inf
+        evaluation, noise2, dof = "A", max(scatter.sigma_mm**2 - rounding2, 0.0), math.inf
         if noise2 > 0.0:
             # The scatter holds the rounding, too; what is left of it is known no better.
             dof = scatter.dof * (noise2 / scatter.sigma_mm**2) ** 2
     parts = [
         Contribution(Origin.NOISE, evaluation, math.sqrt(noise2), "mm", False, noise2 * unit, dof),
-        Contribution(
-            Origin.RESOLUTION, Evaluation.B, gauge.rounding_mm, "mm", False, rounding2 * unit
-        ),
+        Contribution(Origin.RESOLUTION, "B", gauge.rounding_mm, "mm", False, rounding2 * unit),
     ]
     for each in uncertain:
-        moved = estimator @ each.columns
-        parts.append(
-            Contribution(
-                each.source, Evaluation.B, each.size, each.unit, each.assumed, moved @ moved.T
-            )
-        )
+        moved = (estimator @ each.columns) @ (estimator @ each.columns).T
+        parts.append(Contribution(each.source, "B", each.size, each.unit, each.assumed, moved))
     return Budget(tuple(parts))
 
 
@@ -185,7 +173,7 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
     kelvin = abs(mean_c - REFERENCE_C)
     std = EXPANSION_PER_K * length_mm * kelvin / math.sqrt(3.0)
     covariance = np.full((len(AXES), len(AXES)), std**2)
-    return (Contribution(Origin.TEMPERATURE, Evaluation.B, kelvin, "K", False, covariance),)
+    return (Contribution(Origin.TEMPERATURE, "B", kelvin, "K", False, covariance),)
 
 
 # What readings hold besides noise that nobody knows exactly, and hardly any reading shows: sets of
@@ -259,7 +247,7 @@ class BudgetLine(Schema):
     """One line of the uncertainty budget."""
 
     source: str
-    type: Literal["A", "B"]
+    type: Evaluation
     size: float | None = Field(description="its standard uncertainty, in `unit`")
     unit: str
     assumed: bool = Field(description="nobody stated its size")
@@ -283,7 +271,7 @@ def budget_lines(budget: Budget) -> tuple[tuple[BudgetLine, ...], BudgetTotal]:
     lines = tuple(
         BudgetLine(
             source=each.source,
-            type=each.evaluation.value,
+            type=each.evaluation,
             size=each.size,
             unit=each.unit,
             assumed=each.assumed,

@@ -13,10 +13,8 @@ holds at zero offsets only.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
@@ -30,8 +28,7 @@ from orthoglide_cal.model import (
     simulate,
     simulate_with_jacobian,
 )
-
-T = TypeVar("T")
+from orthoglide_cal.model.plan import read_only
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3
@@ -87,12 +84,9 @@ class Problem(ReadOnly):
     @cached_property
     def at_zero(self) -> tuple[Floats, Floats]:
         """`predict_with_jacobian` at zero offsets, read-only: (k,) [mm], (k, 3)."""
-        predicted, jacobian = self.predict_with_jacobian(
-            np.zeros(len(self.model.machine.parameter_names))
-        )
-        predicted.setflags(write=False)
-        jacobian.setflags(write=False)
-        return predicted, jacobian
+        zero = np.zeros(len(self.model.machine.parameter_names))
+        predicted, jacobian = self.predict_with_jacobian(zero)
+        return read_only(predicted), read_only(jacobian)
 
     @cached_property
     def _folded(self) -> tuple[Plan, Floats]:
@@ -104,9 +98,7 @@ class Problem(ReadOnly):
             return self.plan, self.matrix
         first, kind = self.plan.distinct
         fold = kind[:, None] == np.arange(len(first))
-        folded = self.matrix @ fold
-        folded.setflags(write=False)
-        return known_plan(self.plan.subset(first)), folded
+        return known_plan(self.plan.subset(first)), read_only(self.matrix @ fold)
 
     def covariance(self) -> Floats:
         """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k).
@@ -185,19 +177,12 @@ def _many_step(jacobian: Floats, residual: Floats, damping: Floats | float) -> F
 
 @dataclass(frozen=True, eq=False)
 class Fit(ReadOnly):
-    """Offsets of a batch of sessions.
+    """Offsets of a batch of sessions."""
 
-    Attributes:
-        offsets_mm: shape (..., 3).
-        residuals_mm: d − R·h, shape (..., k).
-        remaining: optimality check, shape (...); see `Problem.remaining`.
-        iterations: steps tried, shape (...).
-    """
-
-    offsets_mm: Floats
-    residuals_mm: Floats
-    remaining: Floats
-    iterations: Ints
+    offsets_mm: Floats  # (..., 3)
+    residuals_mm: Floats  # d − R·h, (..., k)
+    remaining: Floats  # as of `Problem.remaining`, (...)
+    iterations: Ints  # steps tried, (...)
 
     @property
     def converged(self) -> np.ndarray:
@@ -226,8 +211,20 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         own = first if first is None or len(first) == 1 else first[block]
         return _fit_block(problem, flat[block], own)
 
+    starts = range(0, len(flat), BLOCK)
+    if len(starts) <= 1:
+        parts = [fit(0)]
+    else:
+        from concurrent.futures import ThreadPoolExecutor
+
+        # numpy lets go of the interpreter in long loops. A third of the time went into fetching
+        # memory anew: glibc returns what is freed to the system above a threshold that grows to
+        # the largest block ever freed (mallopt(3), M_MMAP_THRESHOLD), such as this one.
+        np.empty(31 << 20, dtype=np.uint8)
+        with ThreadPoolExecutor(min(os.cpu_count() or 1, len(starts))) as pool:
+            parts = list(pool.map(fit, starts))
     offsets, residuals, remaining, iterations = (
-        np.concatenate(part) for part in zip(*_in_parallel(fit, len(flat)), strict=True)
+        np.concatenate(part) for part in zip(*parts, strict=True)
     )
     return Fit(
         offsets.reshape(*batch, offsets.shape[-1]),
@@ -235,28 +232,6 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         remaining.reshape(batch),
         iterations.reshape(batch),
     )
-
-
-def _in_parallel(fit: Callable[[int], T], count: int) -> list[T]:
-    """The results of `fit` for each block; numpy lets go of the interpreter in long loops."""
-    starts = range(0, count, BLOCK)
-    if len(starts) <= 1:
-        return [fit(0)]
-    from concurrent.futures import ThreadPoolExecutor
-
-    _hold_memory()
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(starts))) as pool:
-        return list(pool.map(fit, starts))
-
-
-def _hold_memory() -> None:
-    """Make the C library keep freed memory: a third of the time went into fetching it anew.
-
-    glibc returns free memory to the system above a threshold that grows to the largest block
-    ever freed (mallopt(3), M_MMAP_THRESHOLD); the block below is never touched. Elsewhere this
-    does nothing.
-    """
-    np.empty(31 << 20, dtype=np.uint8)
 
 
 @dataclass(eq=False)

@@ -18,7 +18,6 @@ from orthoglide_cal.estimation.accuracy import (
     require_rank,
     rms,
     scatter_of_repeats,
-    sigma_rho,
     sum_of_squares,
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
@@ -61,7 +60,6 @@ class Solution(ReadOnly):
         residuals_mm: what the solver left of the data it compared, shape (k,).
         budget: where the offsets' uncertainty comes from.
         scatter: of one reading, from the residuals; None without degrees of freedom.
-        iterations: of the nonlinear solver; 0 for linear methods.
     """
 
     measured: Measured
@@ -71,11 +69,9 @@ class Solution(ReadOnly):
     residuals_mm: Floats
     budget: Budget
     scatter: Scatter | None
-    iterations: int
 
     @property
     def model(self) -> Model:
-        """The machine and its accepted causes."""
         return self.posed.problem.model
 
     @property
@@ -85,18 +81,13 @@ class Solution(ReadOnly):
 
     @property
     def std_mm(self) -> Floats:
-        """Standard uncertainties u of the offsets, shape (3,) [mm]."""
+        """u of the offsets, shape (3,) [mm]."""
         return self.budget.std_mm
 
     @property
     def expanded_mm(self) -> Floats:
-        """Expanded uncertainties U, shape (3,) [mm]."""
+        """U of the offsets, shape (3,) [mm]."""
         return self.budget.expanded_mm
-
-    @property
-    def k(self) -> float:
-        """Coverage factor, U/u."""
-        return self.budget.k
 
     @property
     def sigma_mm(self) -> float:
@@ -237,11 +228,6 @@ class Solution(ReadOnly):
         return determined(self.model, self.expanded_mm)
 
     @property
-    def sigma_rho_mm(self) -> float:
-        """σ_ρ = √(trace V / 3) (eq. 33) of the offsets of the three joints [mm]."""
-        return sigma_rho(self.covariance_mm2[:3, :3])
-
-    @property
     def suspicious(self) -> bool:
         """True if the residuals are larger than this gauge's noise would give."""
         return self.lack_of_fit_p is not None and self.lack_of_fit_p < SUSPICIOUS
@@ -302,7 +288,6 @@ def solve(
     chosen = choose_method(measured, method)
     plain = posed = pose(measured, model, chosen, folded=True)
     require_rank(posed.problem)
-    iterations = 0
     if chosen.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
         predicted, at_zero = posed.problem.at_zero
@@ -315,8 +300,13 @@ def solve(
     _require_plausible(offsets, posed.problem)
     plan, gauge = posed.problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
-    # Causes that were fitted to these very data are not uncertain in addition to their noise.
-    here = _fitted_here(measured, model)
+    # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
+    # number of parameters.
+    here = {
+        effect.cause.id: int(np.count_nonzero(effect.std))
+        for effect in model.accepted
+        if effect.data_sha256 == measured.source.sha256
+    }
     ratios = [(each, each.columns / gauge.noise_mm) for each in uncertain]
     ratios = [(each, ratio) for each, ratio in ratios if each.source not in here]
     if chosen is Method.READINGS:
@@ -325,7 +315,7 @@ def solve(
         offsets = found.offsets_mm
     readings, jacobian = simulate_with_jacobian(model, offsets, plan)
     if not chosen.linear:
-        residuals, iterations = found.residuals_mm, int(found.iterations)
+        residuals = found.residuals_mm
         estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
     # What a cause of the machine would explain is no noise.
     known_causes = {effect.cause.id for effect in model.accepted}
@@ -348,7 +338,6 @@ def solve(
             (*uncertain, *fixed_influences(model, offsets, plan)),
         ),
         scatter=scatter,
-        iterations=iterations,
     )
 
 
@@ -424,12 +413,3 @@ def _require_plausible(offsets: Floats, problem: Problem) -> None:
             f"The {many} would be as large as {largest:.0f} mm, more than half of the travel.",
             "Check the unit and the decimal marks of the readings, and the machine file.",
         )
-
-
-def _fitted_here(measured: Measured, model: Model) -> dict[str, int]:
-    """Accepted causes that were fitted to these very data: id → number of parameters."""
-    return {
-        effect.cause.id: int(np.count_nonzero(effect.std))
-        for effect in model.accepted
-        if effect.data_sha256 == measured.source.sha256
-    }

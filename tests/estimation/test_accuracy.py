@@ -185,12 +185,10 @@ def test_chance_of_residual_is_chi_squared() -> None:
     assert chance_of_residual(0.0041, 0.0, 0.0067) == 1.0
 
 
-def test_sigma_rho_and_expanded_uncertainty() -> None:
+def test_standard_and_expanded_uncertainty() -> None:
     solution = solve(readings(NOMINAL_LARGE, double_posture(LARGE)), sure(NOMINAL_LARGE))
     assert solution.std_mm**2 == pytest.approx(np.diag(solution.covariance_mm2), rel=1e-12)
-    assert solution.sigma_rho_mm == pytest.approx(np.sqrt(np.mean(solution.std_mm**2)), rel=1e-12)
-    assert solution.k == pytest.approx(stats.t.ppf(0.975, 51), rel=1e-9)
-    assert solution.expanded_mm == pytest.approx(solution.k * solution.std_mm, rel=1e-9)
+    assert solution.expanded_mm == pytest.approx(stats.t.ppf(0.975, 51) * solution.std_mm, rel=1e-9)
 
 
 def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() -> None:
@@ -221,7 +219,7 @@ def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() ->
         assert carried == pytest.approx(columns @ columns.T, rel=2e-3, abs=1e-9)
         assert doubtful.offsets_mm == pytest.approx(certain.offsets_mm, abs=1e-12)
         # Of exact readings only the rounding is uncertain, and of that nothing is counted.
-        assert doubtful.k == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
+        assert doubtful.budget.k == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
         assert np.all(np.diag(carried) > 1e-6)
 
 

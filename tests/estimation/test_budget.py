@@ -6,7 +6,7 @@ from scipy import stats
 
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import Scatter
-from orthoglide_cal.estimation.budget import Budget, Contribution, Evaluation, budget_of, warmth
+from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of, warmth
 from orthoglide_cal.files import Conditions, read_input
 from orthoglide_cal.model import Floats, double_posture
 from orthoglide_cal.model.influence import Influence, Origin
@@ -24,7 +24,7 @@ LEGS = Influence("leg_length", 0.01, "mm", False, RNG.normal(0.0, 1e-2, (8, 3)))
 
 def part(*stds: float, dof: float = np.inf, source: str = "misread") -> Contribution:
     covariance = np.diag(np.square(stds))
-    return Contribution(source, Evaluation.B, None, "", False, covariance, dof)
+    return Contribution(source, "B", None, "", False, covariance, dof)
 
 
 def test_each_source_adds_what_it_does_to_the_offsets() -> None:

@@ -96,7 +96,6 @@ def test_linear_methods_are_the_pseudoinverse(model: Model, kind: DataKind, meth
     solution = solve(data, model, method)
     assert solution.offsets_mm == pytest.approx(expected, abs=1e-12)
     assert solution.method is method
-    assert solution.iterations == 0
     left = data.value - design @ expected
     assert solution.rms_after_mm == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-10)
 

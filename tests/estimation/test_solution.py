@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from orthoglide_cal.estimation import Method, Posed, fit_offsets, solve
+from orthoglide_cal.estimation import Posed, fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.least_squares import OPTIMAL
 from orthoglide_cal.model import Floats, Measured, double_posture, single_posture
@@ -37,7 +37,6 @@ def test_it_is_an_optimum_by_the_problem_that_it_holds(data: Measured, method: s
     assert solution.converged
     assert 0.0 <= solution.remaining <= OPTIMAL
     assert solution.model is NOMINAL
-    assert (solution.iterations == 0) == Method(method).linear
 
 
 @solved
@@ -138,6 +137,6 @@ def test_a_slow_search_ends_where_it_makes_no_difference() -> None:
     value = measured.value.copy()
     value[31] += 220.0
     solution = solve(replace(measured, value=value), model)
-    assert solution.iterations > 50
+    assert fit_offsets(solution.posed.problem, solution.posed.data).iterations > 50
     assert solution.converged
     assert solution.remaining <= OPTIMAL
