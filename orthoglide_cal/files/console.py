@@ -98,14 +98,12 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     faults, rows = Faults(document.path), []
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
-            try:
+            with faults.noting(number, match[0]):
                 place = [within(match[group], -LARGEST_MM) for group in (2, 3, 4)]
-                rows.append([number, float(match[1] == ":"), *place])
-            except InputError as error:
-                faults.add(error.what, error.remedy, line=number, value=shortened(match[0]))
+                rows.append((number, *place, match[1] == ":"))
     faults.check()
-    lines, at = np.array(rows)[:, 0].astype(int), np.array(rows)[:, 2:]
-    less = np.array(rows)[:, 1] > 0.0  # the probe's offset
+    touches = np.array(rows)
+    at, less = touches[:, 1:4], touches[:, 4] > 0.0  # the probe's offset
     offset, remarks = np.nan_to_num(settings.probe), settings.remarks
     usual = 0.0 if less.all() else float(np.median(at[~less, 2]))
     if offset[2] == 0.0 and abs(usual) > _LEVEL_MM:
@@ -113,13 +111,10 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
         remarks += (f"The probe's z offset is not known: {ZERO_UNKNOWN}",)
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
-    mesh = StoredMesh("console", at[:, 0], at[:, 1], at[:, 2], np.arange(len(at)), lines, 0, ())
     return replace(
         settings,
         probe=offset,
-        heights=None,
-        distances=None,
-        mesh=mesh,
+        mesh=StoredMesh.of_touches("console", touches[:, :4]),
         source=document.source,
         remarks=remarks,
     )

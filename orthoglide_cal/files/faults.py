@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import NamedTuple, get_args, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.schema import parse_number
+from orthoglide_cal.schema import parse_number, shortened
 from orthoglide_cal.words import listed
 
 Steps = tuple[str | int, ...]
@@ -106,6 +107,15 @@ class Faults:
         """Note one fault at a place; `value` instead of the text there."""
         line, column, text = place
         self.add(what, remedy, line=line, column=column, value=value or text)
+
+    @contextmanager
+    def noting(self, line: int, text: str, column: str | None = None) -> Iterator[None]:
+        """Note what is raised inside about a text of a line."""
+        try:
+            yield
+        except InputError as error:
+            value = shortened(text)
+            self.add(error.what, error.remedy, line=line, column=column, value=value)
 
     def take(
         self,

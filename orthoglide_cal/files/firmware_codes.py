@@ -19,12 +19,10 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import REPEATABILITY_MM, USUAL_ANGLES_DEG, PrinterFile
+from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG, PrinterFile, delta_of
 from orthoglide_cal.files.printer_settings import LARGEST_MM, within
 from orthoglide_cal.files.text import FileText, read_document
-from orthoglide_cal.model.instrument import Probe
-from orthoglide_cal.model.linear_delta import TOWERS_TURN, Endstops, LinearDelta, counter_clockwise
-from orthoglide_cal.schema import shortened
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, counter_clockwise
 
 _CODE = re.compile(r"\b(M665|M666|M851|G31)\b(.*?)(?=\b[GM][0-9]|$)")
 _WORD = re.compile(r"([A-Z])(\{[^}]*\}|[^A-Z\s]*)")
@@ -79,16 +77,8 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     else:
         probe, endstops = three("G31", math.nan), said["M665H"][0] + three("M666")
     bed = math.nan if marlin else said.get("M665B", (math.nan,))[0]
-    machine = LinearDelta.model_construct(
-        name=PurePath(document.path).name,
-        arm_length_mm=tuple(arms.tolist()),
-        delta_radius_mm=radius,
-        tower_angles_deg=tuple(angles.tolist()),
-        endstops_mm=Endstops(*endstops.tolist()),
-        bed_radius_mm=bed,
-        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
-    )
-    return PrinterFile(machine, probe, None, None, None, document.source, ())
+    machine = delta_of(document, arms, radius, angles, endstops, bed)
+    return PrinterFile(machine, probe, document.source)
 
 
 def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
@@ -126,11 +116,8 @@ def _words(file: FileText) -> Words:
             for letter, text in _WORD.findall(rest):
                 if letter not in _LETTERS[code]:
                     continue
-                try:
+                with faults.noting(number, letter + text, f"{letter} of {code}"):
                     own[code + letter] = _numbers(text, code + letter)
-                except InputError as error:
-                    column, value = f"{letter} of {code}", shortened(letter + text)
-                    faults.add(error.what, error.remedy, line=number, column=column, value=value)
             if own.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
                 found |= own
     faults.check()

@@ -15,10 +15,9 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import ZERO_UNKNOWN, PrinterFile, StoredMesh, in_turn
+from orthoglide_cal.files.printer_file import ZERO_UNKNOWN, PrinterFile, StoredMesh
 from orthoglide_cal.files.printer_settings import LARGEST_MM, within
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.schema import shortened
 
 HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
 # Later versions name the axes, and number what earlier ones call x and y.
@@ -42,10 +41,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     numbers = {}
     for name, text in zip(names, lines[2].split(","), strict=False):
         if name[1:] in ("num", "min", "spacing") or name == "spacing":
-            try:
+            with faults.noting(3, text, name):
                 numbers[name] = within(text.strip(), -_FAR, _FAR)
-            except InputError as error:
-                faults.add(error.what, error.remedy, line=3, column=name, value=shortened(text))
     faults.check()
     spacing = numbers.get("spacing", 0.0)  # the first version had one for both
     try:
@@ -70,29 +67,16 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
             faults.add(what, _AGAIN, line=4 + row)
             continue
         for column, cell in enumerate(cells):
-            try:
+            with faults.noting(4 + row, cell):
                 if cell != _UNPROBED:
                     heights[row, column] = within(cell, -LARGEST_MM)
-            except InputError as error:
-                faults.add(error.what, error.remedy, line=4 + row, value=shortened(cell))
-    probed = np.isfinite(heights)
-    if not faults and not probed.any():
+    if not faults and not np.isfinite(heights).any():
         what = "No place of the map was probed: a placeholder, not a measurement."
         faults.add(what, _AGAIN, line=4)
     faults.check()
-    places = np.meshgrid(x, y)
-    lines_of = np.broadcast_to(4 + np.arange(len(y))[:, None], heights.shape)
-    offset = np.nan_to_num(settings.probe)
-    mesh = StoredMesh(
-        profile="heightmap",
-        x=places[0][probed] - offset[0],
-        y=places[1][probed] - offset[1],
-        height=heights[probed],
-        order=in_turn(probed),
-        line=lines_of[probed],
-        padded=0,
-        remarks=(f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}",),
-    )
+    offset, lines_of = np.nan_to_num(settings.probe), range(4, 4 + len(y))
+    remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
+    mesh = StoredMesh.of_grid("heightmap", x, y, heights, lines_of, offset, (remark,))
     return replace(
         settings, probe=offset, mesh=mesh, source=document.source, firmware="reprapfirmware"
     )

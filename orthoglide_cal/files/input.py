@@ -381,7 +381,7 @@ def _firmware_file(
         if folder and (folder / "printer.cfg").is_file():
             beside = read_printer_file(read_document(str(folder / "printer.cfg")))
             remark = "The settings are those of printer.cfg in the same folder."
-            beside = replace(beside, remarks=(remark,))
+            beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
     elif MARLIN_OUTPUT.search(text):
         read, named = read_marlin, "--machine FILE, or keep what M503 prints in this file"
         beside = read_codes(document) if SETTINGS.search(text) else None
@@ -417,7 +417,7 @@ def _settings(
         return _with_bed(beside, machine.bed_radius_mm)
     remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
     nowhere = np.full(3, np.nan)
-    return PrinterFile(machine, nowhere, None, None, None, document.source, (remark,))
+    return PrinterFile(machine, nowhere, document.source, remarks=(remark,))
 
 
 def _printer(file: PrinterFile, known: Known | None, stored: str | None = None) -> Input:

@@ -13,23 +13,18 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.errors import InputError, UnreachableError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import (
-    USUAL_ANGLES_DEG,
-    PrinterFile,
-    StoredMesh,
-    in_turn,
-)
+from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG, PrinterFile, StoredMesh
 from orthoglide_cal.files.printer_settings import LARGEST_MM, within
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.model import Floats
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, counter_clockwise
-from orthoglide_cal.schema import shortened
 
 MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
@@ -50,22 +45,13 @@ _MARGIN_MM = 10.0
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
 
 
-class _Touch(NamedTuple):
-    """A place of the nozzle and the height there [mm]."""
-
-    line: int
-    x: float
-    y: float
-    height: float
-
-
 class _Reader:
     """Takes the lines in turn.
 
     Attributes:
         now: the machine with the settings in force.
-        seven, touched, grid: settings that were in force, and what was probed with them: G33's
-            heights by name, touches, and the rows of a grid with their lines.
+        seven, touched, grid: settings that were in force, and what was probed with them: of G33
+            name → line and height, of G29 (line, x, y, height), and of a grid line → heights.
         radius: of G33's circle [mm]; None where it was not printed.
         changed: line at which the settings changed; 0 if they did not.
     """
@@ -73,9 +59,9 @@ class _Reader:
     def __init__(self, settings: PrinterFile) -> None:
         self.now = settings.machine
         self.offset = np.nan_to_num(settings.probe)
-        self.seven: tuple[LinearDelta, dict[str, _Touch]] = self.now, {}
-        self.touched: tuple[LinearDelta, list[_Touch]] = self.now, []
-        self.grid: tuple[LinearDelta, list[tuple[int, list[str]]]] = self.now, []
+        self.seven: tuple[LinearDelta, dict[str, tuple[int, float]]] = self.now, {}
+        self.touched: tuple[LinearDelta, list[tuple[float, ...]]] = self.now, []
+        self.grid: tuple[LinearDelta, dict[int, list[str]]] = self.now, {}
         self.radius: float | None = None
         self.changed = 0
         self._calibrating = self._in_grid = False
@@ -84,17 +70,16 @@ class _Reader:
         """Raises InputError, without a place, for what is no number."""
         row = _ROW.search(line) if self._in_grid else None
         if _GRID.search(line):
-            self.grid, self._in_grid = (self.now, []), True
+            self.grid, self._in_grid = (self.now, {}), True
         elif row:
-            self.grid[1].append((number, row[1].split()))
+            self.grid[1][number] = row[1].split()
         elif self.grid[1]:
             self._in_grid = False
         if match := _BED.search(line):
             x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
             if self.touched[0] is not self.now:
                 self.touched = self.now, []
-            touch = _Touch(number, x - self.offset[0], y - self.offset[1], height)
-            self.touched[1].append(touch)
+            self.touched[1].append((number, x - self.offset[0], y - self.offset[1], height))
         self._calibrating |= _CALIBRATES in line
         if not self._calibrating:
             return
@@ -102,7 +87,7 @@ class _Reader:
             self.radius = within(match[1], 0.0)
         if match := _RESULTS.search(line):
             found = {
-                name: _Touch(number, 0.0, 0.0, within(text, -LARGEST_MM))
+                name: (number, within(text, -LARGEST_MM))
                 for name, text in _RESULT.findall(match[1])
             }
             begins = "c" in found or self.seven[0] is not self.now
@@ -136,32 +121,26 @@ class _Reader:
         }
         self.now, self.changed = self.now.model_copy(update=values), number
 
-    def on_circle(self, radius: float) -> list[_Touch]:
-        """G33's heights at their places."""
-        turns = {name: math.radians(turn) for name, turn in _TURNS.items()}
-        return [
-            touch
-            if name == "c"
-            else touch._replace(x=radius * math.cos(turns[name]), y=radius * math.sin(turns[name]))
-            for name, touch in self.seven[1].items()
-        ]
+    def on_circle(self, radius: float) -> Iterator[tuple[float, ...]]:
+        """Line, place and height of each of G33's."""
+        for name, (line, height) in self.seven[1].items():
+            turn, away = math.radians(_TURNS.get(name, 0.0)), radius * (name != "c")
+            yield line, away * math.cos(turn), away * math.sin(turn), height
 
-    def on_grid(self, reach: float) -> list[_Touch]:
-        """The points of the grid within reach: Marlin makes up the others."""
+    def on_grid(self, reach: float) -> Floats:
+        """Line, place and height of the points within reach: Marlin makes up the others."""
         rows = [
             [math.nan if "=" in t else within(t, -LARGEST_MM) for t in texts]
-            for _, texts in self.grid[1]
+            for texts in self.grid[1].values()
         ]
         if len({len(row) for row in rows}) != 1:
             raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
         heights = np.array(rows)
-        x, y = np.meshgrid(*(np.linspace(-reach, reach, count) for count in heights.shape[::-1]))
-        probed = np.isfinite(heights) & (np.hypot(x, y) <= reach + _ROUNDED)
-        lines = np.repeat([line for line, _ in self.grid[1]], heights.shape[1]).reshape(x.shape)
-        at = (lines, x - self.offset[0], y - self.offset[1], heights)
-        turn = np.argsort(in_turn(probed))
-        columns = (each[probed][turn].tolist() for each in at)
-        return [_Touch(*values) for values in zip(*columns, strict=True)]
+        x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
+        heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
+        mesh = StoredMesh.of_grid("", x, y, heights, list(self.grid[1]), self.offset)
+        points = np.column_stack((mesh.line, mesh.x, mesh.y, mesh.height))
+        return np.asarray(points[np.argsort(mesh.order)])
 
 
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
@@ -176,10 +155,8 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """
     faults, reader, remarks = Faults(document.path), _Reader(settings), []
     for number, line in enumerate(document.text.split("\n"), start=1):
-        try:
+        with faults.noting(number, line.strip()):
             reader.take(number, line)
-        except InputError as error:
-            faults.add(error.what, error.remedy, line=number, value=shortened(line.strip()))
     faults.check()
     reach, assumed = settings.machine.bed_radius_mm - _MARGIN_MM, reader.radius is None
     if math.isnan(settings.probe[2]):
@@ -197,23 +174,22 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             f" the middle ({_MARGIN_MM:g} mm from the edge), is assumed."
         )
 
-    def stored(name: str, then: LinearDelta, touches: list[_Touch]) -> StoredMesh:
-        line, *at = np.array(touches).T
-        place = np.column_stack((*at[:2], at[2] + reader.offset[2]))
-        if then is not reader.now:
-            remarks.append(
-                f"The heights of {name} were probed before G33 changed the settings (line"
-                f" {reader.changed}); they are counted from those in force after it."
-            )
-            try:
-                place = reader.now.believed(then, place)
-            except UnreachableError as error:
-                what = f"The arms cannot reach a place of {name}."
-                remedy = "Check the settings (M503, or the machine file)."
-                raise InputError(what, remedy, file=document.path, line=int(line[0])) from error
-        order, lines = np.arange(len(line)), line.astype(int)
-        height = place[:, 2] - reader.offset[2]
-        return StoredMesh(name, place[:, 0], place[:, 1], height, order, lines, 0, ())
+    def stored(name: str, then: LinearDelta, touches: Iterable[Sequence[float]]) -> StoredMesh:
+        mesh = StoredMesh.of_touches(name, list(touches))
+        if then is reader.now:
+            return mesh
+        remarks.append(
+            f"The heights of {name} were probed before G33 changed the settings (line"
+            f" {reader.changed}); they are counted from those in force after it."
+        )
+        try:
+            place = np.column_stack((mesh.x, mesh.y, mesh.height + reader.offset[2]))
+            x, y, z = reader.now.believed(then, place).T
+        except UnreachableError as error:
+            what = f"The arms cannot reach a place of {name}."
+            remedy = "Check the settings (M503, or the machine file)."
+            raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
+        return replace(mesh, x=x, y=y, height=z - reader.offset[2])
 
     heights = mesh = None
     if reader.seven[1]:
@@ -226,7 +202,8 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         mesh = stored("G29", *reader.touched)
     elif reader.grid[1]:
         needs_reach("G29")
-        mesh = stored("G29", reader.grid[0], reader.on_grid(reach))
+        if (points := reader.on_grid(reach)).size:
+            mesh = stored("G29", reader.grid[0], points)
     if heights is None and mesh is None:
         what, remedy = "holds no probed heights with their places", "Send G29 V4"
         if _CALIBRATES in document.text:

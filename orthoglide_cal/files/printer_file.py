@@ -11,7 +11,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 import numpy as np
@@ -42,7 +42,9 @@ _PROBE = re.compile(
 _CALIBRATION = "delta_calibrate"
 _STORED = re.compile("(?:manual_)?height[0-9]|distance[0-9]")
 _PROFILE = "bed_mesh "
-_NEEDED = {"printer", *_TOWERS, _CALIBRATION, "bed_mesh"}
+_MATTERS = re.compile(
+    rf"printer|{'|'.join(_TOWERS)}|{_CALIBRATION}|bed_mesh|{_PROFILE}.*|{_PROBE.pattern}"
+)
 # Of [bed_mesh]: the place at which the height of the mesh is set to zero.
 _ZEROS = ("zero_reference_position", "relative_reference_index")
 
@@ -86,8 +88,8 @@ class StoredMesh(ReadOnly):
         order: when each was probed, 0 to n - 1, shape (n,): row after row, the first in the
             direction of +x, the second of -x, and so on.
         line: in the file, shape (n,).
-        padded: number of points left out.
         remarks: what to know about it.
+        padded: number of points left out.
     """
 
     profile: str
@@ -96,8 +98,45 @@ class StoredMesh(ReadOnly):
     height: Floats
     order: Ints
     line: Ints
-    padded: int
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
+    padded: int = 0
+
+    @classmethod
+    def of_touches(cls, profile: str, touches: Sequence[Sequence[float]] | Floats) -> StoredMesh:
+        """From line, x, y and height of each, in the order of time; at least one."""
+        line, x, y, height = np.array(touches).T
+        return cls(profile, x, y, height, np.arange(len(line)), line.astype(int))
+
+    @classmethod
+    def of_grid(
+        cls,
+        profile: str,
+        x: Floats,
+        y: Floats,
+        height: Floats,
+        line: Sequence[int],
+        offset: Sequence[float] | Floats,
+        remarks: tuple[str, ...] = (),
+    ) -> StoredMesh:
+        """From rows of heights.
+
+        Args:
+            profile: its name.
+            x, y: places of the probe, shapes (n,) and (m,) [mm].
+            height: shape (m, n) [mm]; NaN where nothing was probed.
+            line: of each row, m of them.
+            offset: of the probe from the nozzle, in x and y [mm].
+            remarks: what to know about it.
+        """
+        probed = np.isfinite(height)
+        turn = np.arange(probed.size).reshape(probed.shape)
+        turn[1::2] = turn[1::2, ::-1].copy()
+        at, along = (place[probed] for place in np.meshgrid(x, y))
+        order = np.argsort(np.argsort(turn[probed]))
+        lines = np.repeat(line, len(x)).reshape(probed.shape)[probed]
+        return cls(
+            profile, at - offset[0], along - offset[1], height[probed], order, lines, remarks
+        )
 
 
 @dataclass(frozen=True)
@@ -108,20 +147,20 @@ class PrinterFile(ReadOnly):
         machine: with the parameters in force, and what is usual else.
         probe: what is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and
             the nozzle's height when the probe triggers. NaN where it is not known.
+        source: the file.
         heights, distances, mesh: what is stored; None where there is nothing. Heights whose
             places are known, as of a mesh, are stored as one.
-        source: the file.
         remarks: what to know about it, but for its mesh.
         firmware: as an export names it.
     """
 
     machine: LinearDelta
     probe: Floats
-    heights: StoredCalibration | StoredMesh | None
-    distances: StoredCalibration | None
-    mesh: StoredMesh | None
     source: Source
-    remarks: tuple[str, ...]
+    heights: StoredCalibration | StoredMesh | None = None
+    distances: StoredCalibration | None = None
+    mesh: StoredMesh | None = None
+    remarks: tuple[str, ...] = ()
     firmware: str = "klipper"
 
 
@@ -136,7 +175,7 @@ def read_printer_file(
     Raises:
         InvalidFileError: with everything that is wrong in the lines that matter here.
     """
-    settings = Settings(document, _matters)
+    settings = Settings(document, _MATTERS.fullmatch)
     settings.faults.check()  # what follows from a broken line is no fault of its own
     if calibration is not None:
         kept = {key: value for key, value in settings.options.items() if key[0] != _CALIBRATION}
@@ -150,11 +189,19 @@ def read_printer_file(
         settings.number(tower, "angle", default, low=-720.0)
         for tower, default in zip(_TOWERS, USUAL_ANGLES_DEG, strict=True)
     ]
-    _check_towers(settings, angles)
+    if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
+        given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
+        settings.faults.add(
+            TOWERS_TURN,
+            "Check the angles of [stepper_a], [stepper_b], [stepper_c]; they are usually near 210,"
+            " 330 and 90.",
+            line=max(value.line for value in given if value is not None),
+            column="angle",
+        )
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = [settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"]
-    home = np.array(endstops) + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
+    home = endstops + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
     # A file that stores no steps need not say how long they are.
     stored = any(key[0] == _CALIBRATION and _STORED.match(key[1]) for key in settings.options)
     step = np.array([_step(settings, tower) for tower in _TOWERS if stored])
@@ -162,46 +209,40 @@ def read_printer_file(
     distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
     mesh = _mesh(settings, sensor, probe)
     settings.faults.check()
+    scanning = _SCANNING.fullmatch(sensor) is not None
     return PrinterFile(
-        machine=LinearDelta.model_construct(
-            name=PurePath(document.path).name,
-            arm_length_mm=(arms[0], arms[1], arms[2]),
-            delta_radius_mm=radius,
-            tower_angles_deg=(angles[0], angles[1], angles[2]),
-            endstops_mm=Endstops(*endstops),
-            bed_radius_mm=print_radius,
-            probe=Probe(
-                resolution_mm=0.0,
-                repeatability_mm=REPEATABILITY_MM,
-                scanning=_SCANNING.fullmatch(sensor) is not None,
-            ),
-        ),
-        probe=np.array(probe),
-        heights=heights,
-        distances=distances,
-        mesh=mesh,
-        source=document.source,
-        remarks=tuple(settings.remarks),
+        delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning),
+        np.array(probe),
+        document.source,
+        heights,
+        distances,
+        mesh,
+        tuple(settings.remarks),
     )
 
 
-def _check_towers(settings: Settings, angles: list[float]) -> None:
-    """The arms reach downwards only if the towers follow each other in one sense."""
-    if any(map(math.isnan, angles)) or counter_clockwise(angles):
-        return
-    given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
-    settings.faults.add(
-        TOWERS_TURN,
-        "Check the angles of [stepper_a], [stepper_b], [stepper_c]; they are usually near 210, 330"
-        " and 90.",
-        line=max(value.line for value in given if value is not None),
-        column="angle",
+def delta_of(
+    document: FileText,
+    arms: Floats,
+    radius: float,
+    angles: Floats,
+    endstops: Floats,
+    bed: float,
+    scanning: bool = False,
+) -> LinearDelta:
+    """A machine with these parameters in force, [mm, deg]; arrays are of shape (3,).
+
+    It has the name of its file; what a file says is checked by whoever reads it.
+    """
+    return LinearDelta.model_construct(
+        name=PurePath(document.path).name,
+        arm_length_mm=tuple(arms.tolist()),
+        delta_radius_mm=radius,
+        tower_angles_deg=tuple(angles.tolist()),
+        endstops_mm=Endstops(*endstops.tolist()),
+        bed_radius_mm=bed,
+        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM, scanning=scanning),
     )
-
-
-def _matters(section: str) -> bool:
-    known = section in _NEEDED or section.startswith(_PROFILE)
-    return known or _PROBE.fullmatch(section) is not None
 
 
 def _check_kind(settings: Settings) -> None:
@@ -221,10 +262,11 @@ def _check_kind(settings: Settings) -> None:
         settings.missing("printer", "kinematics")
 
 
-def _each(settings: Settings, option: str, low: float) -> list[float]:
+def _each(settings: Settings, option: str, low: float) -> Floats:
     """A number of each tower; that of the first stands for the others where they have none."""
     first = settings.number(_TOWERS[0], option, low=low)
-    return [first, *(settings.number(tower, option, first, low) for tower in _TOWERS[1:])]
+    others = (settings.number(tower, option, first, low) for tower in _TOWERS[1:])
+    return np.array((first, *others))
 
 
 def _step(settings: Settings, tower: str) -> float:
@@ -238,28 +280,22 @@ def _step(settings: Settings, tower: str) -> float:
     return way / (max(steps, 1) * settings.read(tower, "gear_ratio", _gears, math.nan, 1.0))
 
 
-def _stored(settings: Settings, name: str, ends: Sequence[str]) -> tuple[list[str], list[int]]:
-    """Stems such as "height0" of what [delta_calibrate] stores under a name, and their lines."""
-    pattern = re.compile(rf"({name}([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
-    found: dict[tuple[int, str], int] = {}
-    for (section, option), value in settings.options.items():
-        match = pattern.fullmatch(option)
-        if section == _CALIBRATION and match:
-            found.setdefault((int(match[2]), match[1]), value.line)
-    for (_, stem), line in found.items():
-        if (_CALIBRATION, stem) not in settings.options:
-            settings.missing(_CALIBRATION, stem, line)
-    return [stem for _, stem in sorted(found)], [found[key] for key in sorted(found)]
-
-
 def _calibration(
     settings: Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
 ) -> StoredCalibration | None:
     """What [delta_calibrate] stores under these names; None where it stores nothing."""
-    found = [_stored(settings, name, ends) for name in names]
-    stems = [stem for each, _ in found for stem in each]
+    pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
+    found: dict[tuple[int, int, str], int] = {}
+    for (section, option), value in settings.options.items():
+        match = pattern.fullmatch(option)
+        if section == _CALIBRATION and match:
+            found.setdefault((names.index(match[2]), int(match[3]), match[1]), value.line)
+    for (*_, stem), line in found.items():
+        if (_CALIBRATION, stem) not in settings.options:
+            settings.missing(_CALIBRATION, stem, line)
+    stems = [stem for *_, stem in sorted(found)]
     low = 0.0 if names == ("distance",) else -LARGEST_MM
-    value = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in stems]
+    values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in stems]
     for stem, end in itertools.product(stems, dict.fromkeys(ends)):
         if (_CALIBRATION, stem + end) not in settings.options and (
             _CALIBRATION,
@@ -276,8 +312,8 @@ def _calibration(
     if settings.faults or not stems:
         return None
     first, second = home - np.array(steps) * step
-    lines = [line for _, each in found for line in each]
-    return StoredCalibration(first, second, np.array(value), np.array(lines))
+    lines = np.array([found[key] for key in sorted(found)])
+    return StoredCalibration(first, second, np.array(values), lines)
 
 
 def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | None:
@@ -286,7 +322,7 @@ def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | N
         return None
     section = next((name for name in profiles if name == f"{_PROFILE}default"), profiles[0])
     profile = section.removeprefix(_PROFILE).strip()
-    remarks = [*_mesh_remarks(settings, sensor), *_mesh_age(settings, section)]
+    remarks = [*_mesh_remarks(settings, sensor, section)]
     if len(profiles) > 1:
         remarks.append(
             f"Of {len(profiles)} stored meshes, {profile!r} was taken. To take another, name it"
@@ -294,28 +330,19 @@ def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | N
         )
     x, y = (_grid(settings, section, axis) for axis in "xy")
     lines, rows = _rows(settings, section, len(x), len(y))
-    places = np.meshgrid(x, y)
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
     if settings.faults:
         return None
-    probed = _probed(*places, rows, stated)
+    probed = _probed(*np.meshgrid(x, y), rows, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
-    stored = (section, "x_offset") in settings.options
-    across, along = (0.0, 0.0) if stored else probe[:2]
-    return StoredMesh(
-        profile=profile,
-        x=places[0][probed] - across,
-        y=places[1][probed] - along,
-        height=rows[probed],
-        order=in_turn(probed),
-        line=np.repeat(lines, len(x)).reshape(rows.shape)[probed],
-        padded=int(np.sum(~probed)),
-        remarks=tuple(remarks),
-    )
+    offset = [0.0, 0.0] if (section, "x_offset") in settings.options else probe
+    heights = np.where(probed, rows, math.nan)
+    mesh = StoredMesh.of_grid(profile, x, y, heights, lines, offset, tuple(remarks))
+    return replace(mesh, padded=int(np.sum(~probed)))
 
 
-def _mesh_remarks(settings: Settings, sensor: str) -> Iterator[str]:
-    """What a file does not say about the places and the heights of its meshes."""
+def _mesh_remarks(settings: Settings, sensor: str, section: str) -> Iterator[str]:
+    """What to know about the places, the heights and the age of a mesh."""
     unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
     if settings.included and unstated:
         yield (
@@ -328,10 +355,7 @@ def _mesh_remarks(settings: Settings, sensor: str) -> Iterator[str]:
                 f"By line {settings.options['bed_mesh', option].line}, {option}, the mesh counts"
                 f" from one of its own places: {ZERO_UNKNOWN}"
             )
-
-
-def _mesh_age(settings: Settings, section: str) -> Iterator[str]:
-    """SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place."""
+    # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
     mesh = settings.options.get((section, "points"))
     stored = [
         value.line
@@ -391,24 +415,16 @@ def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
     width = np.ptp(x) / 2.0
     fits = -_ROUNDED <= stated - width <= _ROUNDED * x.shape[1]
     inside = away <= (stated if fits else width) + _ROUNDED
-    repeats = all(_repeats(row, kept) for row, kept in zip(height, inside, strict=True))
-    return inside if fits or repeats else np.ones_like(inside)
 
+    def repeats(row: Floats, kept: Bools) -> bool:
+        """Whether the rest of a row repeats the outermost of those kept."""
+        places = np.flatnonzero(kept)
+        if not places.size:
+            return False
+        first, last = places[0], places[-1]
+        return bool(np.all(row[:first] == row[first]) and np.all(row[last:] == row[last]))
 
-def in_turn(probed: Bools) -> Ints:
-    """When each probed point of a grid was probed: row by row, every other row backwards."""
-    turn = np.arange(probed.size).reshape(probed.shape)
-    turn[1::2] = turn[1::2, ::-1].copy()
-    return np.argsort(np.argsort(turn[probed]))
-
-
-def _repeats(row: Floats, kept: Bools) -> bool:
-    """Whether the rest of a row repeats the outermost of those kept."""
-    places = np.flatnonzero(kept)
-    if not places.size:
-        return False
-    first, last = places[0], places[-1]
-    return bool(np.all(row[:first] == row[first]) and np.all(row[last:] == row[last]))
+    return inside if fits or all(map(repeats, height, inside)) else np.ones_like(inside)
 
 
 def _three(text: str) -> list[float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -41,51 +41,12 @@ class Value:
         return " ".join(text for _, text in self.texts)
 
 
-class _Part:
-    """The options of one part of the file: its own lines, or those that SAVE_CONFIG wrote."""
-
-    def __init__(self) -> None:
-        self.sections: dict[str, int] = {}
-        self.options: dict[tuple[str, str], Value] = {}
-        self._at = "", ""  # section and option, which is empty where none can go on
-        self._indent = 0
-
-    def take(self, line: int, raw: str, matters: Callable[[str], bool], faults: Faults) -> None:
-        """The next line, without what marks its part."""
-        text = _COMMENT.sub("", raw).rstrip()
-        plain = text.lstrip()
-        indent = len(text) - len(plain)
-        within, option = self._at
-        if not plain:
-            return
-        if option and indent > self._indent:
-            value = self.options[self._at]
-            self.options[self._at] = Value(value.line, (*value.texts, (line, plain)))
-            return
-        header, setting = _SECTION.match(plain), _OPTION.match(plain)
-        self._at, self._indent = (within, ""), indent
-        if header:
-            self._at = header[1].strip(), ""
-            self.sections.setdefault(self._at[0], line)
-        elif plain.startswith("["):
-            self._at = "", ""
-            what = "The section's name has no closing bracket."
-            faults.add(what, "Write [name].", line=line, value=shortened(plain))
-        elif setting:
-            self._at = within, setting[1].lower()
-            self.options[self._at] = Value(line, ((line, setting[2]),) if setting[2] else ())
-        elif matters(within):
-            what = f"The line in [{within}] is not an option."
-            remedy = "Write “option: value”, or “#” in front of a remark."
-            faults.add(what, remedy, line=line, value=shortened(plain))
-
-
 class Settings:
     """The options in force; what is wrong with one is noted, never raised.
 
     Args:
         document: the file.
-        matters: whether a section of this name is needed.
+        matters: whether a section of this name is needed, by what is true of it.
 
     Attributes:
         faults: what is wrong with it.
@@ -95,23 +56,58 @@ class Settings:
         remarks: options that SAVE_CONFIG wrote in vain.
     """
 
-    def __init__(self, document: FileText, matters: Callable[[str], bool]) -> None:
+    def __init__(self, document: FileText, matters: Callable[[str], object]) -> None:
         self.faults = Faults(document.path)
-        own, saved = _Part(), _Part()
-        for line, text in enumerate(document.text.split("\n"), start=1):
-            part = saved if text.startswith(SAVED) else own
-            part.take(line, text.removeprefix(SAVED), matters, self.faults)
-        self.sections: Mapping[str, int] = {**saved.sections, **own.sections}
-        self.options: Mapping[tuple[str, str], Value] = {**saved.options, **own.options}
-        self.included = any(name.startswith("include ") for name in own.sections)
-        self._cut_off = not saved.sections
+        lines = list(enumerate(document.text.split("\n"), start=1))
+        written = [(line, text[len(SAVED) :]) for line, text in lines if text.startswith(SAVED)]
+        own = self._parsed([each for each in lines if not each[1].startswith(SAVED)], matters)
+        saved = self._parsed(written, matters)
+        self.sections: Mapping[str, int] = {**saved[0], **own[0]}
+        self.options: Mapping[tuple[str, str], Value] = {**saved[1], **own[1]}
+        self.included = any(name.startswith("include ") for name in own[0])
+        self._cut_off = not saved[0]
         self.remarks = [
             f"Line {value.line}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
-            f" force: line {own.options[key].line} says otherwise, and Klipper obeys that one."
+            f" force: line {own[1][key].line} says otherwise, and Klipper obeys that one."
             " Delete one of the two."
-            for key, value in saved.options.items()
-            if key in own.options and own.options[key].text != value.text and matters(key[0])
+            for key, value in saved[1].items()
+            if key in own[1] and own[1][key].text != value.text and matters(key[0])
         ]
+
+    def _parsed(
+        self, lines: Iterable[tuple[int, str]], matters: Callable[[str], object]
+    ) -> tuple[dict[str, int], dict[tuple[str, str], Value]]:
+        """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
+        sections: dict[str, int] = {}
+        options: dict[tuple[str, str], Value] = {}
+        section, option, indented = "", "", 0  # no option where none can go on
+        for line, raw in lines:
+            text = _COMMENT.sub("", raw).rstrip()
+            plain = text.lstrip()
+            indent = len(text) - len(plain)
+            if not plain:
+                continue
+            if option and indent > indented:
+                value = options[section, option]
+                options[section, option] = Value(value.line, (*value.texts, (line, plain)))
+                continue
+            option, indented = "", indent
+            if header := _SECTION.match(plain):
+                section = header[1].strip()
+                sections.setdefault(section, line)
+            elif plain.startswith("["):
+                section = ""
+                what = "The section's name has no closing bracket."
+                self.faults.add(what, "Write [name].", line=line, value=shortened(plain))
+            elif setting := _OPTION.match(plain):
+                option = setting[1].lower()
+                texts = ((line, setting[2]),) if setting[2] else ()
+                options[section, option] = Value(line, texts)
+            elif matters(section):
+                what = f"The line in [{section}] is not an option."
+                remedy = "Write “option: value”, or “#” in front of a remark."
+                self.faults.add(what, remedy, line=line, value=shortened(plain))
+        return sections, options
 
     def note(
         self, section: str, option: str, what: str, remedy: str, line: int = 0, text: str = ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import pairwise
@@ -121,106 +121,63 @@ def read_table(file: FileText, coded: Sequence[str]) -> Table:
         coded: columns that never hold free text. If another column comes first, a # after the
             header belongs to its text: skipping the line would lose a reading.
     """
-    faults = Faults(file.path)
-    lines = _Lines(file.text.split("\n"))
-    delimiter = lines.find_header()
-    records = _records(lines, delimiter, faults)
-    header_line, header = next(records, (1, []))
-    columns = _columns(header, header_line, faults)
-    lines.comments = bool(columns) and columns[0] in coded
+    faults, lines = Faults(file.path), file.text.split("\n")
+    at, delimiter = _start(lines)
+    columns: tuple[str, ...] | None = None
+    header_line, comments = 1, True
     rows: list[Record] = []
-    for line, record in records:
-        if len(rows) >= _ROWS:
+    while at < len(lines):
+        plain, line = lines[at].lstrip(_BLANKS), at + 1
+        if not plain.strip() or (comments and plain.startswith("#")):
+            at += 1
+            continue
+        rest = (f"{lines[index]}\n" for index in range(at, len(lines)))
+        reader = csv.reader(rest, delimiter=delimiter, strict=True, skipinitialspace=True)
+        shown = shortened(lines[at].strip(), 60)
+        try:
+            cells = [cell.strip(_BLANK_CELL) for cell in next(reader)]
+        except csv.Error as error:
+            what = f"The row cannot be split into cells: {error}."
+            if "end of data" in str(error):
+                what = "A quotation mark is opened and never closed."
+            remedy = 'Close it, or write "" for a quotation mark inside quotes.'
+            faults.add(what, remedy, line=line, value=shown)
+            break
+        at += reader.line_num  # quotes may span lines
+        if columns is None:
+            columns, header_line = _columns(cells, line, faults), line
+            comments = columns[0] in coded
+        elif len(rows) >= _ROWS:
             faults.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
             break
-        cells = [_clean(cell) for cell in record]
-        if len(cells) > len(columns) and any(cells[len(columns) :]):
+        elif any(cells[len(columns) :]):
             what = f"The row has {len(cells)} cells, the header {len(columns)}."
             remedy = f"Put a cell that holds {delimiter!r} in quotes."
             if delimiter == ",":
                 remedy = (
                     "For decimal commas separate the columns with semicolons, in the header too."
                 )
-            faults.add(what, remedy, line=line, value=lines.shown(line))
+            faults.add(what, remedy, line=line, value=shown)
         elif any(cells):
             pairs = zip(columns, cells, strict=False)
             rows.append(Record(line, {name: cell for name, cell in pairs if cell}))
-    return Table(columns, header_line, tuple(rows), delimiter != ",", file, faults)
+    return Table(columns or (), header_line, tuple(rows), delimiter != ",", file, faults)
 
 
-def _clean(cell: str) -> str:
-    return cell.strip(_BLANK_CELL)
-
-
-class _Lines:
-    """Feeds lines to the csv reader and remembers where the current record started."""
-
-    def __init__(self, lines: Sequence[str]) -> None:
-        self.lines = lines
-        self.next = 0
-        self.first = 0
-        self.within = False  # inside a record, whose quotes may span lines
-        self.comments = True  # lines that start with # are comments
-
-    def find_header(self) -> str:
-        """Go to the header line; returns the delimiter that it uses."""
-        for index, line in enumerate(self.lines):
-            plain = line.strip(_BLANKS)
-            if not plain or plain.startswith("#"):
-                continue
-            if plain.lower().startswith("sep=") and len(plain) <= 5:
-                self.next = index + 1
-                return line.strip(" ")[4:5] or "\t"
-            self.next = index
-            return next((mark for mark in "\t;," if mark in line), ",")
-        self.next = len(self.lines)
-        return ","
-
-    def shown(self, line: int) -> str:
-        """Line `line` (from 1), shortened to what fits a message."""
-        return shortened(self.lines[line - 1].strip(), 60)
-
-    def __iter__(self) -> Iterator[str]:
-        return self
-
-    def __next__(self) -> str:
-        if not self.within:
-            while self.next < len(self.lines) and self._skipped(self.lines[self.next]):
-                self.next += 1
-            self.first = self.next + 1
-            self.within = True
-        if self.next >= len(self.lines):
-            raise StopIteration
-        self.next += 1
-        return self.lines[self.next - 1] + "\n"
-
-    def _skipped(self, line: str) -> bool:
-        plain = line.lstrip(_BLANKS)
-        return not plain.strip() or (self.comments and plain.startswith("#"))
-
-
-def _records(lines: _Lines, delimiter: str, faults: Faults) -> Iterator[tuple[int, list[str]]]:
-    """Line number and raw cells of each record; stops at broken quotes with a fault."""
-    reader = csv.reader(lines, delimiter=delimiter, strict=True, skipinitialspace=True)
-    while True:
-        lines.within = False
-        try:
-            record = next(reader)
-        except StopIteration:
-            return
-        except csv.Error as error:
-            what = f"The row cannot be split into cells: {error}."
-            if "end of data" in str(error):
-                what = "A quotation mark is opened and never closed."
-            remedy = 'Close it, or write "" for a quotation mark inside quotes.'
-            faults.add(what, remedy, line=lines.first, value=lines.shown(lines.first))
-            return
-        yield lines.first, record
+def _start(lines: Sequence[str]) -> tuple[int, str]:
+    """Index of the line from which records are read, and the delimiter of the header."""
+    for index, line in enumerate(lines):
+        plain = line.strip(_BLANKS)
+        if plain.lower().startswith("sep=") and len(plain) <= 5:
+            return index + 1, line.strip(" ")[4:5] or "\t"
+        if plain and not plain.startswith("#"):
+            return index, next((mark for mark in "\t;," if mark in line), ",")
+    return len(lines), ","
 
 
 def _columns(header: Sequence[str], line: int, faults: Faults) -> tuple[str, ...]:
     """Names of the columns; too many and repeated ones are faults."""
-    names = [_clean(name).lower() for name in header[:_COLUMNS]]
+    names = [name.lower() for name in header[:_COLUMNS]]
     if len(header) > _COLUMNS:
         what = f"The header has more than {_COLUMNS} columns."
         faults.add(what, "Check the delimiter.", line=line)

@@ -211,6 +211,12 @@ def test_what_is_recognised_and_holds_nothing_is_told_so(
     assert fault.file == str(own / name)
 
 
+def test_a_grid_without_a_place_in_reach_holds_no_heights(own: Path) -> None:
+    path = put(own, "grid.txt", "Bilinear Leveling Grid:\n  0 1\n0 +1.0 +2.0\n1 ===== +4.0\n")
+    [fault] = problems(read_input, path, read_machine(made_machine(own)))
+    assert "holds no probed heights with their places" in fault.what
+
+
 @pytest.mark.parametrize("value", ["0.000000", "0.250000"])
 def test_a_mesh_of_one_value_is_a_placeholder_in_printer_cfg_too(own: Path, value: str) -> None:
     cfg = printer_cfg(made.UNEVEN, OFF)
