@@ -119,8 +119,11 @@ def yaml_number(value: object) -> float:
     return parse_number(value)
 
 
-def _count(value: object) -> object:
-    return value if isinstance(value, int) else parse_count(str(value or ""), 1)
+def whole_number(least: int) -> BeforeValidator:
+    """A whole number from `least`, or the text of one."""
+    return BeforeValidator(
+        lambda value: value if isinstance(value, int) else parse_count(str(value or ""), least)
+    )
 
 
 def _version(value: object) -> object:
@@ -164,7 +167,7 @@ def _digest(text: str) -> str:
 Number = Annotated[float, BeforeValidator(yaml_number)]
 Minutes = Annotated[float, PlainSerializer(lambda minutes: round(minutes, 2))]
 Positive = Annotated[Number, Field(gt=0.0)]
-Count = Annotated[int, BeforeValidator(_count)]  # a whole number from 1
+Count = Annotated[int, whole_number(1)]  # a whole number from 1
 Version = Annotated[int, BeforeValidator(_version)]
 Word = Annotated[str, AfterValidator(_word)]  # a text that says something
 Day = Annotated[str, AfterValidator(_day)]  # an ISO date, perhaps with the time

@@ -2,59 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Annotated, ClassVar
 
 import numpy as np
+from pydantic import AfterValidator
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.rows import (
-    DIFFERENCE_KINDS,
-    KNOWN_DIFFERENCES,
-    DifferenceRow,
-    Reading,
-    Rows,
-    difference_name,
-)
+from orthoglide_cal.files.rows import Length, Reading, Row, Rows
 from orthoglide_cal.files.table import Table
-from orthoglide_cal.model import DIFFERENCES, DataKind, Differences, Machine
+from orthoglide_cal.model import DIFFERENCES, DataKind, Differences
 from orthoglide_cal.model.orthoglide import Orthoglide
 
 DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
+_KINDS = {
+    DataKind.SIX: "max − min",
+    DataKind.TWELVE: "relative to the isotropic posture",
+    DataKind.SINGLE: "tool end − joint end",
+}
+_NAMED = {each.name for known in DIFFERENCES.values() for each in known}
+_KNOWN = "Direction first, leg second. Known: {}.".format(
+    "; ".join(
+        f"{kind} ({_KINDS[kind]}): {', '.join(each.name for each in known)}"
+        for kind, known in DIFFERENCES.items()
+    )
+)
 
 
-def differences_from_table(table: Table, machine: Machine) -> Differences:
+def _canonical(text: str) -> str:
+    """The canonical name; the leading d may be missing, or a delta."""
+    name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
+    if name not in _NAMED:
+        raise InputError("This is not the name of a difference.", _KNOWN)
+    return name
+
+
+class DifferenceRow(Row):
+    """A difference as the paper prints it."""
+
+    difference: Annotated[str, AfterValidator(_canonical)]
+    value_mm: Length
+
+    noun = "difference"
+    inches = "value_in"
+    empty: ClassVar[Mapping[str, str]] = {
+        "difference": _KNOWN,
+        "value_mm": "Give the value or remove the row.",
+    }
+
+
+def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
     """The differences of a CSV. Raises InvalidFileError with everything that is wrong."""
     remarks = table.check_header(DIFFERENCE_COLUMNS[:2], DIFFERENCE_COLUMNS, DIFFERENCE_COLUMNS[2])
-    longest = {
-        "value_mm": (Orthoglide.require(machine).leg_length_mm, "difference", "the leg is long")
-    }
+    longest = {"value_mm": (machine.leg_length_mm, "difference", "the leg is long")}
     checking = Rows(table.rows, DifferenceRow, Reading(table.number, longest), table.faults)
     kind = _kind(checking)
-    rows = checking.checked()
+    rows = {row.difference: row.value_mm for row in checking.checked()}
     known = {each.name: each for each in DIFFERENCES[kind]}
+    if missing := [name for name in known if name not in rows]:
+        remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
+    if kind is DataKind.TWELVE and rows.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
+        remarks.append(
+            "These names were taken as max and min relative to the isotropic posture; a"
+            " single-posture file also has dz_x0 or dz_y0."
+        )
     return Differences(
         kind=kind,
-        which=tuple(known[row.difference] for row in rows),
-        value=np.array([row.value_mm for row in rows]),
+        which=tuple(known[name] for name in rows),
+        value=np.array(list(rows.values())),
         source=table.file.source,
-        remarks=(*remarks, *_remarks(kind, {row.difference for row in rows})),
+        remarks=tuple(remarks),
     )
-
-
-def _name(cell: str) -> str | None:
-    """The name of a difference; None if it is not one."""
-    try:
-        return difference_name(cell)
-    except InputError:
-        return None
 
 
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
-    cells = [record.cells.get("difference", "") for record in rows.records]
-    names = [_name(cell) for cell in cells]
+    names: list[str | None] = [None] * len(rows.records)
+    for index, record in enumerate(rows.records):
+        with suppress(InputError):
+            names[index] = _canonical(record.cells.get("difference", ""))
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names):
         order.insert(0, DataKind.SINGLE)
@@ -65,10 +95,9 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             continue
         if name not in known[kind]:
             what = (
-                f"The name is of another kind than the others, which are {kind}"
-                f" ({DIFFERENCE_KINDS[kind]})."
+                f"The name is of another kind than the others, which are {kind} ({_KINDS[kind]})."
             )
-            remedy = f"Give one kind in one file. {KNOWN_DIFFERENCES}"
+            remedy = f"Give one kind in one file. {_KNOWN}"
             rows.note(index, "difference", what, remedy)
         elif name in first:
             what = f"The difference is already in line {first[name]} already."
@@ -76,14 +105,3 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             rows.note(index, "difference", what, remedy)
         first.setdefault(name, rows.records[index].line)
     return kind
-
-
-def _remarks(kind: DataKind, names: set[str]) -> Iterator[str]:
-    missing = [each.name for each in DIFFERENCES[kind] if each.name not in names]
-    if missing:
-        yield f"Of the {kind} differences these are missing: {', '.join(missing)}."
-    if kind is DataKind.TWELVE and names <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
-        yield (
-            "These names were taken as max and min relative to the isotropic posture; a"
-            " single-posture file also has dz_x0 or dz_y0."
-        )

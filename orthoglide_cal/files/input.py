@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path, PurePath
@@ -41,11 +41,12 @@ from orthoglide_cal.files.readings import (
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
-from orthoglide_cal.files.table import Table, read_table
+from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Measured, Model, gauge_doubts
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Schema
 
 # The machine that the user names, or the settings of its firmware.
@@ -77,7 +78,7 @@ class Input:
     measured: Measured
     model: Model
     conditions: Conditions
-    is_session: bool
+    is_session: bool = False
     keeper: StoredMachine | None = None
 
 
@@ -216,8 +217,16 @@ def sessions_in(folder: Path) -> list[FoundSession]:
     """
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
-    found = (_dated(path, keys) for path, keys in _files_in(folder).items())
-    return sorted(session for session in found if session is not None)
+    found = []
+    for path, keys in _files_in(folder).items():
+        if {"machine", "readings"} <= keys.keys():
+            moment = path.stat().st_mtime
+            for key in ("started", "finished"):
+                with suppress(ValueError):
+                    written = keys.get(key, "").strip().strip("'\"")
+                    moment = datetime.fromisoformat(written).timestamp()
+            found.append(FoundSession(moment, path))
+    return sorted(found)
 
 
 def latest_session(folder: Path) -> Path:
@@ -271,18 +280,6 @@ def _files_in(folder: Path) -> dict[Path, dict[str, str]]:
     return {path: dict(reversed(_KEY.findall(_text_of(path)))) for path in files if path.is_file()}
 
 
-def _dated(path: Path, keys: Mapping[str, str]) -> FoundSession | None:
-    if not {"machine", "readings"} <= keys.keys():
-        return None
-    for key in ("finished", "started"):
-        try:
-            written = keys.get(key, "").strip().strip("'\"")
-            return FoundSession(datetime.fromisoformat(written).timestamp(), path)
-        except ValueError:
-            continue
-    return FoundSession(path.stat().st_mtime, path)
-
-
 def _is_yaml(document: FileText) -> bool:
     """Whether the first line that says anything is YAML; the name decides what it leaves open."""
     if PRINTER_SECTION.search(document.text):
@@ -307,32 +304,20 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
         judge = judge.holding(entered.before)
     table = read_table(document, _CODED)
     columns = set(table.columns)
-    if columns & set(PLACE_COLUMNS) and not columns & {"leg", "difference"}:
-        with _of_data("touches of a bed", table):
-            delta = LinearDelta.require(judge.machine)
-        touched = probe_readings_from_table(table, delta)
-        return Input(touched, judge, conditions_in(touched), is_session=False)
-    with _of_data("readings of gauges", table):
-        machine = judge.orthoglide
-    if "difference" in table.columns:
-        differences = differences_from_table(table, machine)
-        return Input(differences, judge, Conditions(), is_session=False)
-    readings = readings_from_table(table, machine)
-    return Input(readings, judge, conditions_in(readings), is_session=False)
-
-
-@contextmanager
-def _of_data(what: str, table: Table) -> Iterator[None]:
-    """A machine of another kind is a fault of the table: what it holds, and where that shows."""
+    probed = bool(columns & set(PLACE_COLUMNS)) and not columns & {"leg", "difference"}
     try:
-        yield
+        machine = (LinearDelta if probed else Orthoglide).require(judge.machine)
     except UsageError as error:
-        raise InputError(
-            f"These are {what}. {error.what}",
-            error.remedy,
-            file=table.file.path,
-            line=table.header_line,
-        ) from error
+        what = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
+        line = table.header_line
+        raise InputError(what, error.remedy, file=document.path, line=line) from error
+    if isinstance(machine, LinearDelta):
+        touched = probe_readings_from_table(table, machine)
+        return Input(touched, judge, conditions_in(touched))
+    if "difference" in table.columns:
+        return Input(differences_from_table(table, machine), judge, Conditions())
+    readings = readings_from_table(table, machine)
+    return Input(readings, judge, conditions_in(readings))
 
 
 def printer_settings(path: Path) -> PrinterFile | None:
@@ -440,4 +425,4 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None = None) 
     read = printer_readings(file, stored, machine)
     readings = replace(read, remarks=(*remarks, *read.remarks))
     judge = replace(model, machine=machine)
-    return Input(readings, judge, conditions_in(readings), is_session=False)
+    return Input(readings, judge, conditions_in(readings))

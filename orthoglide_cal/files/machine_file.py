@@ -9,10 +9,11 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 from pydantic import (
@@ -29,7 +30,7 @@ from orthoglide_cal.files.faults import Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
 from orthoglide_cal.files.yaml_edit import edited
 from orthoglide_cal.files.yaml_tree import Tree, load_tree, yaml_text
-from orthoglide_cal.model import Cause, Effect, Entered, Estimate, Machine, Model
+from orthoglide_cal.model import Effect, Entered, Estimate, Machine, Model
 from orthoglide_cal.model.machine import JointOffsets
 from orthoglide_cal.model.machines import MACHINES, kind_of
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, yaml_number
@@ -85,9 +86,9 @@ class Identified(Schema):
     @field_validator("cause")
     @classmethod
     def _lasting(cls, id: str, info: ValidationInfo) -> str:
-        known = _causes_of(_kind_in(info))
+        known = _causes_of(cast(type[Machine], info.context))
         if id not in known:
-            raise _unknown_cause(id, known)
+            raise InputError(*_unknown_cause(id, known))
         if not CAUSES[id].lasting:
             lasting = ", ".join(each for each in known if CAUSES[each].lasting)
             raise InputError("This cause cannot be part of a machine.", f"Use one of {lasting}.")
@@ -101,7 +102,8 @@ class Identified(Schema):
         id = info.data.get("cause")
         if id is None:
             return given
-        cause, names = CAUSES[id], _kind_in(info).named(CAUSES[id].names).values()
+        machine, cause = cast(type[Machine], info.context), CAUSES[id]
+        names = machine.named(cause.names).values()
         # A shape that was found with fewer terms is still one.
         fewer = cause.shares and given.keys() < set(names)
         if given.keys() != set(names) and not (given and fewer):
@@ -275,9 +277,10 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         faults.at(tree.place((*path, *inner)), what, remedy, value)
 
     if not isinstance(value, dict):
-        here = path[-1] in tree.value if path else True
-        what = "This must be a group of keys." if here else "The key is missing."
-        note(what, "Write `name: value` lines, indented." if here else "Add a line `machine: …`.")
+        if path[-1] in tree.value:
+            note("This must be a group of keys.", "Write `name: value` lines, indented.")
+        else:
+            note("The key is missing.", "Add a line `machine: …`.")
         return None
     kind = value.get("kind", kind_of(value))
     made = MACHINES.get(kind) if isinstance(kind, str) else None
@@ -307,25 +310,26 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     tolerances = value.get("tolerances")
     causes = _causes_of(own)
     for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
-        try:
-            if id not in causes:
-                raise _unknown_cause("" if faults.full else id, causes)
-            _check_tolerance(CAUSES[id], own, text)
-        except InputError as fault:
-            at = None if id in causes else id
-            note(fault.what, fault.remedy, "tolerances", id, value=at)
+        if id not in causes:
+            near = "" if faults.full else id
+            note(*_unknown_cause(near, causes), "tolerances", id, value=id)
+            continue
+        cause, size = CAUSES[id], 0.0
+        usual = cause.sizes[own]
+        with suppress(InputError):  # said of the machine
+            size = yaml_number(text)
+        if _LARGEST_TOLERANCE * usual < size <= 1e6:
+            what = (
+                f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}."
+            )
+            note(what, f"Give it in {cause.unit or 'its unit'}.", "tolerances", id)
+        if 0.0 < size < _SMALLEST_TOLERANCE:
+            what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
+            note(what, "Give 0 to rule it out.", "tolerances", id)
     if faults.count > before:
         return None
     machine, rest = found
     return Model(machine, tuple(each.effect(own) for each in rest.identified))
-
-
-def _kind_in(info: ValidationInfo) -> type[Machine]:
-    """The class of the machine, which checking is told."""
-    if info.context is None:
-        raise TypeError("an accepted cause is checked for a kind of machine")
-    kind: type[Machine] = info.context
-    return kind
 
 
 def _causes_of(machine: type[Machine]) -> list[str]:
@@ -333,28 +337,9 @@ def _causes_of(machine: type[Machine]) -> list[str]:
     return [id for id, cause in CAUSES.items() if machine in cause.sizes]
 
 
-def _unknown_cause(id: str, known: list[str]) -> InputError:
+def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:
     what = "This is not a cause id of this kind of machine."
-    return InputError(what, f"{nearest(id, known)}Known: {', '.join(known)}.")
-
-
-def _check_tolerance(cause: Cause, machine: type[Machine], text: object) -> None:
-    """Raises InputError for a plausible size that nothing could have: it is a slip."""
-    try:
-        size = yaml_number(text)
-    except InputError:
-        return  # said of the machine
-    usual = cause.sizes[machine]
-    if _LARGEST_TOLERANCE * usual < size <= 1e6:
-        raise InputError(
-            f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {cause.id},"
-            f" {usual:g}.",
-            f"Give it in {cause.unit or 'its unit'}.",
-        )
-    if 0.0 < size < _SMALLEST_TOLERANCE:
-        raise InputError(
-            f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}.", "Give 0 to rule it out."
-        )
+    return what, f"{nearest(id, known)}Known: {', '.join(known)}."
 
 
 def is_machine_file(tree: Tree) -> bool:
@@ -369,13 +354,12 @@ def machine_values(model: Model) -> dict[str, Any]:
     machine = model.machine
     own = _stated(machine)
     common = {key: own.pop(key) for key in Machine.model_fields if key in own}
-    stated = {key: common[key] for key in ("homing_mm",) if key in common}
     return {
         "schema_version": 1,
         "kind": common["kind"],
         "name": common["name"],
         **own,
-        **stated,
+        **{key: common[key] for key in ("homing_mm",) if key in common},
         "tolerances": common["tolerances"],
         **{key: common[key] for key in ("report", "gauges") if common[key]},
         "history": [each.model_dump(mode="json", exclude_none=True) for each in machine.history],

@@ -151,26 +151,28 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
         InputError: it does not store that.
     """
     chosen = stored or ("mesh" if file.heights is None else "calibration")
-    also: tuple[Literal["mesh"], ...] = ("mesh",) if file.mesh else ()
-    if chosen == "mesh" and file.mesh:
-        words = f"{len(file.mesh.x)} points of a mesh"
-        return _mesh(file, file.mesh, machine, Excerpt("mesh", words, (), file.firmware))
-    if chosen == "calibration" and file.heights:
-        if isinstance(file.heights, StoredCalibration):
-            return _calibration(file, file.heights, machine, also)
-        words = f"{len(file.heights.x)} heights"
-        return _mesh(file, file.heights, machine, Excerpt(chosen, words, also, file.firmware))
-    what, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
-    if file.heights is None and file.mesh is None:
-        what, remedy = "The file stores neither probed heights nor a mesh.", "Run"
-    again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
-    probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
-    remedy += f" {probing[file.firmware]}."
-    raise InputError(what, remedy, file=file.source.path)
+    found = file.mesh if chosen == "mesh" else file.heights
+    if found is None:
+        what, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
+        if file.heights is None and file.mesh is None:
+            what, remedy = "The file stores neither probed heights nor a mesh.", "Run"
+        again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
+        probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
+        raise InputError(what, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
+    words = f"{len(found.line)} {'points of a mesh' if chosen == 'mesh' else 'heights'}"
+    if isinstance(found, StoredMesh):
+        readings = _mesh(file, found, machine)
+    else:
+        readings = _calibration(file, found, machine)
+        if file.distances is not None:
+            words += f" and {len(file.distances.line)} distances"
+    also: tuple[Literal["mesh"], ...] = ("mesh",) if file.mesh and chosen != "mesh" else ()
+    excerpt = Excerpt(chosen, words, also, file.firmware)
+    return replace(readings, source=replace(file.source, excerpt=excerpt))
 
 
-def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta, excerpt: Excerpt) -> Readings:
-    n, height = len(mesh.x), file.probe[2]
+def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta) -> Readings:
+    n = len(mesh.x)
     if n > 1 and np.ptp(mesh.height) == 0.0:
         raise InputError(
             f"All {n} heights of the mesh {mesh.profile!r} are {mesh.height[0]:g}: a placeholder,"
@@ -190,45 +192,35 @@ def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta, excerpt: Ex
             file=file.source.path,
             line=int(mesh.line[np.argmax(away)]),
         )
-    place = np.column_stack((mesh.x, mesh.y, mesh.height + height))
-    left_out = (
-        f"{mesh.padded} points of the mesh {mesh.profile!r} were not probed: they repeat a"
-        " neighbour and are left out."
-    )
-    return Readings(
-        _plan(machine, place, np.full(n, height), mesh.order, None),
-        mesh.height,
-        mesh.line,
-        False,
-        replace(file.source, excerpt=excerpt),
-        remarks=(*file.remarks, *mesh.remarks, *([left_out] if mesh.padded else [])),
-    )
+    place = np.column_stack((mesh.x, mesh.y, mesh.height + file.probe[2]))
+    plan = _plan(machine, place, np.full(n, file.probe[2]), mesh.order)
+    remarks = [*file.remarks, *mesh.remarks]
+    if mesh.padded:
+        remarks.append(
+            f"{mesh.padded} points of the mesh {mesh.profile!r} were not probed: they repeat a"
+            " neighbour and are left out."
+        )
+    return Readings(plan, mesh.height, mesh.line, False, file.source, remarks=tuple(remarks))
 
 
-def _calibration(
-    file: PrinterFile,
-    heights: StoredCalibration,
-    machine: LinearDelta,
-    also: tuple[Literal["mesh"], ...],
-) -> Readings:
+def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearDelta) -> Readings:
     """Heights and distances, at the places where the machine's parameters put the nozzle."""
     rails, distances = machine.nominal_rails, file.distances
 
     def reached(carriages: Floats) -> Floats:
         return np.asarray(rails.tool_for(carriages, strict=False))
 
-    place, surface = reached(heights.first), heights.value
+    other = place = reached(heights.first)
+    value, line, remarks = place[:, 2] - heights.value, heights.line, file.remarks
     _check_stored(
         file,
-        heights.line,
-        place[:, 2] - surface,
+        line,
+        value,
         "The stored height",
         "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length changed"
         " after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again.",
     )
-    other, value, line = place, place[:, 2] - surface, heights.line
     trimmed = float(np.mean(value))
-    remarks = file.remarks
     if abs(trimmed) > _TRIMMED_MM:
         remarks += (
             f"The settings in force put the nozzle {abs(trimmed):.3f} mm"
@@ -238,23 +230,13 @@ def _calibration(
         )
     if distances is not None:
         first, second = reached(distances.first), reached(distances.second)
-        wanted = np.linalg.norm(second - first, axis=1)
-        _check_stored(
-            file,
-            distances.line,
-            distances.value - wanted,
-            "The stored distance",
-            "Measure it again on the printed object, and give it to DELTA_ANALYZE.",
-        )
+        longer = distances.value - np.linalg.norm(second - first, axis=1)
+        remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
+        _check_stored(file, distances.line, longer, "The stored distance", remedy)
         place, other = np.vstack((place, first)), np.vstack((other, second))
-        value = np.concatenate((value, distances.value - wanted))
-        line = np.concatenate((line, distances.line))
-    words = f"{len(surface)} heights"
-    if distances is not None:
-        words += f" and {len(distances.value)} distances"
-    source = replace(file.source, excerpt=Excerpt("calibration", words, also, file.firmware))
-    plan = _plan(machine, place, surface, np.arange(len(place)), None, other)
-    return Readings(plan, value, line, False, source, remarks=remarks)
+        value, line = np.append(value, longer), np.append(line, distances.line)
+    plan = _plan(machine, place, heights.value, np.arange(len(place)), other=other)
+    return Readings(plan, value, line, False, file.source, remarks=remarks)
 
 
 def _check_stored(file: PrinterFile, line: Ints, apart: Floats, what: str, remedy: str) -> None:
@@ -280,7 +262,7 @@ def _plan(
     place: Floats,
     surface: Floats,
     order: Ints,
-    minutes: Floats | None,
+    minutes: Floats | None = None,
     other: Floats | None = None,
 ) -> ProbePlan:
     """Touches of surfaces, (t,) [mm], and behind them the distances to other places (n, 3)."""

@@ -6,6 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 
@@ -115,25 +116,22 @@ class Conditions(Circumstances):
         found = (_QUESTIONED.match(note) for _, note in self.notes)
         return tuple((each[1], each[2]) for each in found if each)
 
-    def _stated_c(self, name: str) -> float | None:
-        """A temperature that the environment states; None where it is not given as a number."""
-        try:
-            return parse_number(dict(self.environment).get(name, ""))
-        except InputError:
-            return None
+    def _told_c(self, end: int, *names: str) -> float | None:
+        """What the environment states under one of these names, else the thermometer at one end."""
+        for name in names:
+            with suppress(InputError):
+                return parse_number(dict(self.environment).get(name, ""))
+        return self.first_and_last_c[end] if self.first_and_last_c else None
 
     @property
     def temperature_start_c(self) -> float | None:
         """As the environment states it, else of the thermometer; None if neither."""
-        read = self.first_and_last_c[0] if self.first_and_last_c else None
-        stated = (self._stated_c(name) for name in ("temperature_start_c", "temperature_c"))
-        return next((each for each in (*stated, read) if each is not None), None)
+        return self._told_c(0, "temperature_start_c", "temperature_c")
 
     @property
     def temperature_end_c(self) -> float | None:
         """As the environment states it, else of the thermometer; None if neither."""
-        stated = self._stated_c("temperature_end_c")
-        return self.first_and_last_c[1] if stated is None and self.first_and_last_c else stated
+        return self._told_c(-1, "temperature_end_c")
 
     @property
     def temperatures_c(self) -> tuple[float, ...]:
@@ -153,12 +151,11 @@ def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     needed = (*NEEDED_COLUMNS, VALUE_COLUMNS[0])
     remarks = table.check_header(needed, READING_COLUMNS, VALUE_COLUMNS[1])
     table.check_split_numbers(VALUE_COLUMNS, CODED_COLUMNS)
-    records = table.rows
-    if not {*table.columns}.isdisjoint(_SESSION_COLUMNS):
-        records = tuple(
-            replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
-            for each in records
-        )
+    # What only a session may have is no part of a table.
+    records = [
+        replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
+        for each in table.rows
+    ]
     return readings_from_records(
         records, machine, table.file.source, table.faults, Reading(table.number),
         remarks=remarks,

@@ -8,7 +8,6 @@ the rows become arrays.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -28,8 +27,8 @@ from pydantic import (
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import FaultPlace, Faults, Steps
 from orthoglide_cal.files.text import number_text
-from orthoglide_cal.model import AXES, DIFFERENCES, DataKind, Posture
-from orthoglide_cal.schema import Count, Moment, Schema, parse_count, yaml_number
+from orthoglide_cal.model import AXES, Posture
+from orthoglide_cal.schema import Count, Moment, Schema, whole_number, yaml_number
 from orthoglide_cal.words import MM_PER_INCH
 
 LATEST_MINUTES = 1e6  # two years
@@ -58,8 +57,7 @@ class Record:
         """Where the cell of a column stands, which `path` begins with."""
         column = str(path[0])
         inches = f"{column.removesuffix('_mm')}_in"
-        if column not in self.cells and inches in self.cells:
-            column = inches
+        column = inches if column not in self.cells and inches in self.cells else column
         line = self.lines.get(column, self.line)
         return FaultPlace(line, self.prefix + column, self.cells.get(column))
 
@@ -87,10 +85,9 @@ class _Inches(str):
 
 
 def _number(value: object, info: ValidationInfo) -> float:
-    if info.context is not None and isinstance(value, str):
-        read: float = info.context.number(value)
-        return read
-    return yaml_number(value)
+    if info.context is None or not isinstance(value, str):
+        return yaml_number(value)
+    return float(info.context.number(value))
 
 
 def _length(value: object, info: ValidationInfo) -> float:
@@ -103,10 +100,6 @@ def _length(value: object, info: ValidationInfo) -> float:
                 f"Check the unit and the decimal mark; {noun}s are in mm.",
             )
     return size
-
-
-def _order(value: object) -> object:
-    return parse_count(value, 0) if isinstance(value, str) else value
 
 
 def _one_of(known: Sequence[str], what: str, remedy: str) -> BeforeValidator:
@@ -151,30 +144,9 @@ def _entered(value: object, info: ValidationInfo) -> object:
     return offsets
 
 
-def difference_name(text: str) -> str:
-    """The canonical name; the leading d may be missing, or a delta. Raises InputError."""
-    name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
-    if name not in _NAMED:
-        raise InputError("This is not the name of a difference.", KNOWN_DIFFERENCES)
-    return name
-
-
-DIFFERENCE_KINDS = {
-    DataKind.SIX: "max − min",
-    DataKind.TWELVE: "relative to the isotropic posture",
-    DataKind.SINGLE: "tool end − joint end",
-}
-_NAMED = {each.name for known in DIFFERENCES.values() for each in known}
-KNOWN_DIFFERENCES = "Direction first, leg second. Known: {}.".format(
-    "; ".join(
-        f"{kind} ({DIFFERENCE_KINDS[kind]}): {', '.join(each.name for each in known)}"
-        for kind, known in DIFFERENCES.items()
-    )
-)
-
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
-Order = Annotated[int, BeforeValidator(_order)]  # a whole number from 0
+Order = Annotated[int, whole_number(0)]
 Axis = Annotated[str, _one_of(AXES, "This is not an axis.", _AXIS)]
 End = Annotated[
     str, _one_of(("joint", "tool"), "This is not an end of the leg.", "Write joint or tool.")
@@ -301,20 +273,6 @@ class ProbeRow(Row):
     empty: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
     )
-
-
-class DifferenceRow(Row):
-    """A difference as the paper prints it."""
-
-    difference: Annotated[str, AfterValidator(difference_name)]
-    value_mm: Length
-
-    noun = "difference"
-    inches = "value_in"
-    empty: ClassVar[Mapping[str, str]] = {
-        "difference": KNOWN_DIFFERENCES,
-        "value_mm": "Give the value or remove the row.",
-    }
 
 
 R = TypeVar("R", bound=Row)

@@ -30,6 +30,7 @@ from orthoglide_cal.model import Model, Readings
 from orthoglide_cal.schema import Version
 
 _COLUMNS = (*READING_COLUMNS, "timestamp")
+_ROWS = ("readings", "retaken", "skipped")
 
 
 class Session(Circumstances):
@@ -50,9 +51,6 @@ class Session(Circumstances):
     readings: tuple[ReadingRow, ...] = ()
     retaken: tuple[ReadingRow, ...] = ()
     skipped: tuple[ReadingRow, ...] = ()
-
-
-_ROWS = ("readings", "retaken", "skipped")
 
 
 def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model, Conditions]:
@@ -95,11 +93,14 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
         judge = model.holding(recorded.orthoglide.offsets_mm)
     keys = Session.model_fields
     columns = dict.fromkeys(name for each in records for name in each.lines if name not in _COLUMNS)
-    remarks = [
-        *(_difference(recorded, judge) if recorded else ()),
-        *unused("Keys", (key for key in tree.value if key not in keys), keys),
-        *unused("Columns", columns, READING_COLUMNS),
-    ]
+    remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
+    remarks += unused("Columns", columns, READING_COLUMNS)
+    if recorded and (names := differing(recorded, judge)):
+        differ = (
+            f"The session was measured on {recorded.machine.name!r}, which differs from the machine"
+            f" given, {judge.machine.name!r}, in: {', '.join(names)}. The machine given was used."
+        )
+        remarks.insert(0, differ)
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
     readings = readings_from_records(
@@ -110,11 +111,9 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
         raise tree.faults.error()
     found = conditions_in(readings)
     own, said = {gauge.id for gauge in session.gauges}, session.environment or {}
-    given = {key: getattr(session, key) or None for key in Circumstances.model_fields}
-    gauges = (*session.gauges, *(gauge for gauge in found.gauges if gauge.id not in own))
-    given |= {
+    given = {key: getattr(session, key) or None for key in Circumstances.model_fields} | {
         "environment": tuple((name, text) for name, text in said.items() if text),
-        "gauges": gauges,
+        "gauges": (*session.gauges, *(each for each in found.gauges if each.id not in own)),
         "retaken": len(session.retaken),
         "skipped": len(session.skipped),
     }
@@ -125,12 +124,10 @@ def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
     rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
     content = session.model_dump(by_alias=True, exclude=set(_ROWS))
-    gauges = [
-        {key: said for key, said in gauge.items() if key != "due" or said}
-        for gauge in content["gauges"]
-    ]
-    first = dict.fromkeys(("schema_version", "machine"))
-    return {**first, **content, "gauges": gauges, **rows}
+    for gauge in content["gauges"]:
+        if not gauge["due"]:
+            del gauge["due"]
+    return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
 
 
 def session_text(session: Session) -> str:
@@ -195,17 +192,8 @@ def _records(tree: Tree, key: str) -> list[Record]:
             note((*path, name), "This must be one value.", "Write `name: value`.")
         if not inner:
             lines = {name: tree.place((*path, name)).line for name in entry}
-            cells = {name: value.strip() for name, value in entry.items() if value}
+            texts = ((name, (value or "").strip()) for name, value in entry.items())
+            cells = {name: text for name, text in texts if text}
             line, at, _ = tree.place(path)
-            full = {name: cell for name, cell in cells.items() if cell}
-            records.append(Record(line, full, lines, f"{at}."))
+            records.append(Record(line, cells, lines, f"{at}."))
     return records
-
-
-def _difference(recorded: Model, given: Model) -> list[str]:
-    names = differing(recorded, given)
-    remark = (
-        f"The session was measured on {recorded.machine.name!r}, which differs from the machine"
-        f" given, {given.machine.name!r}, in: {', '.join(names)}. The machine given was used."
-    )
-    return [remark] if names else []

@@ -65,29 +65,21 @@ def load_tree(file: FileText) -> Tree:
     tree, nodes, documents = Tree(file, Faults(file.path)), count(1), 0
 
     def check(event: Any, path: Steps) -> None:
-        tag, text = getattr(event, "tag", None), getattr(event, "value", "")
-        for wrong, what, remedy, value in (
-            (
-                event.anchor,
-                "Anchors and aliases are not accepted.",
-                "Write the value out.",
-                event.anchor,
-            ),
-            (tag and tag != "!", "Tags are not accepted.", "Remove the tag.", tag),
-            (has_control(text), "The text holds a control character.", "Remove it.", text),
-            (next(nodes) > _NODES, f"More than {_NODES} values.", "Give a smaller file.", None),
-            (
-                len(path) > _DEPTH,
-                f"Nested deeper than {_DEPTH} levels.",
-                "Give a simpler file.",
-                None,
-            ),
-        ):
-            if wrong:
-                line, column = event.start_mark.line + 1, dotted(path) or None
-                raise InputError(
-                    what, remedy, file=file.path, line=line, column=column, value=value
-                )
+        tag, value = getattr(event, "tag", None), None
+        if value := event.anchor:
+            what, remedy = "Anchors and aliases are not accepted.", "Write the value out."
+        elif tag and tag != "!":
+            what, remedy, value = "Tags are not accepted.", "Remove the tag.", tag
+        elif has_control(text := getattr(event, "value", "")):
+            what, remedy, value = "The text holds a control character.", "Remove it.", text
+        elif next(nodes) > _NODES:
+            what, remedy = f"More than {_NODES} values.", "Give a smaller file."
+        elif len(path) > _DEPTH:
+            what, remedy = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
+        else:
+            return
+        line, column = event.start_mark.line + 1, dotted(path) or None
+        raise InputError(what, remedy, file=file.path, line=line, column=column, value=value)
 
     def read(tree: Tree, event: Any, path: Steps, line: int) -> Any:
         """The value of the node that begins with an event; what is found goes to a tree."""
@@ -146,14 +138,8 @@ def load_tree(file: FileText) -> Tree:
 
 def yaml_text(value: object) -> str:
     """YAML of plain values, in the order given, as `load_tree` reads it back."""
-    written: str = yaml.dump(
-        value,
-        Dumper=_Dumper,
-        sort_keys=False,
-        allow_unicode=True,
-        width=1000,
-        default_flow_style=None,
-    )
+    style: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 1000}
+    written: str = yaml.dump(value, Dumper=_Dumper, default_flow_style=None, **style)
     return written
 
 
