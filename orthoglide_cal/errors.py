@@ -123,6 +123,8 @@ class InputError(OrthocalError, ValueError):
         self.line = line
         self.column = column
         self.value = value
+        # What is wrong; of a file with several faults each of them.
+        self.problems: tuple[InputError, ...] = (self,)
 
     @property
     def where(self) -> str:

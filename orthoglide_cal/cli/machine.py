@@ -203,9 +203,8 @@ def _asked(answers: Answers, key: str, question: str, target: Path) -> str:
             text = _text({**answers, key: value}, target)
         except InputError as error:
             # What follows from a wrong answer is not asked yet.
-            faults = error.problems if isinstance(error, InvalidFileError) else (error,)
-            own = [fault for fault in faults if (fault.column or "").startswith(key)]
-            common.tell(_fault((own or faults)[0]))
+            own = [fault for fault in error.problems if (fault.column or "").startswith(key)]
+            common.tell(_fault((own or error.problems)[0]))
         else:
             answers[key] = value
             return text

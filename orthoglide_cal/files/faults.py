@@ -78,7 +78,7 @@ class Faults:
 
     @property
     def full(self) -> bool:
-        """Whether there are so many that further ones are only counted."""
+        """Whether further ones are only counted."""
         return len(self.problems) >= _MOST
 
     @property
@@ -127,7 +127,7 @@ class Faults:
         """Note everything that pydantic found.
 
         Args:
-            error: as raised.
+            error: what it raised.
             schema: what the content was checked by, for the names that are known there.
             place: from a path inside the content to its place in the file.
             words: instead of those for all files: "missing posture" → (what, remedy).
@@ -168,11 +168,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
     """A remark on names without a meaning and what they may stand for, if there are any."""
     given, words = [name for name in names if name], list(known)
-    if not given:
-        return []
     hints = "".join(nearest(name, words) for name in given[:10])
     remark = f"{what} are not known and were not used: {listed(given)}. {hints}"
-    return [remark.strip()]
+    return [remark.strip()] if given else []
 
 
 def _worded(
@@ -184,14 +182,12 @@ def _worded(
         given = each.get("ctx", {})
         cause = given.get("error")
         if isinstance(cause, InputError):
-            problems = cause.problems if isinstance(cause, InvalidFileError) else (cause,)
-            for problem in problems:
+            for problem in cause.problems:
                 inner = _STEP.findall(problem.column or "")
                 steps = (int(index) if index else name for index, name in inner)
                 yield (*path, *steps), problem.what, problem.remedy
             continue
-        known = _QUOTED.findall(given.get("expected", ""))
-        meant = ""
+        known, meant = _QUOTED.findall(given.get("expected", "")), ""
         kind = _ALSO.get(each["type"], each["type"])
         if kind == "literal_error":
             meant = str(each["input"])
@@ -202,25 +198,16 @@ def _worded(
             kind = "too_short"
         elif kind == "greater_than_equal" and given["ge"] == 0:
             kind = "not_negative"
-        elif kind.startswith("greater_than") and _not_above_zero(each["input"], given):
-            kind = "greater_than_zero"
+        elif kind.startswith("greater_than"):
+            size = parse_number(str(each["input"]), decimal_comma=True)
+            if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
+                kind = "greater_than_zero"
         key = next((step for step in reversed(path) if isinstance(step, str)), "value")
         usual = _WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
         what, remedy = words.get(f"{kind} {key}", usual)
         mm = "; lengths are in mm" if key.endswith("_mm") else ""
-        said = {
-            **given,
-            "mm": mm,
-            "key": key,
-            "near": nearest(meant, known),
-            "known": ", ".join(known),
-        }
+        said = dict(mm=mm, key=key, near=nearest(meant, known), known=", ".join(known), **given)
         yield path, what.format(**said), remedy.format(**said)
-
-
-def _not_above_zero(value: object, bound: Mapping[str, float]) -> bool:
-    """Whether a number that is too small has the wrong sign, or is zero."""
-    return parse_number(str(value), decimal_comma=True) <= 0.0 <= min(bound.values())
 
 
 def _known(path: Steps, schema: object) -> list[str]:
@@ -228,8 +215,7 @@ def _known(path: Steps, schema: object) -> list[str]:
     classes = _classes(schema)
     for step in path[:-1]:
         fields = [_fields(each)[step] for each in classes if step in _fields(each)]
-        if fields:
-            classes = [each for field in fields for each in _classes(field)]
+        classes = [each for field in fields for each in _classes(field)] if fields else classes
     return list(dict.fromkeys(str(name) for each in classes for name in _fields(each)))
 
 

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.console import KLIPPY_LOG, PROBED, read_klippy_log, read_probed
 from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
 from orthoglide_cal.files.firmware_codes import SETTINGS, read_codes, read_codes_in
@@ -195,8 +195,7 @@ def check_file(
     except UnreadableError:
         raise
     except InputError as error:
-        problems = error.problems if isinstance(error, InvalidFileError) else (error,)
-        faults = tuple(map(Fault.model_validate, problems))
+        faults = tuple(map(Fault.model_validate, error.problems))
         return Check(input=input, valid=False, problems=faults), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind

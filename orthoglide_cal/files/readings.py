@@ -40,12 +40,10 @@ from orthoglide_cal.model import (
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
 
-NEEDED_COLUMNS = ("leg", "posture", "direction")
-VALUE_COLUMNS = ("reading_mm", "reading_in")
 _SESSION_COLUMNS = ("timestamp", "reason")
 READING_COLUMNS = (
     *(name for name in ReadingRow.model_fields if name not in _SESSION_COLUMNS),
-    VALUE_COLUMNS[1],
+    "reading_in",
 )
 CODED_COLUMNS = tuple(name for name in READING_COLUMNS if name not in ("gauge", "note"))
 # The note of a reading that was questioned and kept, with its step.
@@ -59,8 +57,7 @@ class GaugeIdentity(Schema):
 
     Attributes:
         id: its label.
-        certificate: of its last calibration.
-        due: day on which it is to be calibrated again.
+        certificate, due: of its last calibration, and the day of the next.
         resolution_mm: smallest step that it shows.
     """
 
@@ -148,9 +145,10 @@ class Conditions(Circumstances):
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
-    needed = (*NEEDED_COLUMNS, VALUE_COLUMNS[0])
-    remarks = table.check_header(needed, READING_COLUMNS, VALUE_COLUMNS[1])
-    table.check_split_numbers(VALUE_COLUMNS, CODED_COLUMNS)
+    remarks = table.check_header(
+        ("leg", "posture", "direction", "reading_mm"), READING_COLUMNS, "reading_in"
+    )
+    table.check_split_numbers(("reading_mm", "reading_in"), CODED_COLUMNS)
     # What only a session may have is no part of a table.
     records = [
         replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
@@ -199,8 +197,7 @@ def readings_from_records(
     _check_parts(checking)
     lines = [record.line for record in records]
     readings = readings_of(checking.checked(), machine, source, lines, clock)
-    further = _remarks(readings, records, machine)
-    return replace(readings, remarks=(*remarks, *further))
+    return replace(readings, remarks=(*remarks, *_remarks(readings, records, machine)))
 
 
 def readings_of(
@@ -210,62 +207,52 @@ def readings_of(
     lines: Sequence[int],
     clock: Sequence[float] | None = None,
 ) -> Readings:
-    """Rows that go together as arrays.
+    """Checked rows as arrays.
 
     Args:
-        rows: in the order of their file, checked.
+        rows: in the order of their file.
         machine: for postures.
         source: of the rows.
         lines: of the file, where they stand.
         clock: minutes of each row; None for its own, if it has any.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
-    seq = [-1 if row.seq is None else row.seq for row in rows]
     minutes = clock or [row.minutes or 0.0 for row in rows]
     # The same time for all means no times.
     told = clock is not None or first.minutes is not None
     timed = told and (len(rows) == 1 or len(set(minutes)) > 1)
-    in_time = np.argsort(seq, kind="stable")
+    in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
     order = np.argsort(in_time)
     contact = np.array([Contact[(row.end or "fixed").upper()] for row in rows], dtype=np.intp)
-    leg, direction = (
-        np.array([AXES.index(getattr(row, name)) for row in rows], dtype=np.intp)
-        for name in ("leg", "direction")
-    )
     named = {posture.value: machine.displacement_mm(posture) for posture in Posture}
     touched = np.array([0.5 if row.gauge_at is None else row.gauge_at for row in rows])
-    gauge_at = np.where(contact == Contact.FIXED, touched, contact == Contact.TOOL)
     gauge = tuple(row.gauge or "" for row in rows)
-    part = np.array([(row.part or 1) - 1 for row in rows])
-    turned = np.array([row.bar is not None for row in rows])
-    ordered = timed or first.seq is not None
     plan = GaugePlan(
-        leg=leg,
-        direction=direction,
+        leg=np.array([AXES.index(row.leg) for row in rows]),
+        direction=np.array([AXES.index(row.direction) for row in rows]),
         displacement=np.array(
             [named[p] if p in named else float(p) for p in (row.posture for row in rows)]
         ),
         contact=contact,
-        gauge_at=gauge_at,
-        setup=np.zeros_like(leg),
+        gauge_at=np.where(contact == Contact.FIXED, touched, contact == Contact.TOOL),
+        setup=np.zeros_like(contact),
         order=order,
         hours=np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0,
-        part=part,
-        turned=turned,
+        part=np.array([(row.part or 1) - 1 for row in rows]),
+        turned=np.array([row.bar is not None for row in rows]),
         entered=np.array([row.entered or (0.0,) * len(AXES) for row in rows]),
     )
+    ordered = timed or first.seq is not None
     setup = number_setups(plan.places, gauge, in_time.tolist(), ordered=ordered)
     plan = replace(plan, setup=setup)
     cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else _cycles(plan)
-    nothing = math.nan
+    warm = [math.nan if row.temperature_c is None else row.temperature_c for row in rows]
     return Readings(
         plan=known_plan(plan),
         value=np.array([row.reading_mm for row in rows], dtype=np.float64),
         cycle=np.array(cycle),
         posture=tuple(row.posture for row in rows),
-        temperature=np.array(
-            [nothing if row.temperature_c is None else row.temperature_c for row in rows]
-        ),
+        temperature=np.array(warm),
         gauge=gauge,
         note=tuple(row.note or "" for row in rows),
         line=np.array(lines),
@@ -337,10 +324,8 @@ def readings_csv(readings: Readings) -> str:
     rows = [row.cells() for row in reading_rows(readings)]
     columns = [name for name in ReadingRow.model_fields if any(name in row for row in rows)]
     cells = ([row.get(name) for name in columns] for row in rows)
-    return csv_text(
-        columns,
-        ([number_text(c) if isinstance(c, float) else c for c in row] for row in cells),
-    )
+    texts = ([number_text(c) if isinstance(c, float) else c for c in row] for row in cells)
+    return csv_text(columns, texts)
 
 
 def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:
@@ -389,8 +374,7 @@ def _cycles(plan: GaugePlan) -> Ints:
 
 def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide) -> list[str]:
     """What the user should know although nothing is wrong."""
-    remarks = []
-    travel = machine.gauge.range_mm
+    remarks, travel = [], machine.gauge.range_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
     if beyond.size:
         first = beyond[0]

@@ -95,10 +95,8 @@ def _length(value: object, info: ValidationInfo) -> float:
     if info.context is not None and info.field_name in info.context.longest:
         longest, noun, than = info.context.longest[info.field_name]
         if abs(size) > longest:
-            raise InputError(
-                f"The {noun} is larger than {than}.",
-                f"Check the unit and the decimal mark; {noun}s are in mm.",
-            )
+            remedy = f"Check the unit and the decimal mark; {noun}s are in mm."
+            raise InputError(f"The {noun} is larger than {than}.", remedy)
     return size
 
 
@@ -137,10 +135,8 @@ def _entered(value: object, info: ValidationInfo) -> object:
         return value
     offsets = tuple(_length(each, info) for each in value.split())
     if len(offsets) != len(AXES):
-        raise InputError(
-            f"Three numbers are needed, for x, y and z, not {len(offsets)}.",
-            "Write mm with blanks between them, such as 0.5 0 0.",
-        )
+        what = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
+        raise InputError(what, "Write mm with blanks between them, such as 0.5 0 0.")
     return offsets
 
 
@@ -185,21 +181,17 @@ class ReadingRow(Row):
     """A gauge reading; None where nothing is said.
 
     Attributes:
-        leg: whose carriage is displaced.
+        leg, direction: whose carriage is displaced, and along which the gauge measures.
         posture: iso, max, min of that leg, or its displacement from the isotropic posture [mm].
-        direction: along which the gauge measures.
         end: of the leg, that is touched in the single-posture protocol.
-        cycle: repeat, from 1.
+        cycle, seq: repeat, from 1, and order in time.
         reading_mm: None for a step that was left out.
-        seq: order in time.
         minutes: since the session began.
-        temperature_c: of the thermometer.
-        gauge: its label.
+        temperature_c, gauge: of the thermometer, and the gauge's label.
         gauge_at: where it stood along the leg, from the carriage joint (0) to the tool (1).
         part: of the measurement, from 1.
         bar: "turned" where the touched bar was turned half round.
         entered: in the controller since the first reading, x, y, z [mm].
-        note: remark.
         timestamp: ISO time.
         reason: why it was replaced or left out.
     """
@@ -256,8 +248,7 @@ class ProbeRow(Row):
 
     Attributes:
         x_mm, y_mm: commanded place.
-        reading_mm: height at which the probe triggers.
-        z_mm: height of the surface that was touched.
+        reading_mm, z_mm: height at which the probe triggers, and of the surface that it touches.
         seq, cycle, minutes, note: as of a `ReadingRow`.
     """
 
@@ -280,21 +271,12 @@ Timed = TypeVar("Timed", ReadingRow, ProbeRow)
 
 
 class Rows(Generic[R]):
-    """The rows of a file; what is wrong with one is noted, and None stands in its place.
-
-    Args:
-        records: in the order of the file.
-        schema: what each of them is.
-        reading: how its cells are read.
-        faults: where faults go.
-    """
+    """Records of a file as rows; of one with a fault, which is noted, None stands in its place."""
 
     def __init__(
         self, records: Sequence[Record], schema: type[R], reading: Reading, faults: Faults
     ) -> None:
-        self.records = records
-        self.faults = faults
-        self._noun = schema.noun
+        self.records, self.faults, self._noun = records, faults, schema.noun
         missing = "The value is missing."
         words = {f"missing {name}": (missing, remedy) for name, remedy in schema.empty.items()}
         mm = schema.inches.replace("_in", "_mm")
@@ -325,9 +307,8 @@ class Rows(Generic[R]):
     def checked(self) -> list[R]:
         """All rows, at least one. Raises InvalidFileError if anything is wrong."""
         if not self.records and not self.faults:
-            self.faults.add(
-                f"There is no {self._noun}.", "Give one row for each, under the header."
-            )
+            remedy = "Give one row for each, under the header."
+            self.faults.add(f"There is no {self._noun}.", remedy)
         self.faults.check()
         return [row for row in self.rows if row is not None]
 
@@ -360,9 +341,6 @@ def check_order(rows: Rows[Timed], minutes: Sequence[float] | None = None) -> No
         if minutes is not None:
             earlier, later = minutes[before], minutes[after]
         if earlier is not None and later is not None and later < earlier:
-            rows.note(
-                after,
-                "minutes" if minutes is None else "timestamp",
-                f"Time runs backwards: line {lines[before]} was taken before this one.",
-                "Give minutes since the session began; correct seq or the order of the rows.",
-            )
+            what = f"Time runs backwards: line {lines[before]} was taken before this one."
+            remedy = "Give minutes since the session began; correct seq or the order of the rows."
+            rows.note(after, "minutes" if minutes is None else "timestamp", what, remedy)

@@ -124,9 +124,8 @@ def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
     rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
     content = session.model_dump(by_alias=True, exclude=set(_ROWS))
-    for gauge in content["gauges"]:
-        if not gauge["due"]:
-            del gauge["due"]
+    said = (gauge.items() for gauge in content["gauges"])
+    content["gauges"] = [{key: each for key, each in one if key != "due" or each} for one in said]
     return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
 
 

@@ -36,13 +36,11 @@ class UnreadableError(InputError):
 
 @dataclass(frozen=True)
 class FileText:
-    """A text file as read: line ends are "\\n", no byte order mark.
+    """A text file as read; line ends are "\\n", and there is no byte order mark.
 
     Attributes:
         path: as the user gave it; "-" for standard input.
-        text: the content.
-        sha256: hex digest of the bytes.
-        size: number of bytes.
+        sha256, size: hex digest and number of the bytes.
     """
 
     path: str
@@ -56,11 +54,7 @@ class FileText:
 
 
 def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
-    """Read a text file, or standard input for "-".
-
-    Args:
-        path: as the user gave it.
-        limit: largest size accepted, bytes; a larger file is not read to its end.
+    """Read a text file, or standard input for "-", of at most `limit` bytes.
 
     Raises:
         UnreadableError: no such file, a folder, no permission.
@@ -80,10 +74,9 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
         return moonraker.printer_cfg(moonraker.base(path))
     try:
         if path == "-":
-            data = sys.stdin.buffer.read(limit + 1)
-        else:
-            with Path(path).open("rb") as file:
-                data = file.read(limit + 1)
+            return sys.stdin.buffer.read(limit + 1)
+        with Path(path).open("rb") as file:
+            return file.read(limit + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
         what = f"The file cannot be read: {system_words(error)}."
         remedy = "Check the path and its permissions."
@@ -92,7 +85,6 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
         elif isinstance(error, IsADirectoryError):
             what, remedy = "This is a folder.", "Name a file inside it."
         raise UnreadableError(what, remedy, file=path) from error
-    return data
 
 
 def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> FileText:
@@ -120,21 +112,20 @@ def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
 
 
 def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
-    """Write `path` through a temporary file beside it, synchronised to the disk.
+    """Write a file through a temporary one beside it, synchronised to the disk.
 
-    A file that is replaced keeps its mode.
-
-    Args:
-        path: the file's final place.
-        data: its content.
-        overwrite: replace an existing file; otherwise it is left alone.
+    A file that is replaced keeps its mode; without `overwrite` none is replaced.
 
     Raises:
         UsageError: the file exists and may not be replaced.
         InputError: the file cannot be written (no such folder, no permission, disk full).
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    _sweep(path.parent)
+    # What writes that were killed left behind goes, once nobody can be writing it.
+    for left in path.parent.glob(".*.tmp"):
+        with suppress(OSError):
+            if _LEFT.fullmatch(left.name) and time.time() - left.stat().st_mtime > _ABANDONED_S:
+                left.unlink()
     try:
         if not overwrite and path.exists():
             raise FileExistsError
@@ -167,14 +158,6 @@ def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def _sweep(folder: Path) -> None:
-    """Remove what writes that were killed left in a folder, once nobody can be writing it."""
-    for path in folder.glob(".*.tmp"):
-        with suppress(OSError):
-            if _LEFT.fullmatch(path.name) and time.time() - path.stat().st_mtime > _ABANDONED_S:
-                path.unlink()
-
-
 def has_control(text: str) -> bool:
     """Whether a text holds control characters other than tab and line ends."""
     return _CONTROL.search(text) is not None
@@ -204,8 +187,7 @@ def _decoded(data: bytes, path: str) -> str:
     except UnicodeDecodeError as error:
         what, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
         raise refused(what, _UTF8, error.start, f"byte 0x{value:02X}") from error
-    control = _CONTROL.search(text)
-    if control:
+    if control := _CONTROL.search(text):
         what, remedy = "The text holds a control character.", "Remove it; a file is plain text."
         raise refused(what, remedy, data.index(control[0].encode()), control[0])
     return text.replace("\r\n", "\n").replace("\r", "\n")
