@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -12,6 +14,8 @@ END_OF_INPUT = "\x04"  # Ctrl-D; what other systems use instead is read as this
 
 class Terminal(Protocol):
     """The terminal of standard input: each key as it is pressed, and nothing shown of it."""
+
+    screens: tuple[int, ...]  # descriptors that know how wide the screen is
 
     def read(self, timeout_s: float) -> str:
         """The keys pressed since the last call; "" after the time-out.
@@ -26,6 +30,10 @@ class Terminal(Protocol):
 
     def columns(self) -> int:
         """The width of the screen, in characters."""
+        for descriptor in self.screens:
+            with suppress(OSError):
+                return os.get_terminal_size(descriptor).columns or COLUMNS
+        return COLUMNS
 
     def disturbed(self) -> bool:
         """True once after the program was stopped and continued."""

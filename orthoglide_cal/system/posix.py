@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from orthoglide_cal.system.interface import COLUMNS, System, Terminal
+from orthoglide_cal.system.interface import System, Terminal
 
 
 class PosixTerminal(Terminal):
@@ -20,6 +20,7 @@ class PosixTerminal(Terminal):
 
     def __init__(self, descriptor: int) -> None:
         self._input = self._output = descriptor
+        self.screens = (descriptor,)
         with suppress(OSError):  # standard input may be open for reading only
             self._output = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NOCTTY)
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
@@ -67,11 +68,6 @@ class PosixTerminal(Terminal):
 
     def write(self, text: str) -> None:
         os.write(self._output, text.encode("utf-8", errors="replace"))
-
-    def columns(self) -> int:
-        with suppress(OSError):
-            return os.get_terminal_size(self._input).columns or COLUMNS
-        return COLUMNS
 
     def disturbed(self) -> bool:
         # Whoever had the terminal meanwhile has set it differently.

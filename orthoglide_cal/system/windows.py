@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from orthoglide_cal.system.interface import COLUMNS, END_OF_INPUT, System, Terminal
+from orthoglide_cal.system.interface import END_OF_INPUT, System, Terminal
 
 # How often the console is asked whether a key was pressed [s]; it cannot wait for one.
 _LOOK_S = 0.01
@@ -33,6 +32,8 @@ class Msvcrt(Protocol):
 class WindowsTerminal(Terminal):
     """The console; no program is stopped in it."""
 
+    screens = (1, 2)  # Windows knows the size of what is written to only
+
     def __init__(self, msvcrt: Msvcrt) -> None:
         self._msvcrt = msvcrt
 
@@ -56,12 +57,6 @@ class WindowsTerminal(Terminal):
     def write(self, text: str) -> None:
         for character in text.replace("\n", "\r\n"):
             self._msvcrt.putwch(character)
-
-    def columns(self) -> int:
-        for descriptor in (1, 2):  # Windows knows the size of what is written to only
-            with suppress(OSError):
-                return os.get_terminal_size(descriptor).columns or COLUMNS
-        return COLUMNS
 
     def close(self) -> None:
         """The console's mode was never changed; what was typed for nobody is dropped."""

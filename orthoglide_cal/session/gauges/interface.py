@@ -92,15 +92,11 @@ class Heard(NamedTuple):
 class LiveGauge(Protocol):
     """A gauge that the program listens to, in addition to the keyboard."""
 
-    hint: str
-    """What to do for a reading, e.g. "press its button"."""
-
-    silence: str = ""
-    """What to check where Return was pressed and nothing came."""
-
+    hint: str  # what to do for a reading, e.g. "press its button"
+    silence: str = ""  # what to check where Return was pressed and nothing came
+    # True if nobody need be there: where input from a pipe ends, Return is pressed for ever, and
+    # no press of a button can come too soon.
     reads_itself: bool = False
-    """True if nobody need be there: where input from a pipe ends, Return is pressed for ever, and
-    no press of a button can come too soon."""
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """A prompt for this step, which was read `takes` times: forget what was said before."""

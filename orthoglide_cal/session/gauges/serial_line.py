@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _PORT = re.compile(
     r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>[^#]*))?(?:#(?P<channels>[\w,]+))?"
 )
-_ENDS = b"\r\n\t"
+_ENDS = re.compile(rb"[\r\n\t]")
 # Longer than any token in use: what exceeds it is noise on the line.
 _LONGEST = 120
 # A token whose end does not follow within this time was cut off on its way [s].
@@ -87,21 +87,17 @@ class Splitter:
     def __init__(self) -> None:
         self._rest = b""
         self._since = 0.0
-        self._headless = False
+        self._headless = False  # what comes before the next end is no whole token
 
     def feed(self, data: bytes, now: float) -> list[str]:
         """Tokens completed by what arrived, blank ones left out; `now` is monotonic time [s]."""
-        if data and not self._rest:
+        *whole, rest = _ENDS.split(self._rest + data)
+        if data and (whole or not self._rest):
             self._since = now
-        tokens: list[str] = []
-        for byte in data:
-            if byte not in _ENDS:
-                self._rest += bytes((byte,))
-                if len(self._rest) > _LONGEST:
-                    self._rest, self._headless = b"", True
-            elif (token := self._take()).strip():
-                tokens.append(token)
-        return tokens
+        tokens = [_decoded(token) for token in whole[self._headless :] if len(token) <= _LONGEST]
+        self._headless = len(rest) > _LONGEST or (self._headless and not whole)
+        self._rest = b"" if len(rest) > _LONGEST else rest
+        return [token for token in tokens if token.strip()]
 
     def discard(self, data: bytes, now: float) -> None:
         """Forget everything up to now; of a token that is under way, its rest as well."""
@@ -111,25 +107,28 @@ class Splitter:
 
     def stale(self, now: float) -> str:
         """An unfinished token that is too old to be completed, else ""; it is thrown away."""
-        return "" if now - self._since <= PATIENCE_S else self._take()
-
-    def _take(self) -> str:
-        token = "" if self._headless else self._rest.decode("ascii", errors="replace").strip("\0")
+        if now - self._since <= PATIENCE_S:
+            return ""
+        token = "" if self._headless else _decoded(self._rest)
         self._rest, self._headless = b"", False
         return token
 
 
+def _decoded(token: bytes) -> str:
+    return token.decode("ascii", errors="replace").strip("\0")
+
+
 class SerialPort:
-    """One serial line."""
+    """One serial line, not opened yet.
+
+    Args:
+        text: `FORMAT:PORT[@BAUD][#CHANNEL[,CHANNEL]]` from the command line.
+
+    Raises:
+        UsageError: anything else, or an unknown format.
+    """
 
     def __init__(self, text: str) -> None:
-        """
-        Args:
-            text: `FORMAT:PORT[@BAUD][#CHANNEL[,CHANNEL]]` from the command line.
-
-        Raises:
-            UsageError: anything else, or an unknown format.
-        """
         match, name = _PORT.fullmatch(text), text.partition(":")[0]
         if match is None or name not in SERIAL_FORMATS:
             raise UsageError(
@@ -228,28 +227,25 @@ class SerialPort:
 
 
 class SerialGauge(LiveGauge):
-    """Gauges side by side, each on a port of its own or on a channel of the same one."""
+    """Gauges side by side, each on a port of its own or on a channel of the same one.
+
+    `source` as for `SerialPort`. Raises UsageError.
+    """
 
     def __init__(self, source: Sequence[str]) -> None:
-        """`source` as for `SerialPort`, not opened yet. Raises UsageError."""
         self.ports = [SerialPort(text) for text in source]
         asks = any(port.format.request for port in self.ports)
         self.hint = f"press {'Return or ' if asks else ''}the gauge's button"
-        self._stand = 0
-
-    @property
-    def _wanted(self) -> int:
-        """The port that is listened to."""
-        return min(self._stand, len(self.ports) - 1)
+        self._stand = self._wanted = 0  # gauge and port that are listened to
 
     def open(self) -> None:
-        """Open the ports. Raises UsageError, GaugeLost."""
+        """Open the ports that are closed. Raises UsageError, GaugeLost."""
         for port in self.ports:
             port.open()
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """Only what is sent while its prompt is shown counts."""
-        self._stand = step.stand
+        self._stand, self._wanted = step.stand, min(step.stand, len(self.ports) - 1)
         port = self.ports[self._wanted]
         answer = f"Return cannot ask the gauge on {port.port}: press its button. Nothing?"
         if port.format.request:
@@ -261,9 +257,8 @@ class SerialGauge(LiveGauge):
     def poll(self, asked: bool) -> list[Heard]:
         """What all gauges said; only the one that is wanted is asked, and counts."""
         heard: list[Heard] = []
-        wanted = self._wanted
         for number, port in enumerate(self.ports):
-            for token in port.read(asked and number == wanted):
+            for token in port.read(asked and number == self._wanted):
                 name, elsewhere = port.name, None
                 if port.channels and token.channel is not None:
                     channel = port.channels[min(self._stand, len(port.channels) - 1)]
@@ -271,21 +266,18 @@ class SerialGauge(LiveGauge):
                     if token.channel.lstrip("0") != channel.lstrip("0"):
                         elsewhere = f"That was channel {token.channel}; channel {channel} is asked."
                 elsewhere = elsewhere or port.cut_off(token)
-                if number != wanted:
-                    elsewhere = f"That was gauge {number + 1}; gauge {wanted + 1} is asked."
+                if number != self._wanted:
+                    elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is asked."
                 heard.append(Heard(token, name, elsewhere))
         return heard
 
     def reconnect(self) -> bool:
-        """Try to open the ports that are closed."""
-        try:
+        with suppress(GaugeLost):
             self.open()
-        except GaugeLost:
-            return False
-        return True
+            return True
+        return False
 
     def close(self) -> None:
-        """Close all ports."""
         for port in self.ports:
             port.close()
 
