@@ -5,29 +5,24 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import UsageError, visible
 from orthoglide_cal.files import (
     Conditions,
     ReadingRow,
-    differing,
     input_from_document,
-    read_document,
     reading_rows,
 )
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import AXES, Floats, Model, Readings, Series
 from orthoglide_cal.model.protocols import PlannedReading
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import Option, ranked
-from orthoglide_cal.planning.steps import NOTHING_ENTERED, planned_readings
+from orthoglide_cal.planning.steps import planned_readings
 from orthoglide_cal.session.events import Following
 
 TICK_MIN = 1e-4  # to which times are written
@@ -50,16 +45,14 @@ class PriorReadings:
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of a session, in the order of time."""
-        rows = reading_rows(self.readings)
+        rows, entries = reading_rows(self.readings), list[dict[str, str]]()
         if self.is_session:
             entries = load_tree(self.following.data).value["readings"]
-            rows = [
-                row.model_copy(update={"timestamp": entry.get("timestamp")})
-                for row, entry in zip(rows, entries, strict=True)
-            ]
-        # Steps are counted anew in each session: those of an earlier one cannot be retaken.
-        notes = (re.sub(r" \(r [0-9]+\)", "", row.note or "") for row in rows)
-        rows = [r.model_copy(update={"note": n}) for r, n in zip(rows, notes, strict=True)]
+        for index, row in enumerate(rows):
+            # Steps are counted anew in each session: those of an earlier one cannot be retaken.
+            note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
+            at = entries[index].get("timestamp") if entries else None
+            rows[index] = row.model_copy(update={"timestamp": at, "note": note})
         return [rows[index] for index in self.readings.plan.in_time.tolist()]
 
     @property
@@ -105,150 +98,19 @@ class PriorReadings:
         bars = [row.bar for row in self.rows if row.leg == AXES[leg]]
         return bool(bars and bars[-1])
 
+    @property
+    def left_entered(self) -> Floats:
+        """What the controller held at the end beyond what it held at the beginning, (3,) [mm].
+
+        A carriage that was commanded short was so for its readings alone.
+        """
+        plan = GaugePlan.require(self.readings.plan)
+        return np.asarray(plan.stood[plan.in_time[-1]])
+
     @cached_property
     def repeats(self) -> Counter[PlannedReading]:
         """How often each reading was taken."""
         return Counter(planned_readings(self.readings.plan))
-
-
-@dataclass(frozen=True, eq=False)
-class Recommendation:
-    """What is measured next, given earlier readings, and on which machine."""
-
-    first: PriorReadings
-    model: Model
-    options: tuple[Option, ...]  # best first
-    choice: int | None  # which of them the operator wants, from 1
-    option: Option  # that is carried out
-
-    @property
-    def change(self) -> str | None:
-        """What was entered since the first readings were taken, in a sentence; None for nothing."""
-        change = np.subtract(self.first.following.entered, _left_entered(self.first.readings))
-        if not change.round(6).any():
-            return None
-        axes = zip("XYZ", change.tolist(), strict=True)
-        said = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
-        return (
-            f"Since {visible(self.first.path)} was measured, the offsets in the controller were"
-            f" changed by {said} mm: the new readings are written with that difference."
-        )
-
-    def holding(self, offsets_mm: Sequence[float]) -> Recommendation:
-        """What can be carried out with these offsets in the controller [mm].
-
-        Raises:
-            UsageError: the measurement that was chosen cannot.
-        """
-        x, y, z = np.subtract(offsets_mm, self.model.orthoglide.offsets_mm).round(9).tolist()
-        change = np.subtract((x, y, z), _left_entered(self.first.readings))
-        # To act they were homed for, and that has pushed stands that were still there.
-        moved = bool(change.round(6).any())
-        number = self.choice or next(
-            k for k, option in enumerate(self.options, 1) if not (moved and option.continues)
-        )
-        option = self.options[number - 1]
-        if moved and option.continues:
-            raise UsageError(
-                "The offsets in the controller were changed since the last reading: that"
-                " measurement needs the machine and the stands as they were.",
-                "Leave out --choice for one with the stands set up again.",
-            )
-        following = Following(
-            data=self.first.following.data, what=option.what, minutes=option.minutes,
-            continues=option.continues, entered=(x, y, z),
-        )  # fmt: skip
-        plan = GaugePlan.require(option.plan)
-        plan = replace(plan, entered=(plan.entered + change).round(9))
-        return replace(
-            self,
-            first=replace(self.first, following=following),
-            option=replace(option, plan=plan),
-        )
-
-    @property
-    def seed(self) -> int | None:
-        """Of the simulated gauge that gave the first readings; None for real ones."""
-        said = dict(self.first.conditions.environment)
-        seed = said.get("seed", "")
-        simulated = said.get("readings_from") == "simulated" and re.fullmatch("[0-9]{1,18}", seed)
-        return int(seed) if simulated else None
-
-
-def recommended(
-    path: str,
-    given: Model | None,
-    otherwise: Callable[[], Model],
-    keeper: Model | None,
-    choice: int | None,
-    stands: int,
-) -> Recommendation:
-    """What to measure next, given the readings in a file.
-
-    Args:
-        path: of a table or a session.
-        given: the machine that the operator names; None for that of the session.
-        otherwise: gives the machine for a table where the operator names none.
-        keeper: the machine whose file keeps what is entered in the controller; None if none does.
-        choice: which recommendation, from 1; None for the first that can be carried out.
-        stands: gauges that are read side by side.
-
-    Raises:
-        UsageError: these are no readings that others can be joined to; another machine is named;
-            there is no such choice.
-        InputError: the file cannot be used.
-        UnusableResultError: the readings cannot be diagnosed.
-    """
-    if path == "-":
-        raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
-    data = read_document(path)
-    own = input_from_document(data, None, otherwise)
-    names = differing(own.model, given) if given and own.is_session else []
-    if names:
-        raise UsageError(
-            f"{path} was measured on another machine than that of --machine: they differ in"
-            f" {', '.join(names)}.",
-            "Leave out --machine to use the machine of the session.",
-        )
-    model = input_from_document(data, given, otherwise).model if given else own.model
-    first = first_of(
-        Following(data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED), model
-    )
-    if not first.readings.plan.fixed:
-        raise UsageError(
-            f"{path} was measured with the single-posture protocol. What comes next is read with"
-            " gauges that stay where they stand; readings of both kinds cannot be joined.",
-            "Measure a separate session: orthocal measure",
-        )
-    options = tuple(each.option for each in ranked(diagnose(first.readings, model)))
-    if choice is not None and choice > len(options):
-        raise UsageError(
-            f"There is no recommendation {choice} for {path}: there are {len(options)}.",
-            "Leave out --choice for the best one.",
-        )
-    offsets = model.orthoglide.offsets_mm + _left_entered(first.readings)
-    if keeper is not None and not differing(keeper, model):
-        offsets = np.array(keeper.orthoglide.offsets_mm)
-    found = Recommendation(first, model, options, choice, options[0]).holding(offsets.tolist())
-    if (
-        found.option.continues
-        and stands == 1
-        and len(set(GaugePlan.require(found.option.plan).series)) > 1
-    ):
-        raise UsageError(
-            "That measurement needs the two gauges where they are.",
-            "Read with two, or take another one: --choice 2",
-        )
-    return found
-
-
-def _left_entered(readings: Readings) -> Floats:
-    """What the controller held at the end beyond what it held at the beginning, (3,) [mm].
-
-    A carriage that was commanded short was so for its readings alone.
-    """
-    plan = GaugePlan.require(readings.plan)
-    return np.asarray(plan.stood[plan.in_time[-1]])
 
 
 def first_of(following: Following, model: Model) -> PriorReadings:

@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
 
-from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
+import numpy as np
+
+from orthoglide_cal.diagnosis import diagnose
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import (
     default_machine,
+    differing,
+    input_from_document,
     machine_from_text,
     machine_text,
     machine_values,
+    read_document,
 )
-from orthoglide_cal.model import Model
+from orthoglide_cal.model import GaugePlan, Model
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.protocols import plan_of
+from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,
+    NOTHING_ENTERED,
     MeasuringProtocol,
     Order,
     SessionStep,
@@ -34,8 +43,16 @@ from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import Event, GaugeLabel, Opened, Planned, State, replay
-from orthoglide_cal.session.following import Recommendation, first_of, recommended
+from orthoglide_cal.session.events import (
+    Event,
+    Following,
+    GaugeLabel,
+    Opened,
+    Planned,
+    State,
+    replay,
+)
+from orthoglide_cal.session.following import PriorReadings, first_of
 from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.serial_line import SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
@@ -174,8 +191,7 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
     """
     found = None
     if request.following is not None:
-        known = request.model, request.otherwise, request.keeper
-        found = recommended(request.following, *known, request.choice, request.stands or 2)
+        found = _recommended(request.following, request)
     given = request.model or default_machine()
     if found:
         given, plan = found.first.following.held(found.model), found.option.plan
@@ -224,6 +240,115 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
             asker.say(str(error), Style.BAD)
 
 
+@dataclass(frozen=True, eq=False)
+class Recommendation:
+    """What is measured next, given earlier readings, and on which machine."""
+
+    first: PriorReadings
+    model: Model
+    options: tuple[Option, ...]  # best first
+    choice: int | None  # which of them the operator wants, from 1
+    option: Option  # that is carried out
+
+    @property
+    def change(self) -> str | None:
+        """What was entered since the first readings were taken, in a sentence; None for nothing."""
+        change = np.subtract(self.first.following.entered, self.first.left_entered)
+        if not change.round(6).any():
+            return None
+        axes = zip("XYZ", change.tolist(), strict=True)
+        said = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
+        return (
+            f"Since {visible(self.first.path)} was measured, the offsets in the controller were"
+            f" changed by {said} mm: the new readings are written with that difference."
+        )
+
+    def holding(self, offsets_mm: Sequence[float]) -> Recommendation:
+        """What can be carried out with these offsets in the controller [mm].
+
+        Raises:
+            UsageError: the measurement that was chosen cannot.
+        """
+        x, y, z = np.subtract(offsets_mm, self.model.orthoglide.offsets_mm).round(9).tolist()
+        change = np.subtract((x, y, z), self.first.left_entered)
+        # To act they were homed for, and that has pushed stands that were still there.
+        moved = bool(change.round(6).any())
+        number = self.choice or next(
+            k for k, option in enumerate(self.options, 1) if not (moved and option.continues)
+        )
+        option = self.options[number - 1]
+        if moved and option.continues:
+            raise UsageError(
+                "The offsets in the controller were changed since the last reading: that"
+                " measurement needs the machine and the stands as they were.",
+                "Leave out --choice for one with the stands set up again.",
+            )
+        following = Following(
+            data=self.first.following.data, what=option.what, minutes=option.minutes,
+            continues=option.continues, entered=(x, y, z),
+        )  # fmt: skip
+        plan = GaugePlan.require(option.plan)
+        plan = replace(plan, entered=(plan.entered + change).round(9))
+        return replace(
+            self,
+            first=replace(self.first, following=following),
+            option=replace(option, plan=plan),
+        )
+
+
+def _recommended(path: str, request: Request) -> Recommendation:
+    """What to measure next, given the readings in a file.
+
+    Raises:
+        UsageError: these are no readings that others can be joined to; another machine is named;
+            there is no such choice.
+        InputError: the file cannot be used.
+        UnusableResultError: the readings cannot be diagnosed.
+    """
+    given, keeper, choice = request.model, request.keeper, request.choice
+    if path == "-":
+        raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
+    data = read_document(path)
+    own = input_from_document(data, None, request.otherwise)
+    names = differing(own.model, given) if given and own.is_session else []
+    if names:
+        raise UsageError(
+            f"{path} was measured on another machine than that of --machine: they differ in"
+            f" {', '.join(names)}.",
+            "Leave out --machine to use the machine of the session.",
+        )
+    model = input_from_document(data, given).model if given else own.model
+    first = first_of(
+        Following(data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED), model
+    )
+    if not first.readings.plan.fixed:
+        raise UsageError(
+            f"{path} was measured with the single-posture protocol. What comes next is read with"
+            " gauges that stay where they stand; readings of both kinds cannot be joined.",
+            "Measure a separate session: orthocal measure",
+        )
+    options = tuple(each.option for each in ranked(diagnose(first.readings, model)))
+    if choice is not None and choice > len(options):
+        raise UsageError(
+            f"There is no recommendation {choice} for {path}: there are {len(options)}.",
+            "Leave out --choice for the best one.",
+        )
+    offsets = model.orthoglide.offsets_mm + first.left_entered
+    if keeper is not None and not differing(keeper, model):
+        offsets = np.array(keeper.orthoglide.offsets_mm)
+    found = Recommendation(first, model, options, choice, options[0]).holding(offsets.tolist())
+    if (
+        found.option.continues
+        and request.stands == 1
+        and len(set(GaugePlan.require(found.option.plan).series)) > 1
+    ):
+        raise UsageError(
+            "That measurement needs the two gauges where they are.",
+            "Read with two, or take another one: --choice 2",
+        )
+    return found
+
+
 def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     """The machine with other offsets in its controller. Raises UsageError."""
     if offsets_mm is None:
@@ -241,7 +366,10 @@ def _first_records(
     request: Request, model: Model, at: str, found: Recommendation | None
 ) -> list[Event]:
     """The first records of a new session; what the command line leaves open is standard."""
-    hidden = found.seed if found else None  # of the gauge that gave the first readings
+    said = dict(found.first.conditions.environment) if found else {}
+    told = re.fullmatch("[0-9]{1,18}", said.get("seed", ""))
+    # Of the simulated gauge that gave the first readings.
+    hidden = int(told[0]) if told and said.get("readings_from") == "simulated" else None
     source = request.source or ((TYPED,) if hidden is None else (SIMULATED,))
     simulated = source == (SIMULATED,)
     if found and simulated and (hidden is None or request.seed not in (None, hidden)):
