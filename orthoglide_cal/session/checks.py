@@ -79,15 +79,14 @@ def check_number(coming: NextReading, value: float) -> Question | None:
 
     What was kept once is not questioned again.
     """
-    unit, gauge = coming.unit, coming.gauge
+    unit, gauge = coming.unit, coming.so_far.setting.machine.gauge
     earlier = coming.so_far.value[coming.series]
     # Further from zero, or later from the gauge's other readings, than its plunger travels.
     if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.range_mm:
-        shown = in_unit(value, unit, "+g")
-        where = "beyond"
-        if earlier.size:
-            where = f"further from {in_unit(earlier[-1], unit, '+g')} than"
-        travel = in_unit(gauge.range_mm, unit)
+        shown, travel = in_unit(value, unit, "+g"), in_unit(gauge.range_mm, unit)
+        where = (
+            f"further from {in_unit(earlier[-1], unit, '+g')} than" if earlier.size else "beyond"
+        )
         text = f"{shown} is {where} the gauge's travel of {travel}: mistyped?"
         return Question(Doubt.RANGE, text)
     if (Doubt.GRID, None) in coming.so_far.settled:
@@ -107,19 +106,17 @@ def check_repeats(coming: NextReading, value: float) -> Question | None:
 
     Asked once in a session; what was kept is not questioned again.
     """
-    gauge, settled = coming.gauge, {doubt for doubt, _ in coming.so_far.settled}
+    so_far, gauge = coming.so_far, coming.so_far.setting.machine.gauge
     # A session's first repeat is the first that can say something.
-    if not coming.repeats or settled & {Doubt.DEAD, Doubt.SCATTER}:
+    if not coming.repeats or {(Doubt.DEAD, None), (Doubt.SCATTER, None)} & so_far.settled:
         return None
-    cells = [step.cell for step in coming.steps]
-    numbers = {cell: number for number, cell in enumerate(dict.fromkeys(cells))}
-    cell = np.array([numbers[each] for each in cells])
-    found = too_steady(np.append(coming.so_far.value, value), coming.setup, cell, gauge)
+    known = dict[object, int]()
+    cell = np.array([known.setdefault(step.cell, len(known)) for step in coming.steps])
+    found = too_steady(np.append(so_far.value, value), coming.setup, cell, gauge)
     if found is None:
         return None
     repeats = in_unit(gauge.repeatability_mm, coming.unit, ".3g")
-    stated = f"though the gauge repeats within {repeats}"
-    _, scatter = found
+    stated, (_, scatter) = f"though the gauge repeats within {repeats}", found
     if scatter == 0.0:
         text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
         return Question(Doubt.DEAD, text)
@@ -140,14 +137,12 @@ def check_reading(coming: NextReading, value: float) -> Question | None:
         return best._replace(text=f"the readings together would fit far better: {best.text}")
     expected, std = float(evidence.prediction.mean), float(evidence.prediction.std)
     far = _how_far(coming, value, expected, std)
-    found = sorted(
-        (
-            (chance, question)
-            for question, chance, std in _explanations(coming, value, evidence)
-            if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
-        ),
-        key=lambda pair: -pair[0],
-    )
+    found = [
+        (chance, question)
+        for question, chance, std in _explanations(coming, value, evidence)
+        if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
+    ]
+    found.sort(key=lambda pair: -pair[0])
     moved = f"since step {coming.steps[coming.series[-1]].number}"
     if not found and coming.repeats:
         return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
@@ -166,11 +161,9 @@ def check_reading(coming: NextReading, value: float) -> Question | None:
 
 def gather(coming: NextReading, known: Floats, value: Floats | float) -> Evidence:
     """Weigh a new reading (...) against those `known` at `coming.past`, shape (..., k) [mm]."""
-    past, new, forecast = coming.past, len(coming.steps) - 1, coming.forecast
-    prediction = forecast.predict(known, past, new)
-    tail = prediction.tail(value)
+    rows, forecast, settled = coming.rows, coming.forecast, coming.so_far.settled
+    prediction = forecast.predict(known, rows[:-1], int(rows[-1]))
     # All that the model says of a leg as a whole is said in its first cycle.
-    settled = coming.so_far.settled
     whole = tuple(
         reversal
         for reversal in (() if coming.repeats else _reversals(coming))
@@ -179,16 +172,16 @@ def gather(coming: NextReading, known: Floats, value: Floats | float) -> Evidenc
     gains = np.zeros((*np.shape(value), len(whole)))
     if whole:
         values = np.concatenate((known, np.asarray(value)[..., None]), axis=-1)
-        base = forecast.log_likelihood(values, np.append(past, new))
+        base = forecast.log_likelihood(values, rows)
         for index, reversal in enumerate(whole):
             fit = forecast.log_likelihood(values * reversal.signs, reversal.rows)
             gains[..., index] = fit - base
-    return Evidence(prediction, tail, whole, gains)
+    return Evidence(prediction, prediction.tail(value), whole, gains)
 
 
 def _reversals(coming: NextReading) -> Iterator[Blunder]:
     """Blunders that may have lasted since the first reading of a gauge or leg."""
-    rows = np.append(coming.past, len(coming.steps) - 1)
+    rows = coming.rows
     steps = [coming.steps[i] for i in rows]
     whole, paired = coming.fresh[rows] == 0, coming.partner[rows] >= 0
 
@@ -216,27 +209,26 @@ def _explanations(
 
     With the chance of a reading at least this far off if so, and the prediction's std then [mm].
     """
-    past, new, forecast = coming.past, len(coming.steps) - 1, coming.forecast
-    values, rows = np.append(coming.so_far.value[past], value), np.append(past, new)
-    mean, std = float(evidence.prediction.mean), float(evidence.prediction.std)
-    corrected: list[tuple[Doubt, str, float]] = []
-    turn = coming.gauge.revolution_mm
-    for turns in (1, 2, 3) if turn else ():
-        words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
-        size = math.copysign(turns * (turn or 0.0), value - mean)
-        corrected.append((Doubt.REVOLUTION, words, value - size))
-    corrected.append((Doubt.SIGN, "opposite sign?", -value))
-    corrected += [(Doubt.POINT, "decimal point misplaced?", value * f) for f in (10.0, 0.1)]
-    for doubt, words, candidate in corrected:
-        yield Question(doubt, words), float(evidence.prediction.tail(candidate)), std
+    rows, prediction = coming.rows, evidence.prediction
+    corrected = list[tuple[Question, float]]()
+    if turn := coming.so_far.setting.machine.gauge.revolution_mm:
+        for turns in (1, 2, 3):
+            words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
+            slip = math.copysign(turns * turn, value - float(prediction.mean))
+            corrected.append((Question(Doubt.REVOLUTION, words), value - slip))
+    corrected.append((Question(Doubt.SIGN, "opposite sign?"), -value))
+    point = Question(Doubt.POINT, "decimal point misplaced?")
+    corrected += [(point, value * 10.0), (point, value * 0.1)]
+    for question, candidate in corrected:
+        yield question, float(prediction.tail(candidate)), float(prediction.std)
     others = list(evidence.whole)
-    if coming.partner[new] >= 0:
+    if coming.partner[-1] >= 0:
         question = Question(Doubt.EXCHANGED, "are the two gauges exchanged?")
-        swapped = np.append(past, new + len(coming.steps))
+        swapped = np.append(rows[:-1], rows[-1] + len(coming.steps))
         others.insert(0, Blunder(question, np.ones(len(rows)), swapped))
     for other in others:
-        signed = values * other.signs
-        prediction = forecast.predict(signed[:-1], other.rows[:-1], int(other.rows[-1]))
+        signed = np.append(coming.so_far.value[coming.past], value) * other.signs
+        prediction = coming.forecast.predict(signed[:-1], other.rows[:-1], int(other.rows[-1]))
         yield other.question, float(prediction.tail(signed[-1])), float(prediction.std)
 
 

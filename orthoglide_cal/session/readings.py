@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import cached_property
 from statistics import median
@@ -17,7 +18,6 @@ from orthoglide_cal.files import QUESTIONED, GaugeIdentity, ReadingRow, Session,
 from orthoglide_cal.model import (
     Contact,
     Floats,
-    Gauge,
     GaugePlan,
     Ints,
     Model,
@@ -28,7 +28,7 @@ from orthoglide_cal.model import (
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
-from orthoglide_cal.session.events import Accepted, Arrived, Doubt, Questioned, State
+from orthoglide_cal.session.events import Arrived, Doubt, Questioned, State
 from orthoglide_cal.session.following import PriorReadings
 from orthoglide_cal.words import Unit
 
@@ -117,19 +117,17 @@ class ReadingsSoFar:
     @cached_property
     def doubted(self) -> tuple[bool, ...]:
         """For each reading whether it was kept although it does not fit: it proves nothing."""
-        steps = self.setting.steps
-
-        def is_doubted(item: Accepted) -> bool:
-            take = item.take
-            if not isinstance(take, Questioned) or not take.doubt.compares:
-                return False
-            # A reading that showed that its stand was moved is right: only the zero before is not.
-            if (take.step, item.rank) in self.state.moved:
-                return False
-            # A doubt about an earlier set-up says nothing of this one.
-            return take.about is None or steps[take.about - 1].setup == steps[take.step - 1].setup
-
-        return tuple(is_doubted(item) for item in self.state.accepted.values())
+        steps, found = self.setting.steps, list[bool]()
+        for take, rank in self.state.accepted.values():
+            found.append(
+                isinstance(take, Questioned)
+                and take.doubt.compares
+                # One that showed that its stand was moved is right: only the zero before is not.
+                and (take.step, rank) not in self.state.moved
+                # A doubt about an earlier set-up says nothing of this one.
+                and steps[(take.about or take.step) - 1].setup == steps[take.step - 1].setup
+            )
+        return tuple(found)
 
     @property
     def settled(self) -> set[tuple[Doubt, int | None]]:
@@ -140,17 +138,15 @@ class ReadingsSoFar:
     @cached_property
     def labels(self) -> tuple[str | None, ...]:
         """What each reading's gauge is called; a gauge that was moved has another label."""
-        first, opened = self.setting.first, self.state.opened
-        given = [
-            first.label(step.series)
-            if first and first.following.continues
-            else opened.gauge_id(step.stand)
-            for step in self.steps
-        ]
-        return tuple(
-            label if moved is None else f"{label or ''} (moved at step {moved})".strip()
-            for label, moved in zip(given, self.moved, strict=True)
-        )
+        first, labels = self.setting.first, list[str | None]()
+        for step, moved in zip(self.steps, self.moved, strict=True):
+            label = self.state.opened.gauge_id(step.stand)
+            if first and first.following.continues:
+                label = first.label(step.series)
+            if moved is not None:
+                label = f"{label or ''} (moved at step {moved})".strip()
+            labels.append(label)
+        return tuple(labels)
 
     def place(self, number: int) -> ReadingRow:
         """What a step reads, as a row of the session file."""
@@ -191,7 +187,7 @@ class ReadingsSoFar:
     def measured(self) -> Readings:
         """The readings as they will be read from the session file at the end."""
         lines = range(1, len(self.rows) + 1)
-        return readings_of(self.rows, self.setting.model.orthoglide, Source("", ""), lines)
+        return readings_of(self.rows, self.setting.machine, Source("", ""), lines)
 
     @property
     def session(self) -> Session:
@@ -231,19 +227,14 @@ class ReadingsSoFar:
     @cached_property
     def solution(self) -> Solution | None:
         """The offsets; None while the readings do not determine them."""
-        model = self.setting.model
         # Those of a session that continues others show at its end, with the others. Readings
         # longer than a leg will be refused when the session file is read.
-        if (
-            self.setting.first
-            or not self.steps
-            or np.abs(self.value).max() > model.orthoglide.leg_length_mm
-        ):
+        longest = self.setting.machine.leg_length_mm
+        if self.setting.first or not self.steps or np.abs(self.value).max() > longest:
             return None
-        try:
-            return solve(self.measured, model)
-        except OrthocalError:
-            return None
+        with suppress(OrthocalError):
+            return solve(self.measured, self.setting.model)
+        return None
 
     @cached_property
     def expanded_mm(self) -> Floats | None:
@@ -286,11 +277,6 @@ class NextReading:
     minutes: float  # when it is taken, since the session began
     unit: Unit = Unit.MM  # in which it is given, and spoken of
 
-    @property
-    def gauge(self) -> Gauge:
-        """That it is read with."""
-        return self.so_far.setting.machine.gauge
-
     @cached_property
     def steps(self) -> tuple[SessionStep, ...]:
         """Of the readings in time order, then of the one to come (n + 1)."""
@@ -301,17 +287,19 @@ class NextReading:
         """Indices of the readings to compare with: not those that were kept in doubt, (k,)."""
         return np.flatnonzero(~np.array(self.so_far.doubted, dtype=bool))
 
+    @property
+    def rows(self) -> Ints:
+        """Indices of those and of the one to come, (k + 1,)."""
+        return np.append(self.past, len(self.so_far.steps))
+
     @cached_property
     def fresh(self) -> Ints:
         """Not 0 where a reading that was kept in doubt began the zero anew, shape (n + 1,)."""
-        begun: dict[object, int] = {}
-        fresh = []
-        for index, (step, doubted) in enumerate(
-            zip(self.steps, (*self.so_far.doubted, False), strict=True), start=1
-        ):
+        begun, fresh = dict[object, int](), list[int]()
+        for step, doubted in zip(self.steps, (*self.so_far.doubted, False), strict=True):
             fresh.append(begun.get(step.zero, 0))
             if doubted:
-                begun[step.zero] = index
+                begun[step.zero] = len(fresh)
         return np.array(fresh)
 
     @cached_property
@@ -361,8 +349,7 @@ class NextReading:
 
         0 where there are too few to say so.
         """
-        last: dict[object, float] = {}
-        jumps = []
+        last, jumps = dict[object, float](), list[float]()
         readings = zip(self.so_far.steps, self.setup[:-1], self.so_far.value, strict=True)
         for step, setup, value in readings:
             if (step.cell, setup) in last:
