@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import zlib
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from orthoglide_cal.session.events import RECORD, Event, Opened
 from orthoglide_cal.system import SYSTEM
 
 _BEGIN = b'{"crc32":"'
+_LINE = re.compile(_BEGIN + rb'(.*?)","record":(.*)\}', re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,7 @@ def decode(data: bytes, path: str) -> Recovered:
     Raises:
         InputError: not a journal, or damaged before its last record.
     """
-    events: list[Event] = []
-    checksum, size = 0, 0
+    events, checksum, size = list[Event](), 0, 0
     for number, line in enumerate(BytesIO(data), start=1):
         try:
             event, after = _decode_line(line.rstrip(b"\n"), checksum)
@@ -78,15 +79,14 @@ def decode(data: bytes, path: str) -> Recovered:
 
 
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
-    head, separator, rest = line.partition(b',"record":')
-    if not separator or not head.startswith(_BEGIN) or not rest.endswith(b"}"):
+    found = _LINE.fullmatch(line)
+    if found is None:
         raise ValueError("not a record")
-    body = rest[:-1]
-    after = zlib.crc32(body, checksum)
-    if head != b'{"crc32":"%08x"' % after:
+    after = zlib.crc32(found[2], checksum)
+    if found[1] != b"%08x" % after:
         raise ValueError("the checksum does not match")
     try:
-        return RECORD.validate_json(body), after
+        return RECORD.validate_json(found[2]), after
     except ValidationError as error:
         fault = error.errors()[0]
         where = ".".join(map(str, fault["loc"]))
@@ -100,19 +100,18 @@ class Journal:
         self.path = path
         self.recovered = recovered
         self._descriptor = descriptor
-        self._size = recovered.size
-        self._checksum = recovered.checksum
-        self._lost = recovered.lost > 0
+        self._size, self._checksum = recovered.size, recovered.checksum
+        self._lost = recovered.lost  # bytes after the last complete record
         self._end = b"\n" if recovered.open_line else b""  # of the last record
 
     @classmethod
     def create(cls, path: Path, *events: Event) -> Journal:
         """A new journal of these records, all or none. Raises UsageError if the file exists."""
-        text, checksum = b"", 0
+        text, checksum = "", 0
         for event in events:
             line, checksum = encode(event, checksum)
-            text += line
-        write_text(path, text.decode())
+            text += line.decode()
+        write_text(path, text)
         return cls.resume(path)
 
     @classmethod
@@ -126,9 +125,8 @@ class Journal:
         try:
             descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
         except FileNotFoundError as error:
-            raise UsageError(
-                f"There is no unfinished session in {path}.", "Leave out --resume to begin one."
-            ) from error
+            what = f"There is no unfinished session in {path}."
+            raise UsageError(what, "Leave out --resume to begin one.") from error
         except OSError as error:
             raise InputError(
                 f"The journal cannot be opened: {error.strerror}.",
@@ -143,9 +141,8 @@ class Journal:
                     f"{path} is in use by another session that is still running.",
                     "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q.",
                 ) from error
-            with os.fdopen(os.dup(descriptor), "rb") as file:
-                data = file.read()
-            return cls(path, descriptor, decode(data, str(path)))
+            with open(descriptor, "rb", closefd=False) as file:
+                return cls(path, descriptor, decode(file.read(), str(path)))
         except BaseException:
             os.close(descriptor)
             raise
@@ -159,14 +156,13 @@ class Journal:
         line, checksum = encode(event, self._checksum)
         line = self._end + line
         try:
-            mine, named = os.fstat(self._descriptor), os.stat(self.path)
-            if (mine.st_dev, mine.st_ino) != (named.st_dev, named.st_ino):
+            mine = os.fstat(self._descriptor)
+            if not os.path.samestat(mine, os.stat(self.path)):
                 raise OSError("another file has its name now")
-            if self._lost:  # make room after the last complete record
-                os.ftruncate(self._descriptor, self._size)
-                self._lost = False
-            elif mine.st_size != self._size:
+            if mine.st_size != self._size + self._lost:
                 raise OSError("another program changed it")
+            os.ftruncate(self._descriptor, self._size)
+            self._lost = 0
             os.lseek(self._descriptor, self._size, os.SEEK_SET)
             rest = memoryview(line)
             while rest:
@@ -175,7 +171,7 @@ class Journal:
         except OSError as error:
             # Remove what was written of it; if even that fails, the next resume ignores it.
             with suppress(OSError):
-                if not self._lost and os.fstat(self._descriptor).st_size > self._size:
+                if not self._lost:
                     os.ftruncate(self._descriptor, self._size)
                     os.fsync(self._descriptor)
             raise InputError(
