@@ -358,7 +358,7 @@ class Asker:
         """Show the prompt again, with what stands above it and what was typed."""
         self.pushed = False
         above, line, prompt = self._prompt.rpartition("\n")
-        self.show(above + line, Style.PLAIN, "")
+        self.show(wrapped(above, self.columns) + line, Style.PLAIN, "")
         self.show(prompt, Style.PROMPT, "")
         if self.keyboard.partial:
             self.show(self.keyboard.partial, Style.PLAIN, "")

@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.errors import system_words, visible
 from orthoglide_cal.files import session_text, write_text
 from orthoglide_cal.model import AXES
-from orthoglide_cal.planning.steps import SessionStep, minutes_left, step_name, with_set_ups
+from orthoglide_cal.planning.design import GIVES_UP
+from orthoglide_cal.planning.steps import (
+    MeasuringProtocol,
+    SessionStep,
+    gauge_moves,
+    minutes_left,
+    step_name,
+    with_set_ups,
+)
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
@@ -53,7 +61,7 @@ class Dialogue:
     until_mm: float | None = None  # end once every offset is known this well; else take them all
     standing: Standing | None = None  # where a machine that is followed stands
     so_far: ReadingsSoFar = field(init=False)  # that count now
-    _shown: tuple[int | None, object] = (None, None)  # set-up and visit
+    _shown: tuple[object, ...] = (None,)  # the visit of the machine that was shown last
 
     def __post_init__(self) -> None:
         self.so_far = ReadingsSoFar(replay(self.journal.recovered.events), self.setting)
@@ -70,9 +78,26 @@ class Dialogue:
 
     def greet(self) -> None:
         """Say what lies ahead, or what was there already."""
-        lost = self.journal.recovered.lost
-        self.asker.say(wording.opening(self.state, self.setting, str(self.path)))
-        if lost:
+        opened, steps, first = self.state.opened, self.setting.steps, self.setting.first
+        cycles = counted(opened.cycles, "cycle")
+        lines = [f"{opened.protocol} session, {cycles}, order: {opened.order}"]
+        if opened.protocol is MeasuringProtocol.BEST:
+            lines.append(
+                f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is"
+                " wrong with a machine, leave out --design."
+            )
+        minutes = minutes_left(steps)
+        if first:
+            from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
+            lines = [f"{from_here} both are solved together at the end."]
+            minutes = first.following.minutes
+        gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
+        set_ups = counted(len({step.setup for step in steps}), "set-up")
+        moves, long = counted(gauge_moves(steps), "gauge move"), wording.duration(minutes).lower()
+        lines.append(f"File     {visible(str(self.path))}")
+        lines.append(f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help.")
+        self.asker.say("\n".join(lines))
+        if lost := self.journal.recovered.lost:
             self.asker.say(
                 f"The interruption cut off the last entry ({lost} bytes): ignored. No reading that"
                 " was shown as saved is missing.",
@@ -185,26 +210,28 @@ class Dialogue:
 
         A new set-up is shown whole; of another visit of the machine its place.
         """
-        setup, visit = self._shown
-        asker, setting = self.asker, self.setting
+        asker, setting, new = self.asker, self.setting, step.visit != self._shown
         place = wording.place(step, setting)
-        if step.setup != setup:
-            begun = step.setup in {s.setup for s in self.so_far.steps}
-            rule, text = wording.set_up(setting, step.setup, begun, asker.columns)
-            asker.say(f"\n{rule}", Style.TITLE)
-            asker.say(text)
-        if step.visit != visit:
-            minutes = minutes_left(self.so_far.left)
-            gap = "" if step.setup != setup else "\n"
-            asker.say(f"{gap}{wording.step_line(step, setting, minutes)}", Style.TITLE)
+        if new:
+            gap = "\n"
+            if step.setup != self._shown[0]:
+                begun = step.setup in {s.setup for s in self.so_far.steps}
+                rule, text = wording.set_up(setting, step.setup, begun, asker.columns)
+                asker.say(f"\n{rule}", Style.TITLE)
+                asker.say(text)
+                gap = ""
+            left = minutes_left(self.so_far.left)
+            asker.say(f"{gap}{wording.step_line(step, setting, left)}", Style.TITLE)
+        if asker.pushed:
             asker.say(place)
-        elif asker.pushed:
-            asker.say(place)
-        if step.visit != visit:
+        if new:
             self._wait_for(step)
-        self._shown, asker.pushed = (step.setup, step.visit), False
-        prompt = f"{place}\n{wording.prompt(step, asker.hint, self.unit)}"
-        self._receive(asker.ask(prompt, step, self.state.takes(step.number)), step)
+        self._shown, asker.pushed = step.visit, False
+        end = f" at the {step.end.upper()} end" if step.end else ""
+        hint = f" ({asker.hint})" if asker.hint else ""
+        gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]{hint} > "
+        answer = asker.ask(f"{place}\n{gauge}", step, self.state.takes(step.number))
+        self._receive(answer, step)
 
     def _stood(self, step: SessionStep) -> Stood | None:
         """Where the machine stands, if it is followed; that it is not any more is said once."""
@@ -247,10 +274,7 @@ class Dialogue:
         self.asker.say(asked, Style.QUESTION)
         moved = ", m the stand moved" if may_move else ""
         hint = f", {self.asker.hint}" if self.asker.hint else ""
-        prompt = (
-            f"{wording.wrapped(asked, self.asker.columns)}\n"
-            f"{step.number}. k keep it{moved}, or read it again{hint} > "
-        )
+        prompt = f"{asked}\n{step.number}. k keep it{moved}, or read it again{hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word = answer.lower() if isinstance(answer, str) else None
         if word in ("k", "y", "keep", "yes"):

@@ -8,18 +8,13 @@ from collections.abc import Iterable
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.model import AXES, Contact, Model, other_axes
-from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.program import Point
 from orthoglide_cal.planning.steps import (
-    MeasuringProtocol,
     SessionStep,
-    gauge_moves,
-    minutes_left,
     posture_name,
 )
-from orthoglide_cal.session.events import State
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.words import MM_PER_INCH, Unit, counted
+from orthoglide_cal.words import MM_PER_INCH, Unit
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -55,30 +50,6 @@ def machine(model: Model) -> str:
         f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.range_mm:g} mm travel,"
         f" repeats within {gauge.repeatability_mm:g} mm",
         f"Offsets  {_axes(machine.offsets_mm, '+.4g')} mm are in the controller now",
-    ])  # fmt: skip
-
-
-def opening(state: State, setting: Setting, name: str) -> str:
-    """What lies ahead; `name` is the session file's."""
-    opened, steps, first = state.opened, setting.steps, setting.first
-    head = [f"{opened.protocol} session, {counted(opened.cycles, 'cycle')}, order: {opened.order}"]
-    if opened.protocol is MeasuringProtocol.BEST:
-        head.append(
-            f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is wrong"
-            " with a machine, leave out --design."
-        )
-    if first:
-        from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
-        head = [f"{from_here} both are solved together at the end."]
-    minutes = first.following.minutes if first else minutes_left(steps)
-    gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
-    return "\n".join([
-        *head,
-        f"File     {visible(name)}",
-        f"{len(steps)} readings with {gauges}:"
-        f" {counted(len({step.setup for step in steps}), 'set-up')},"
-        f" {counted(gauge_moves(steps), 'gauge move')}, {duration(minutes).lower()}."
-        " ? is help.",
     ])  # fmt: skip
 
 
@@ -184,13 +155,6 @@ def _axes(values: Iterable[float], form: str, gap: str = "  ") -> str:
 def duration(minutes: float) -> str:
     """About so long, whole minutes."""
     return f"About {minutes:.0f} min" if minutes >= 0.95 else "Under a minute"
-
-
-def prompt(step: SessionStep, hint: str | None, unit: Unit) -> str:
-    """What is asked, short enough to leave room for the answer."""
-    end = f" at the {step.end.upper()} end" if step.end else ""
-    doing = f" ({hint})" if hint else ""
-    return f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{unit}]{doing} > "
 
 
 def value_text(value_mm: float, unit: Unit, sign: str = "+") -> str:
