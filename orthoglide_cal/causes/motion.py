@@ -58,7 +58,7 @@ class Backlash(Cause):
     sizes = MappingProxyType({Orthoglide: 0.02, LinearDelta: 0.05})
     size_reason = "a worn but serviceable screw and nut"
     names = ("x", "y", "z")
-    nuisance = (("start_x", 0.3), ("start_y", 0.3), ("start_z", 0.3))
+    nuisance = (0.3, 0.3, 0.3)
     positive = True
     lasting = True
     timed = True

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -30,7 +29,6 @@ from orthoglide_cal.model import (
     AXES,
     Contact,
     GaugePlan,
-    Ints,
     Posture,
     Readings,
     Source,
@@ -245,7 +243,7 @@ def readings_of(
     ordered = timed or first.seq is not None
     setup = number_setups(plan.places, gauge, in_time.tolist(), ordered=ordered)
     plan = replace(plan, setup=setup)
-    cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else _cycles(plan)
+    cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else plan.cycles
     warm = [math.nan if row.temperature_c is None else row.temperature_c for row in rows]
     return Readings(
         plan=known_plan(plan),
@@ -359,17 +357,6 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
             remedy = "Number the parts 1, 2 and so on, in the order in which they were measured."
             rows.note(index, "part", what, remedy)
         last = max(last, part)
-
-
-def _cycles(plan: GaugePlan) -> Ints:
-    """Repeats counted in time within each part, leg, direction, posture and end, shape (n,)."""
-    alike = list(zip(plan.part, plan.cells, strict=True))
-    seen: Counter[object] = Counter()
-    cycles = np.empty(len(alike), dtype=np.intp)
-    for index in plan.in_time:
-        seen[alike[index]] += 1
-        cycles[index] = seen[alike[index]]
-    return cycles
 
 
 def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide) -> list[str]:

@@ -18,6 +18,7 @@ from orthoglide_cal.model.measured import (
     Measured,
     Readings,
     Source,
+    weighing,
 )
 from orthoglide_cal.model.model import (
     Model,

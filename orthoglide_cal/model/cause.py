@@ -66,8 +66,8 @@ class Cause:
     size_reason: str  # why that is its size, in a few words
     scale: float = 1.0  # one unit in internal units (mm, rad, mm/h, 1)
     names: tuple[str, ...] = ()  # of its parameters
-    # Further parameters, not reported, behind the named ones: plausible size in sizes of the cause.
-    nuisance: tuple[tuple[str, float], ...] = ()
+    # Plausible sizes of further parameters, not reported, behind the named ones.
+    nuisance: tuple[float, ...] = ()
     # Plausible sizes of the named parameters, in sizes of the cause; a fit chooses one of these.
     shares: tuple[tuple[float, ...], ...] = ()
     positive: bool = False  # its parameters cannot be negative
@@ -160,8 +160,7 @@ class Cause:
         Shape (p,), the named parameters and then the nuisance ones; `choice` is among `shares`.
         """
         own = self.shares[choice] if self.shares else (1.0,) * len(self.names)
-        shares = (*own, *(share for _, share in self.nuisance))
-        return np.asarray(shares) * self.scale * self.size(machine)
+        return np.asarray((*own, *self.nuisance)) * self.scale * self.size(machine)
 
     def at(self, theta: Numbers, place: Place = EVERYWHERE) -> Effect:
         """The effect of parameters `theta`, shape (..., p) in internal units."""

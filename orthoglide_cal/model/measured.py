@@ -116,11 +116,6 @@ class Readings(ReadOnly):
         """How much an error of each counts in a root mean square compared to a common one, (n,)."""
         return self.plan.precision
 
-    @property
-    def weighing(self) -> str:
-        """The same in words, to be put behind "r.m.s."; empty where all count alike."""
-        return self.plan.weighing
-
     def __len__(self) -> int:
         return len(self.plan)
 
@@ -129,7 +124,6 @@ class Readings(ReadOnly):
 class Differences(ReadOnly):
     """Differences of readings, as the paper prints them."""
 
-    weighing = ""
     kind: DataKind
     which: tuple[Difference, ...]  # in the order of the file
     value: Floats  # shape (k,) [mm]
@@ -151,3 +145,8 @@ class Differences(ReadOnly):
 
 
 Measured = Readings | Differences
+
+
+def weighing(measured: Measured) -> str:
+    """What is to be put behind "r.m.s."; empty where all readings count alike."""
+    return " (a distance counts by its precision)" if np.any(measured.weight != 1.0) else ""

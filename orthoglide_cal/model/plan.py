@@ -40,17 +40,8 @@ class ReadOnly:
                 object.__setattr__(self, name, read_only(given, given.dtype))
 
 
-# Of the arrays of a plan; all others hold whole numbers.
-_DTYPES: Mapping[str, type] = MappingProxyType(
-    dict.fromkeys(
-        (
-            *("displacement", "gauge_at", "hours", "entered"),
-            *("place", "other", "surface", "weight", "slope"),
-        ),
-        np.float64,
-    )
-    | dict.fromkeys(("turned", "distance"), np.bool_)
-)
+# Of the arrays of a plan, by their annotations.
+_DTYPES = MappingProxyType({"Floats": np.float64, "Ints": np.intp, "Bools": np.bool_})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,16 +50,12 @@ class Plan:
 
     What is given once for all readings is repeated for each. A kind of machine adds where each
     reading is taken.
-
-    Attributes:
-        order: rank in time; equal only for readings that are never compared in time, (n,).
-        hours: since the session began, (n,) [h].
-        part: 0 …; readings of one sitting, (n,): between parts the gauges are set up, and
-            numbered, again. A fault of the measurement is one of a part.
     """
 
-    order: Ints
-    hours: Floats
+    order: Ints  # rank in time; equal only for readings that are never compared in time, (n,)
+    hours: Floats  # since the session began, (n,) [h]
+    # Readings of one sitting, 0 …, (n,): between parts the gauges are set up, and numbered, again.
+    # A fault of the measurement is one of a part.
     part: Ints = field(default_factory=lambda: read_only(0, np.intp))
 
     # Length of a row of the arrays that have more than one number for each reading.
@@ -77,7 +64,7 @@ class Plan:
     def __post_init__(self) -> None:
         n = np.shape(self.order)
         for item in fields(self):
-            array: Numbers = np.asarray(getattr(self, item.name), _DTYPES.get(item.name, np.intp))
+            array: Numbers = np.asarray(getattr(self, item.name), _DTYPES[str(item.type)])
             shape = (*n, self.rows[item.name]) if item.name in self.rows else n
             if item.default_factory is not MISSING and array.ndim < len(shape):
                 array = np.broadcast_to(array, shape)
@@ -149,11 +136,6 @@ class Plan:
     def precision(self) -> Floats:
         """How precise each reading is compared to a common one: ratio of their σ, shape (n,)."""
         return np.ones(len(self))
-
-    @property
-    def weighing(self) -> str:
-        """That in words, to be put behind "r.m.s."; empty where all are alike."""
-        return ""
 
     @property
     def same(self) -> np.ndarray:

@@ -82,10 +82,6 @@ class ProbePlan(Plan):
     def precision(self) -> Floats:
         return self.weight
 
-    @property
-    def weighing(self) -> str:
-        return " (a distance counts by its precision)" if np.any(self.weight != 1.0) else ""
-
     @cached_property
     def same(self) -> np.ndarray:
         """Whether two readings are touches of one part, shape (n, n)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
@@ -62,30 +63,22 @@ class Contact(IntEnum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GaugePlan(Plan):
-    """Readings of gauges that touch the legs.
+    """Readings of gauges that touch the legs; part, turned and entered may be given once for all.
 
-    Attributes:
-        leg: 0, 1, 2 for the x-, y-, z-leg, whose carriage is displaced, shape (n,).
-        direction: 0, 1, 2: the axis along which the gauge measures, (n,).
-        displacement: of the leg's own carriage from the isotropic posture, (n,) [mm].
-        contact: values of `Contact`, (n,).
-        gauge_at: where along the leg the gauge stood at the isotropic posture, from the
-            carriage joint (0) to the tool centre point (1), (n,).
-        setup: 0 … k−1; readings of one set-up share one unknown gauge zero, (n,).
-        turned: the touched bar was turned half round its own axis, (n,).
-        entered: what was entered in the controller since the first reading: the offsets then are
-            Δρ − entered; shape (n, 3) [mm].
-
-    Part, turned and entered may be given once for all readings.
+    Arrays have shape (n,), entered (n, 3).
     """
 
-    leg: Ints
-    direction: Ints
-    displacement: Floats
-    contact: Ints
+    leg: Ints  # 0, 1, 2 for the x-, y-, z-leg, whose carriage is displaced
+    direction: Ints  # 0, 1, 2: the axis along which the gauge measures
+    displacement: Floats  # of the leg's own carriage from the isotropic posture [mm]
+    contact: Ints  # values of `Contact`
+    # Where along the leg the gauge stood at the isotropic posture, from the carriage joint (0) to
+    # the tool centre point (1).
     gauge_at: Floats
-    setup: Ints
+    setup: Ints  # 0 … k−1; readings of one set-up share one unknown gauge zero
+    # The touched bar was turned half round its own axis.
     turned: Bools = field(default_factory=lambda: read_only(False, np.bool_))
+    # In the controller since the first reading [mm]: the offsets then are Δρ − entered.
     entered: Floats = field(default_factory=lambda: read_only(np.zeros(3)))
 
     rows = MappingProxyType({"entered": 3})
@@ -115,8 +108,6 @@ class GaugePlan(Plan):
         That is when the first reading of its set-up was taken: a stand does not follow a leg that
         is moved by what is entered later.
         """
-        if not self.entered.any():
-            return self.entered
         _, first, setup = np.unique(
             self.setup[self.in_time], return_index=True, return_inverse=True
         )
@@ -161,13 +152,11 @@ class GaugePlan(Plan):
     @property
     def as_found(self) -> Bools:
         """Readings with nothing entered, then and when their gauge was set up, shape (n,)."""
-        return np.asarray(~np.any(self.entered != 0.0, axis=1) & ~np.any(self.stood != 0.0, axis=1))
+        return np.asarray(~(self.entered.any(axis=1) | self.stood.any(axis=1)))
 
     @cached_property
     def set_up_moments(self) -> tuple[Floats, Ints]:
         """Distinct `stood`, (s, 3) [mm], and each reading's one, (n,)."""
-        if not self.stood.any():
-            return self.stood[:1], np.zeros(len(self), dtype=np.intp)
         stood, which = np.unique(self.stood, axis=0, return_inverse=True)
         return read_only(stood), read_only(which.reshape(-1), np.intp)
 
@@ -175,6 +164,17 @@ class GaugePlan(Plan):
     def state(self) -> tuple[Floats, ...]:
         """What else readings must agree in to repeat each other, each (n,); () where all do."""
         return (*_columns(self.turned[:, None]), *_columns(self.entered))
+
+    @cached_property
+    def cycles(self) -> Ints:
+        """Repeats counted in time within each part and cell, from 1, shape (n,)."""
+        alike = list(zip(self.part.tolist(), self.cells.tolist(), strict=True))
+        seen: Counter[tuple[int, int]] = Counter()
+        cycles = np.empty(len(self), dtype=np.intp)
+        for index in self.in_time.tolist():
+            seen[alike[index]] += 1
+            cycles[index] = seen[alike[index]]
+        return cycles
 
     @cached_property
     def repeats(self) -> Ints:

@@ -15,24 +15,16 @@ from orthoglide_cal.model.plan import Floats, Ints, Numbers, read_only
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """Where the controller sends the carriages, for n readings or positions.
+    """Where the controller sends the carriages, for n readings or positions."""
 
-    Attributes:
-        joints: indicated joint positions ρ, shape (n, 3) [mm].
-        home: joint position from which travel counts [mm].
-        hours: since the session began, shape (n,) [h].
-        in_time: indices from first to last of those that follow each other, shape (m,); None for
-            carriages without a past.
-        entered: offsets entered in the controller since the first of them, shape (n, 3) [mm].
-        along: between which joint positions they travelled, shape (n, 3) [mm]; None for `sent`.
-    """
-
-    joints: Floats
-    home: float
-    hours: Floats
+    joints: Floats  # indicated joint positions ρ, shape (n, 3) [mm]
+    home: float  # joint position from which travel counts [mm]
+    hours: Floats  # since the session began, shape (n,) [h]
+    # Indices from first to last of those that follow each other, shape (m,); None for carriages
+    # without a past.
     in_time: Ints | None
-    entered: Floats
-    along: Floats | None = None
+    entered: Floats  # offsets entered in the controller since the first of them, (n, 3) [mm]
+    along: Floats | None = None  # joints between which they travelled, (n, 3) [mm]; None for `sent`
 
     @classmethod
     def standing(cls, joints: Floats, home: float) -> Command:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -72,23 +71,12 @@ def synthetic_session(
         plan=plan,
         # Rounded again, because 3 · 0.01 is not 0.03.
         value=np.round(values, 9),
-        cycle=np.array(_cycles(plan)),
+        cycle=plan.cycles,
         posture=tuple(str(machine.posture_at(d) or f"{d:g}") for d in plan.displacement.tolist()),
         line=np.arange(2, n + 2),
         timed=True,
         source=Source("simulate", ""),
     )
-
-
-def _cycles(plan: GaugePlan) -> list[int]:
-    """Repeats of the same set-up, posture and contact, counted in time from 1."""
-    seen: Counter[tuple[float, ...]] = Counter()
-    cycles = [0] * len(plan)
-    for i in plan.in_time.tolist():
-        key = (plan.setup[i], plan.displacement[i], plan.contact[i], *(s[i] for s in plan.state))
-        seen[key] += 1
-        cycles[i] = seen[key]
-    return cycles
 
 
 def bed_plan(

@@ -13,6 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, Verdict
 from orthoglide_cal.diagnosis.result import CauseParameter, Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
+from orthoglide_cal.model import weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import SETTLED, Case, to_follow
 from orthoglide_cal.report.documents.parameters import (
@@ -444,8 +445,8 @@ def fit_blocks(case: Case) -> tuple[doc.Block, ...]:
         return (doc.Paragraph(told),)
     said = [
         f"{words.many.capitalize()} only leave {plain(lack.left_mm, 4)} mm"
-        f" r.m.s.{case.given.measured.weighing}; this {words.noise}'s noise{words.also} would leave"
-        f" {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
+        f" r.m.s.{weighing(case.given.measured)}; this {words.noise}'s noise{words.also} would"
+        f" leave {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
         f" {counted(lack.dof, 'degree')} of freedom)."
     ]
     if lack.repeats_mm is not None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.model import DataKind
+from orthoglide_cal.model import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice, to_do
 from orthoglide_cal.report.documents.parameters import (
@@ -82,7 +82,7 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
         )
     if answer.rms is not None:
         of_what = "readings" if answer.input.kind == DataKind.READINGS else "differences"
-        of_what += case.given.measured.weighing
+        of_what += weighing(case.given.measured)
         yield doc.Paragraph(
             f"Residuals of the {of_what}: {plain(answer.rms.before_mm, 4)} mm r.m.s. before,"
             f" {plain(answer.rms.after_mm, 4)} after."
