@@ -17,12 +17,11 @@ import numpy as np
 
 from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.plan import Floats, Ints, read_only
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.words import MM, MM_PER_INCH
 
-# Chance at which healthy readings are doubted.
-CHANCE = 1e-6
+CHANCE = 1e-6  # at which healthy readings are doubted
 # A value may miss the gauge's divisions by this fraction of one through rounding alone.
 OFF_SCALE = 0.02
 # Readings in mm that were converted from a column in inches are whole multiples of this.
@@ -31,10 +30,8 @@ _INCH_STEP = 1e-5 * MM_PER_INCH
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
 # A unit explains readings if with it they scatter at most this many times more than stated.
 _TOO_MUCH = 2.0
-# Median of |x| of a normal x, in standard deviations.
-_MEDIAN = 0.6745
-# Readings that differ by less are equal but for the rounding of a computer.
-_EQUAL_MM = 1e-9
+_MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
+_EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
 
 class GaugeDoubt(NamedTuple):
@@ -74,12 +71,11 @@ def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...
         return tuple(_finer_differences(measured.value, gauge))
     if not isinstance(measured.plan, GaugePlan):
         return ()  # a probe without a dial
-    unit = other_unit(measured, gauge)
-    if unit is None:
-        return tuple(_of_readings(measured, gauge))
-    # Where another unit makes all of it ordinary, the rest need not be said.
-    what = f"This gauge cannot show these readings in mm. Are they {unit.mistake}?"
-    return (GaugeDoubt(what, unit.remedy),)
+    if unit := other_unit(measured, gauge):
+        # Where another unit makes all of it ordinary, the rest need not be said.
+        what = f"This gauge cannot show these readings in mm. Are they {unit.mistake}?"
+        return (GaugeDoubt(what, unit.remedy),)
+    return tuple(_of_readings(measured, gauge))
 
 
 def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
@@ -92,16 +88,15 @@ def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
         if setup is not None:
             where = plan.series[int(np.argmax(plan.setup == setup))].words
             repeats = f"{where}: repeated readings".capitalize()
-        stated = f"though the gauge repeats within {gauge.repeatability_mm:g} mm."
-        often = (
-            "If the gauge repeats better than stated, correct repeatability_mm in the machine file."
+        differ, check = "never differ", "Is the gauge stuck or its display held? Measure again."
+        if scatter > 0.0:
+            differ = f"differ by {scatter:.1g} mm only"
+            check = "Check the unit, and whether the gauge moves freely."
+        yield GaugeDoubt(
+            f"{repeats} {differ}, though the gauge repeats within {gauge.repeatability_mm:g} mm.",
+            f"{check} If the gauge repeats better than stated, correct repeatability_mm in the"
+            " machine file.",
         )
-        if scatter == 0.0:
-            remedy = f"Is the gauge stuck or its display held? Measure again. {often}"
-            yield GaugeDoubt(f"{repeats} never differ, {stated}", remedy)
-        else:
-            remedy = f"Check the unit, and whether the gauge moves freely. {often}"
-            yield GaugeDoubt(f"{repeats} differ by {scatter:.1g} mm only, {stated}", remedy)
     between = np.flatnonzero(off_scale(value, step))
     # An inch gauge's divisions need not be those of the machine file.
     inches = value[between] / _INCH_STEP
@@ -222,9 +217,7 @@ def _log_moments(size: int, noise: float) -> Floats:
         each = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
         integral = (each**size).sum(axis=1) * (means[1] - means[0])
         logs.append(math.log(float(integral.max()) * math.sqrt(size * rate / math.pi)))
-    moments = np.minimum(logs, 0.0)
-    moments.setflags(write=False)
-    return moments
+    return read_only(np.minimum(logs, 0.0))
 
 
 # --- digits and travel ------------------------------------------------------------------------
@@ -243,11 +236,9 @@ def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]
     if step <= 0.0:
         return
     written = max(len(f"{v:.9f}".rstrip("0").partition(".")[2]) for v in value.tolist())
-    rounding = 0.5 * 10.0**-written + 1e-9
-    for count in _MEANS_OF:
-        nearest = np.rint(value * count / step) * step / count
-        if np.all(np.abs(value - nearest) <= rounding):
-            return
+    nearest = (np.rint(value * count / step) * step / count for count in _MEANS_OF)
+    if any(np.all(np.abs(value - mean) <= 0.5 * 10.0**-written + 1e-9) for mean in nearest):
+        return
     yield GaugeDoubt(
         f"The differences have more decimals than a gauge with divisions of {step:g} mm gives,"
         " and their means cannot have them either.",
@@ -280,7 +271,7 @@ def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
 def _ordinary(readings: Readings, value: Floats, gauge: Instrument) -> bool:
     """Whether values [mm] in place of the readings repeat and range as this gauge does.
 
-    Without repeats they do not: nothing says so.
+    Not where none repeat.
     """
     plan = GaugePlan.require(readings.plan)
     left, repeat = _about_means(value, plan.setup, plan.cells)

@@ -309,8 +309,7 @@ class LinearDelta(Machine):
         if plan.distance.any():
             # In addition to a touch a length of one, whose derivative is finite.
             apart = np.sqrt(((second - first) ** 2).sum(axis=-1) + ~plan.distance)
-            wanted = np.sqrt(((plan.other - plan.place) ** 2).sum(axis=-1) + ~plan.distance)
-            readings = np.where(plan.distance, apart - wanted, readings)
+            readings = np.where(plan.distance, apart - plan.wanted, readings)
         return GaugeResponse(readings, first, None)
 
     def reading_words(self, plan: Plan, index: int) -> str:

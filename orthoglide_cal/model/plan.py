@@ -124,8 +124,8 @@ class Plan:
 
     @property
     def setups(self) -> int:
-        """Number of unknown zeros that the readings share; none by default."""
-        return 0
+        """Number of unknown zeros that the readings share."""
+        return int(self.zeros.shape[1])
 
     @property
     def zeros(self) -> Floats:
@@ -233,7 +233,5 @@ def cell_contrasts(plan: Plan) -> Floats:
 
 def without_zeros(plan: Plan, values: Floats) -> Floats:
     """Values (..., n) less what gauge zeros can explain: the mean of their set-up."""
-    if not plan.setups:
-        return values
     zeros, _ = np.linalg.qr(plan.zeros)
     return np.asarray(values - (values @ zeros) @ zeros.T)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -13,32 +14,23 @@ import numpy as np
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, alike, read_only
 
 # Pace assumed where nobody measured the time: a touch, and putting a block under the probe [min].
-MINUTES_PER_TOUCH = 5.0 / 60.0
-MINUTES_PER_BLOCK = 0.5
-# Heights of blocks that lie about in a workshop, or are printed [mm].
-BLOCKS_MM = (25.0, 50.0)
-# The higher, the less a bed imitates a frame that is out of square.
-HIGH_MM = max(BLOCKS_MM)
-# Numbers of places, within this share of the bed's radius.
-PLACES = (7, 13, 25, 49, 121)
+MINUTES_PER_TOUCH, MINUTES_PER_BLOCK = 5.0 / 60.0, 0.5
+BLOCKS_MM = (25.0, 50.0)  # blocks that lie about in a workshop, or are printed
+HIGH_MM = max(BLOCKS_MM)  # the higher, the less a bed imitates a frame that is out of square
+PLACES = (7, 13, 25, 49, 121)  # numbers of places, within this share of the bed's radius:
 REACH = 0.95
 # A printed object to be measured: six pillars around one, at this share of the bed's radius.
 PILLARS = 0.5
 MINUTES_PER_PRINT, MINUTES_PER_DISTANCE = 60.0, 0.5
 # To tell what a bed alone does not: so many places of the bed, so many of them on blocks, too.
 SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31, 37, 49)
-# Places are sent to a printer with this many decimals [mm].
-DECIMALS = 1
+DECIMALS = 1  # with which places are sent to a printer [mm]
 # Multiples of it, less their whole parts, are spread most evenly.
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
-# Side of the patches that are left out together, in radii of the bed.
-PATCH = 1.0 / 3.0
-# Over this distance the local shape of a bed is forgotten: glue, magnets, dirt.
-GRAIN_MM = 20.0
-# Degrees of shapes that are finer than `bed_shape`.
-FINER = (7, 8)
-# Moments at which readings that wander take a step.
-MOMENTS = 24
+PATCH = 1.0 / 3.0  # side of the patches that are left out together, in radii of the bed
+GRAIN_MM = 20.0  # over this distance the local shape of a bed is forgotten: glue, magnets, dirt
+FINER = (7, 8)  # degrees of shapes that are finer than `bed_shape`
+MOMENTS = 24  # at which readings that wander take a step
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,17 +53,11 @@ class ProbePlan(Plan):
 
     rows = MappingProxyType({"place": 3, "other": 3, "slope": 6})
 
-    @property
-    def setups(self) -> int:
-        return int(self.zeros.shape[1])
-
     @cached_property
     def zeros(self) -> Floats:
         """Of the parameters of each other day, shape (n, 6 for each)."""
         each = [self.slope * (self.date == day)[:, None] for day in np.unique(self.date)]
-        return read_only(
-            np.hstack([own for own in each if own.any()] or [np.zeros((len(self), 0))])
-        )
+        return read_only(np.hstack([np.zeros((len(self), 0)), *(s for s in each if s.any())]))
 
     @property
     def wanted(self) -> Floats:
@@ -107,10 +93,15 @@ class ProbePlan(Plan):
 
     @cached_property
     def texture(self) -> Floats:
-        """Local shape of the bed under each touch, columns of unit size, shape (n, touches)."""
+        """Local shape of the bed under each touch, columns of unit size, shape (n, touches).
+
+        Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`.
+        """
         touches = np.flatnonzero(~self.distance)
-        local = np.zeros((len(self), len(touches)))
-        local[touches] = texture(self.place[touches, :2])
+        place, local = self.place[touches, :2], np.zeros((len(self), len(touches)))
+        apart = np.linalg.norm(place[:, None] - place, axis=-1)
+        size2, vectors = np.linalg.eigh(np.exp(-apart / GRAIN_MM))
+        local[touches] = vectors * np.sqrt(np.maximum(size2, 0.0))
         return read_only(local)
 
     @cached_property
@@ -148,19 +139,6 @@ class ProbePlan(Plan):
             yield "readings that wander with time", wander
 
 
-def texture(place: Floats) -> Floats:
-    """Local shapes of a bed, shared by neighbours: columns of unit size, shape (n, n).
-
-    Its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`.
-
-    Args:
-        place: shape (n, 2) [mm].
-    """
-    apart = np.linalg.norm(place[:, None] - place, axis=-1)
-    size2, vectors = np.linalg.eigh(np.exp(-apart / GRAIN_MM))
-    return np.asarray(vectors * np.sqrt(np.maximum(size2, 0.0)))
-
-
 class Layout(NamedTuple):
     """A way to measure: which readings, in which order."""
 
@@ -173,12 +151,7 @@ class Layout(NamedTuple):
 
 
 def rings(count: int, radius: float) -> Floats:
-    """The middle, and places on rings around it, evenly, shape (count, 2) [mm].
-
-    Args:
-        count: of places, at least 1.
-        radius: of the outermost ring [mm].
-    """
+    """The middle, and places on rings up to a radius [mm] around it, evenly, (count, 2) [mm]."""
     # Ring k of n has a share of places that grows with k: as many as stand equally close.
     n = max(round((np.sqrt(1.0 + 4.0 * (count - 1) / 3.0) - 1.0) / 2.0), 1)
     shares = np.cumsum(np.arange(1, n + 1)) / (n * (n + 1) / 2.0)
@@ -208,15 +181,14 @@ def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
         radius: of the bed [mm].
         calliper: how precise a distance is compared to a touch: ratio of the standard deviations.
     """
-    reach = REACH * radius
-    places = {count: mixed(rings(count, reach)) for count in PLACES}
     heights = ", ".join(f"{height:g}" for height in BLOCKS_MM)
     turn = np.radians(30.0 + 60.0 * np.arange(6))
     ring = PILLARS * radius * np.stack((np.cos(turn), np.sin(turn)), axis=1)
     first = np.vstack((np.zeros((6, 2)), ring))
     printed = first, np.vstack((ring, np.roll(ring, -1, axis=0)))
     flat, raised, measured = [], [], []
-    for count, at in places.items():
+    for count in PLACES:
+        at = mixed(rings(count, REACH * radius))
         bed, up = [(at, 0.0)], [(at, height) for height in BLOCKS_MM]
         flat.append(layout_of(f"bed-{count}", f"{count} places of the bed", bed))
         what = f"{count} places of the bed, and again on blocks of {heights} mm"
@@ -232,19 +204,15 @@ def telling(radius: float) -> tuple[Layout, ...]:
     Args:
         radius: of the bed [mm].
     """
-    reach = REACH * radius
     found = []
-    for some in RAISED:
-        upper = rings(some, reach)
-        for count in SPREAD:
-            # A place that is touched on both heights has one local shape.
-            bed = mixed(np.vstack((rings(count, reach), upper)))
-            what = (
-                f"{len(bed)} places of the bed, and {some} of them again on a block of"
-                f" {HIGH_MM:g} mm"
-            )
-            parts = [(bed, 0.0), (mixed(upper), HIGH_MM)]
-            found.append(layout_of("telling", what, parts))
+    for some, count in product(RAISED, SPREAD):
+        upper = rings(some, REACH * radius)
+        # A place that is touched on both heights has one local shape.
+        bed = mixed(np.vstack((rings(count, REACH * radius), upper)))
+        what = (
+            f"{len(bed)} places of the bed, and {some} of them again on a block of {HIGH_MM:g} mm"
+        )
+        found.append(layout_of("telling", what, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
     return tuple(sorted(found, key=lambda each: each.minutes))
 
 

@@ -11,7 +11,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnreachableError
 from orthoglide_cal.model import Effect, Floats, Model, simulate
 from orthoglide_cal.model.model import simulate_with_jacobian
-from orthoglide_cal.model.probe_plan import GRAIN_MM, ProbePlan, texture
+from orthoglide_cal.model.probe_plan import GRAIN_MM, ProbePlan
 from tests.model.test_plan import groups
 from tests.printers import (
     PRINTER,
@@ -305,7 +305,11 @@ def test_a_reading_in_words_has_its_place_and_number() -> None:
 
 
 def test_local_shape_is_shared_by_neighbours() -> None:
-    place = np.array([[0.0, 0.0], [GRAIN_MM, 0.0], [0.0, 3.0 * GRAIN_MM]])
-    shape = texture(place)
+    places = np.array([[0.0, 0.0, 5.0], [GRAIN_MM, 0.0, 2.0], [0.0, 3.0 * GRAIN_MM, 0.0]])
+    plan = standard_plan().subset([0, 1, 80, 2])
+    places = np.insert(places, 2, plan.place[2], axis=0)
+    shape = replace(plan, place=places).texture
+    assert not shape[2].any()  # of a distance
+    shape = shape[[0, 1, 3]]
     expected = np.exp([[0.0, -1.0, -3.0], [-1.0, 0.0, -np.sqrt(10.0)], [-3.0, -np.sqrt(10.0), 0.0]])
     assert shape @ shape.T == pytest.approx(expected, abs=1e-12)
