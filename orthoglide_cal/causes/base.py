@@ -79,7 +79,7 @@ class RelabelCause(Cause):
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
-        raise NotImplementedError
+        return np.arange(len(plan)), np.ones(len(plan))
 
     def reversible(self, plan: Plan, place: Place) -> bool:
         """Whether `relabel` can express it: each reading was written down in place of another."""
@@ -121,8 +121,9 @@ class ExchangeCause(RelabelCause):
         raise NotImplementedError
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+        own, signs = super().relabel(plan, place)
         index = _partners(self, plan, place)
-        return np.arange(len(plan)) if index is None else index, np.ones(len(plan))
+        return own if index is None else index, signs
 
     def reversible(self, plan: Plan, place: Place) -> bool:
         return _partners(self, plan, place) is not None

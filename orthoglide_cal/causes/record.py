@@ -96,7 +96,6 @@ class GaugeSlip(PatternCause):
         return f"from {reading} on" if place[1] else reading
 
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        """1 where turns were miscounted (to be multiplied by the length of a revolution)."""
         both = np.stack((np.eye(len(plan)), plan.onwards))
         reading, onward = np.array(places).T
         return both[onward, :, reading].T
@@ -203,11 +202,7 @@ class WrongUnit(RelabelCause):
     def unit_mm(self, place: Place) -> float:
         return UNITS[place[0]].mm
 
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
-        return np.arange(len(plan)), np.ones(len(plan))
-
 
 CAUSES = (
-    Misread(), GaugeSlip(), SignFlip(), SwappedGauges(), ExchangedColumns(),
-    WrongUnit(),
+    Misread(), GaugeSlip(), SignFlip(), SwappedGauges(), ExchangedColumns(), WrongUnit(),
 )  # fmt: skip

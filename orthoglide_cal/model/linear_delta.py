@@ -49,12 +49,9 @@ from orthoglide_cal.model.vocabulary import FIRMWARE
 from orthoglide_cal.schema import Number, told
 
 TOWERS = ("a", "b", "c")
-# To be touched once more: so many places, on blocks.
-FEW = 13
-# Stored arms that differ by more than this are doubted [mm].
-UNEQUAL_MM = 0.5
-# A printer whose arms or radius differ by a larger share is another one.
-ANOTHER = 0.05
+FEW = 13  # places, to be touched once more on blocks
+UNEQUAL_MM = 0.5  # stored arms that differ by more than this are doubted
+ANOTHER = 0.05  # a printer whose arms or radius differ by a larger share is another one
 TOWERS_TURN = "The towers a, b, c must follow each other counter-clockwise, seen from above."
 
 Height = Annotated[Number, Field(ge=-1e4, le=1e4)]
@@ -183,8 +180,7 @@ class LinearDelta(Machine):
     def doubted(self) -> Mapping[str, DoubtedValue]:
         """Arms of one printer are cut alike; what a calibration made of them need not be."""
         arms = self.arm_length_mm
-        spread = max(arms) - min(arms)
-        if spread <= UNEQUAL_MM:
+        if (spread := max(arms) - min(arms)) <= UNEQUAL_MM:
             return super().doubted
         first, second, third = (f"{arm:.1f}" for arm in arms)
         words = (
@@ -230,18 +226,19 @@ class LinearDelta(Machine):
 
     def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
-        plan = ProbePlan.require(plan)
+        plan, rails = ProbePlan.require(plan), self.nominal_rails
         places = np.concatenate((plan.place, plan.other))
-        first, nothing = self.nominal_rails.joints_for(places), read_only(np.zeros(places.shape))
-        # From touch to touch; a printed object was approached from all sides.
-        touched = plan.in_time[~plan.distance[plan.in_time]]
-        hours = np.tile(plan.hours, 2)
         # On the way from place to place the height does not depend on what is touched.
-        level = self.nominal_rails.joints_for(
-            np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
+        level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
+        return Command(
+            read_only(rails.joints_for(places)),
+            self.home_mm,
+            np.tile(plan.hours, 2),
+            # From touch to touch; a printed object was approached from all sides.
+            in_time=plan.in_time[~plan.distance[plan.in_time]],
+            entered=read_only(np.zeros(places.shape)),
+            along=read_only(rails.joints_for(level)),
         )
-        home = self.home_mm
-        return Command(read_only(first), home, hours, touched, nothing, read_only(level))
 
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
         """Rails, and offsets of the carriages, with other values of what is calibrated.
@@ -325,11 +322,8 @@ class LinearDelta(Machine):
         yield self.local_shape(plan)
 
     def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
-        """What can be touched next: in words, its plan, and its minutes.
-
-        On a flat bed a frame that is out of square and a bed that is bent are the same; higher up
-        only the frame is another one.
-        """
+        """On a flat bed a frame that is out of square and a bed that is bent are the same; higher
+        up only the frame is another one."""
         plan = ProbePlan.require(plan)
         touches = np.flatnonzero(~plan.distance)
         some = plan.subset(touches[_spread(plan.place[touches, :2], FEW)])

@@ -36,7 +36,7 @@ Offset = Annotated[Number, Field(ge=-LARGEST_OFFSET_MM, le=LARGEST_OFFSET_MM)]
 T = TypeVar("T")
 
 
-def _empty(value: object) -> object:
+def empty(value: object) -> object:
     """Nothing after a key is an empty group."""
     return {} if value is None else value
 
@@ -155,12 +155,12 @@ class Machine(Schema):
     # ruled out; `Cause.size` says what holds for the others.
     tolerances: Annotated[
         Mapping[str, Annotated[Number, Field(ge=0.0, le=1e6)]],
-        BeforeValidator(_empty),
+        BeforeValidator(empty),
         AfterValidator(MappingProxyType),
         PlainSerializer(dict),
     ] = Field(default_factory=lambda: MappingProxyType({}))
     # What its reports say besides the numbers, and what was entered, oldest first.
-    report: Annotated[Details, BeforeValidator(_empty)] = Details()
+    report: Annotated[Details, BeforeValidator(empty)] = Details()
     gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
     history: Annotated[tuple[Entered, ...], BeforeValidator(lambda given: given or ())] = ()
 

@@ -26,7 +26,7 @@ from orthoglide_cal.model.kinematics import (
     column,
     tool_derivative,
 )
-from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named
+from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named, empty
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, part_words
 from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
@@ -35,9 +35,7 @@ from orthoglide_cal.schema import Number, told
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
 OFFSET_MM = 0.5
-NO_OFFSETS = JointOffsets(0.0, 0.0, 0.0)
-
-
+_ZERO = dict.fromkeys(AXES, 0.0)
 # Which of the machine's moments belong to n readings: when each was taken, and when its gauge was
 # set up, at the isotropic posture; indices, each of shape (n,).
 _Moments = tuple[Ints, Ints]
@@ -85,14 +83,9 @@ class Orthoglide(Machine):
     # Already active in the controller.
     offsets_mm: Annotated[
         Named[JointOffsets],
-        BeforeValidator(
-            lambda given: (
-                NO_OFFSETS._asdict() | (given or {})
-                if given is None or isinstance(given, dict)
-                else given
-            )
-        ),
-    ] = NO_OFFSETS
+        BeforeValidator(lambda given: _ZERO | given if isinstance(given, dict) else given),
+        BeforeValidator(empty),
+    ] = JointOffsets(**_ZERO)
 
     @field_validator("parallelogram_width_mm")
     @classmethod
@@ -120,8 +113,7 @@ class Orthoglide(Machine):
                 "Give displacements from the isotropic posture, such as [-100, 60].",
             )
         length = given.data.get("leg_length_mm", math.inf)
-        beyond = [k for k, limit in enumerate(limits) if abs(limit) >= length]
-        if beyond:
+        if beyond := [k for k, limit in enumerate(limits) if abs(limit) >= length]:
             raise InputError(
                 f"The limit is beyond the leg's length of {length} mm.",
                 "Give the displacement from the isotropic posture, not the joint value.",
@@ -253,10 +245,9 @@ class Orthoglide(Machine):
         moved = float(plan.displacement[index])
         posture = self.posture_at(moved) or f"{moved:g} mm"
         alike = (plan.setup == plan.setup[index]) & (plan.displacement == moved)
-        cycle = int(np.sum(alike & (plan.order <= plan.order[index])))
-        number = int(np.sum(plan.order <= plan.order[index]))
-        where = f"{plan.series[index].words}, {posture}, cycle {cycle}"
-        return f"{where}{part_words(plan, int(plan.part[index]))} (reading {number})"
+        so_far = plan.order <= plan.order[index]
+        where = f"{plan.series[index].words}, {posture}, cycle {np.sum(alike & so_far)}"
+        return f"{where}{part_words(plan, int(plan.part[index]))} (reading {np.sum(so_far)})"
 
     def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
         plan = GaugePlan.require(plan)
@@ -302,8 +293,7 @@ def _joints(
     else:
         joints, moment = real.joints(command, offsets), np.arange(len(plan))
     set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
-    both = np.concatenate((joints, set_up), axis=-2)
-    return both, (moment, joints.shape[-2] + which)
+    return np.concatenate((joints, set_up), axis=-2), (moment, joints.shape[-2] + which)
 
 
 def _which(points: Points, plan: GaugePlan, moment: Ints) -> str:
