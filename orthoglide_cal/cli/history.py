@@ -14,11 +14,7 @@ def history(
         list[str], argument("FILE", f"Sessions of one machine, or a folder. {common.MEASURED}.")
     ],
     limit: Annotated[
-        Number,
-        option(
-            "MM",
-            "Largest permitted change. Shows when a drift reaches it.",
-        ),
+        Number, option("MM", "Largest permitted change. Shows when a drift reaches it.")
     ] = None,
     dates: Annotated[
         Text,

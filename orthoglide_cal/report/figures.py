@@ -7,7 +7,6 @@ those of its axes, is one that it was given.
 
 from __future__ import annotations
 
-import itertools
 import math
 import string
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -19,7 +18,7 @@ from orthoglide_cal.model import AXES, Floats, Ints, Series
 from orthoglide_cal.model.plan import Bools
 from orthoglide_cal.model.workspace import Workspace, WorkspaceMaps
 from orthoglide_cal.report.escape import Html, tag
-from orthoglide_cal.words import plain, signed, unit_words
+from orthoglide_cal.words import plain, signed
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
 
@@ -120,6 +119,11 @@ def _path(points: Sequence[tuple[float, float]]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 
+def thread(points: Sequence[tuple[float, float]]) -> Html:
+    """A thin line through points."""
+    return tag("polyline", points=_path(points), class_="thread")
+
+
 def rectangle(x: float, y: float, width: float, height: float, class_: str) -> Html:
     """A filled rectangle."""
     return tag("rect", x=x, y=y, width=max(width, 0.0), height=max(height, 0.0), class_=class_)
@@ -157,7 +161,7 @@ def apart(places: Sequence[float], texts: Sequence[str]) -> list[int]:
     return chosen
 
 
-def _below(places: Sequence[float], texts: Sequence[str], y: float) -> Iterator[Html]:
+def below(places: Sequence[float], texts: Sequence[str], y: float) -> Iterator[Html]:
     """Numbers of an axis, as far as they have room."""
     return (words(places[k], y, texts[k], "middle", "tick") for k in apart(places, texts))
 
@@ -201,7 +205,7 @@ def deviation_rows(
     parts = [
         *([rectangle(low, top, high - low, bottom - top, "allowed")] if edges else []),
         *(line(x, top, x, bottom, kind) for x, kind in zip(places, kinds, strict=True)),
-        *_below(places, texts, bottom + 14),
+        *below(places, texts, bottom + 14),
         words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
         *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
     ]
@@ -287,7 +291,7 @@ def residual_panels(
                     if cycle[k] == turn
                 ]
                 last = number == len(microns)
-                parts += [tag("polyline", points=_path(points), class_="thread")] if last else []
+                parts += [thread(points)] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
         finding = (
@@ -345,7 +349,7 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
     texts = [tick_text(float(limit), float(limits[1] - limits[0])) for limit in limits]
     for k in range(CLASSES):
         yield rectangle(places[k], above, box, 12, f"heat {kind}{k}")
-    yield from _below(places, texts, above + 26)
+    yield from below(places, texts, above + 26)
     yield words(places[-1] + 8, above + 10, unit, class_="muted")
 
 
@@ -655,52 +659,3 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
         cells = "".join(map(cell, [float(trace[k]), *sigma[k, :k].tolist()]))
         lines.append(f"{letter} {name:<{room}}  {cells}".rstrip())
     return (*lines, *SEPARATION_LEGEND)
-
-
-# --- sessions of one machine --------------------------------------------------------------------
-
-
-def course(
-    name: str,
-    unit: str,
-    times: Sequence[float],
-    labels: Sequence[str],
-    found: Sequence[tuple[float, float, float]],
-    gaps: Sequence[int],
-    limits: Sequence[float],
-) -> Html:
-    """One parameter from session to session: marks with U bars, and what is fitted to them.
-
-    Args:
-        name, unit: of the parameter.
-        times, labels: of n sessions, ascending; a label is written where it changes and has room.
-        found: value, its U and the fitted value of each session.
-        gaps: sessions before a change, ascending.
-        limits: values at which a line is drawn.
-    """
-    wide, bottom = 330.0, 124.0
-    ends = [*limits, *(value + side * half for value, half, _ in found for side in (-1.0, 1.0))]
-    room = 0.06 * (max(ends) - min(ends)) or 1.0
-    up = Scale(min(ends) - room, max(ends) + room, bottom, 22.0)
-    across = Scale(times[0], times[-1], 74.0, wide - 26.0)
-    places = [across(time) for time in times]
-    new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
-    middles = [(places[gap] + places[gap + 1]) / 2.0 for gap in gaps]
-    parts = [
-        *(line(50.0, y, wide, y, kind) for y, kind, _ in up.ticks(4)),
-        *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
-        *_below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0),
-        words(50.0, 12.0, f"{name}, {unit_words(unit)}", class_="strong"),
-        *(line(50.0, up(limit), wide, up(limit), "due") for limit in limits),
-        *(line(x, 22.0, x, bottom, "ink") for x in middles),
-    ]
-    for start, end in itertools.pairwise([0, *(gap + 1 for gap in gaps), len(found)]):
-        points = [(places[k], up(found[k][2])) for k in range(start, end)]
-        parts.append(tag("polyline", points=_path(points), class_="thread"))
-    for x, (value, half, _) in zip(places, found, strict=True):
-        parts.append(line(x, up(value - half), x, up(value + half), "whisker"))
-        parts.append(mark(x, up(value), 0, "mark", 3.0))
-    finding = f"{name} of {len(found)} sessions, {labels[0]} to {labels[-1]}."
-    own = "".join(letter if letter.isalnum() else "-" for letter in name)
-    axis = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True)).get(name, "x")
-    return svg(f"course-{own}", wide, bottom + 26.0, name, finding, parts, f"c-{axis}")

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from functools import cached_property
@@ -38,7 +38,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
 from orthoglide_cal.files import Input, machine_values
-from orthoglide_cal.model import Cause, Floats, Machine, Model
+from orthoglide_cal.model import Cause, Floats, Model
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
@@ -81,12 +81,15 @@ ADVICE = {
 }
 
 
+Sizes = tuple[Known, ...]
+
+
 class DatedSession(Schema):
     """One session."""
 
     path: str
     started: str | None
-    parameters: tuple[Known, ...] = Field(description="active + found, and of lasting causes")
+    parameters: Sizes = Field(description="active + found, and of lasting causes")
     own_expanded: tuple[float, ...] = Field(description="U of what does not cancel between them")
     fitted: tuple[float, ...] = Field(description="by the explanation that is named")
     causes: Ids = Field((), description="lasting causes that it shows")
@@ -99,7 +102,7 @@ class Change(Schema):
 
     before: str
     after: str
-    parameters: tuple[Known, ...]
+    parameters: Sizes
 
 
 class Drift(Schema):
@@ -152,9 +155,9 @@ class History(Schema):
     changes: tuple[Change, ...] = ()
     drift: tuple[Drift, ...] = ()
     scatter: tuple[HomingScatter, ...] = ()
-    pooled: tuple[Known, ...] = Field(description="best values now, from all sessions together")
+    pooled: Sizes = Field(description="best values now, from all sessions together")
     further: Mapping[int, tuple[float, ...]] = Field(description="sessions more → U of the same")
-    prediction: tuple[Known, ...] = Field(description="what the next session will find")
+    prediction: Sizes = Field(description="what the next session will find")
     also: tuple[Story, ...] = ()
     limit: Reached | None = None
     notes: tuple[str, ...] = ()
@@ -165,70 +168,52 @@ class History(Schema):
 # --- what one session says ------------------------------------------------------------------------
 
 
-class _Estimate(NamedTuple):
-    """Parameters and lasting causes as one session finds them, (p,) in their units.
+Common = dict[tuple[str, ...], Floats]
 
-    The covariance (p, p) is of what is its own; `common` is what one standard deviation of each
-    other source adds, (p, q), by the source and by what makes it the same in other sessions.
+
+class _Read:
+    """One session, judged by the machine of the last one; a printer by what it has in each.
+
+    Once it is settled which lasting causes stand, it has the parameters and the causes of any date
+    as it finds them: `values` (p,) in their units, `covariance` (p, p) of what is its own, and in
+    `common` what one standard deviation of each other source adds, (p, q), by the source and by
+    what makes it the same in other sessions.
     """
 
-    values: Floats
-    covariance: Floats
-    common: dict[tuple[str, ...], Floats]
-
-
-@dataclass(frozen=True, eq=False)
-class _Read:
-    """One session."""
-
-    given: Input  # with what the controller had
-    white: Whitened
-    alone: Fitted  # without causes
-    found: Assessment | None  # None where noise explains the readings
-    last: Machine  # as the controller had it in the last session
-
-    @classmethod
-    def of(cls, given: Input, last: Model) -> _Read:
-        """Judged by the machine of the last session; a printer by what it has in each."""
+    def __init__(self, given: Input, last: Model) -> None:
+        self.given, self.path, self.last = given, given.measured.source.path, last.machine
         white = Whitened.of(given.measured, given.model if last.machine.probes else last)
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
-        (alone,) = _fits(white, ())
-        plain = dof > 0 and chance_of_residual(alone.square, dof, noise) > PLAIN
-        found = None if plain else assess(white)
-        return cls(given, white, alone, found, last.machine)
-
-    @cached_property
-    def lasting(self) -> dict[Ids, float]:
-        """Set of lasting causes → log likelihood of this session; {} if none explains it."""
-        if self.found is None:
-            return {(): -RARE}
-        sums: dict[Ids, list[float]] = {}
-        if self.found.judgement.verdict is not Verdict.UNEXPLAINED:
+        self.white, (self.alone,) = white, _fits(white, ())
+        # None where noise explains the readings.
+        self.found: Assessment | None = None
+        if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
+            self.found = assess(white)
+        # Set of lasting causes → probabilities of the explanations with it; {} if none explains.
+        self.listed: dict[Ids, dict[Ids, float]] = {}
+        if self.found and self.found.judgement.verdict is not Verdict.UNEXPLAINED:
             for ids, probability in self.found.posterior.listed.items():
-                own = sums.setdefault(_lasting(ids), [1e-300, 0.0])
-                own[0] += probability
-                own[1] += math.exp(self.found.at.candidates.log_prior[ids])
-        return {ids: math.log(posterior / prior) for ids, (posterior, prior) in sums.items()}
+                lasting = tuple(id for id in ids if CAUSES[id].lasting)
+                self.listed.setdefault(lasting, {})[ids] = probability
 
-    def estimate(self, standing: Ids, causes: tuple[Cause, ...]) -> _Estimate:
+    def settle(self, standing: Ids, causes: tuple[Cause, ...]) -> None:
         """What it says, if the machine had the standing causes then; `causes` are of any date."""
-        listed = self.found.posterior.listed if self.found and self.lasting else {}
-        own = {ids: p for ids, p in listed.items() if _lasting(ids) == standing}
+        own = self.listed.get(standing, {})
         kept = {ids: p for ids, p in own.items() if p >= OPEN * max(own.values())}
         scores = [self.found.scores[ids] for ids in kept] if self.found else []
         fits = _fits(self.white, causes, scores) if scores or causes else [self.alone]
         weights = np.array([*kept.values()] or [1.0]) / (sum(kept.values()) or 1.0)
-        each = [self._under(fit, causes) for fit in fits]
-        values = np.asarray(weights @ [one.values for one in each])
-        apart = np.array([one.values - values for one in each])
-        covariance = np.tensordot(weights, [one.covariance for one in each], axes=1)
-        covariance += (apart.T * weights) @ apart
-        if self.found and not self.lasting:
-            covariance[: len(fits[0].offsets), : len(fits[0].offsets)] += self.found.offsets[1]
-        return each[int(np.argmax(weights))]._replace(values=values, covariance=covariance)
+        values, spreads, common = zip(*(self._under(fit, causes) for fit in fits), strict=True)
+        self.standing, self.common = standing, common[int(np.argmax(weights))]
+        self.values = np.asarray(weights @ values)
+        apart = np.array(values) - self.values
+        self.covariance = np.tensordot(weights, spreads, axes=1) + (apart.T * weights) @ apart
+        if self.found and not self.listed:
+            width = len(self.alone.offsets)
+            self.covariance[:width, :width] += self.found.offsets[1]
 
-    def _under(self, fit: Fitted, causes: tuple[Cause, ...]) -> _Estimate:
-        """Under one explanation, whose first effects are these causes."""
+    def _under(self, fit: Fitted, causes: tuple[Cause, ...]) -> tuple[Floats, Floats, Common]:
+        """The same under one explanation, whose first effects are these causes."""
         white, active = self.white, self.given.model.machine.active
         conditions, width = self.given.conditions, len(active)
         pairs = list(zip(causes, fit.slots, fit.effects, strict=False))
@@ -239,14 +224,12 @@ class _Read:
         values = np.concatenate([fit.offsets + active, *theta]) / unit
         covariance = fit.covariance[np.ix_(chosen, chosen)] / np.outer(unit, unit)
         estimator = fit.covariance[chosen] @ fit.columns.T / fit.sigma**2 / unit[:, None]
-        common: dict[tuple[str, ...], Floats] = {}
-        end = fit.columns.shape[1]
+        common: Common = {}
         for each in reversed(fit.uncertain):
-            own = slice(end - each.columns.shape[1], end)
-            end, key = own.start, [str(each.source)]
-            shared = estimator @ (fit.columns[:, own] * fit.sizes[own])
             if each.source == Origin.GAUGE_PLACEMENT:
                 continue
+            key, size = [str(each.source)], fit.scale_factor if each.local else 1.0
+            shared = estimator @ (each.columns * size)
             if each.source == Origin.GAUGE_SCALE:
                 key += sorted(gauge.id for gauge in conditions.gauges)
             if each.local:
@@ -271,11 +254,7 @@ class _Read:
             # What the same readings say with the legs that the controller has now.
             size = CAUSES["leg_length"].size(self.last) or 1.0
             values = values - common["leg_length",] @ shorter / size
-        return _Estimate(values, covariance, common)
-
-
-def _lasting(ids: Ids) -> Ids:
-    return tuple(id for id in ids if CAUSES[id].lasting)
+        return values, covariance, common
 
 
 def _fits(white: Whitened, causes: tuple[Cause, ...], scores: Sequence[Score] = ()) -> list[Fitted]:
@@ -292,8 +271,14 @@ def _fits(white: Whitened, causes: tuple[Cause, ...], scores: Sequence[Score] = 
 
 def _standing(reads: Sequence[_Read]) -> list[Ids]:
     """Lasting causes at each date: of those of the likeliest set for all that show any."""
-    each = [{ids: log + RARE * len(ids) for ids, log in read.lasting.items()} for read in reads]
-    shown = [own for own in each if own and max(own.items(), key=lambda pair: pair[1])[0]]
+    each: list[dict[Ids, float]] = []
+    for read in reads:
+        prior, weights = read.found.at.candidates.log_prior if read.found else {}, {}
+        for ids, own in read.listed.items():
+            before = sum(math.exp(prior[one]) for one in own)
+            weights[ids] = math.log(sum(own.values(), 1e-300) / before) + RARE * len(ids)
+        each.append(weights)
+    shown = [own for own in each if max(own, key=own.__getitem__, default=())]
     total = {
         ids: sum(own.get(ids, min(own.values())) for own in shown) for own in shown for ids in own
     }
@@ -314,37 +299,28 @@ class _Move(NamedTuple):
     size: float
 
 
-class _Told(NamedTuple):
-    """A story with its log evidence, its parts, and the scatter (p,) that it needs."""
-
-    log: float
-    parts: tuple[_Move, ...]
-    scatter: Floats
-
-    @property
-    def stories(self) -> tuple[Story, ...]:
-        """What happened, what matters most first."""
-        own = [part.story for part in self.parts] + [Story.SCATTERING] * bool(self.scatter.any())
-        return tuple(each for each in Story if each in own) or (Story.UNCHANGED,)
-
-
 class _Table:
-    """Estimates of n sessions of p parameters, in units of what a session knows."""
+    """What n sessions say of p parameters, in units of what a session knows."""
 
-    def __init__(
-        self, estimates: Sequence[_Estimate], times: Floats, groups: Iterable[Sequence[int]]
-    ) -> None:
-        own = np.array([each.covariance for each in estimates])
+    def __init__(self, reads: Sequence[_Read], times: Floats, causes: Sequence[Cause]) -> None:
+        machine = reads[-1].last
+        self.names, self.units = [*machine.parameter_names], [*machine.parameter_units]
+        groups = [range(3), range(len(self.names))]
+        for cause in causes:
+            groups.append(range(len(self.names), len(self.names) + len(cause.names)))
+            self.names += [f"{cause.id} {name}" for name in machine.named(cause.names).values()]
+            self.units += [cause.unit] * len(cause.names)
+        own = np.array([read.covariance for read in reads])
         self.unit = np.sqrt(np.median(np.diagonal(own, axis1=1, axis2=2), axis=0))
-        count, width = len(estimates), len(self.unit)
+        count, width = len(reads), len(self.unit)
         self.own = own / np.outer(self.unit, self.unit) + 1e-6 * np.eye(width)
-        self.centre = np.median([each.values for each in estimates], axis=0)
-        self.values = np.array([each.values - self.centre for each in estimates]) / self.unit
+        self.centre = np.median([read.values for read in reads], axis=0)
+        self.values = np.array([read.values - self.centre for read in reads]) / self.unit
         columns = [np.tile(np.eye(width), (count, 1, 1))]
-        for key in dict.fromkeys(key for each in estimates for key in each.common):
-            like = next(each.common[key] for each in estimates if key in each.common)
-            shared = np.array([each.common.get(key, 0.0 * like) for each in estimates])
-            shared = shared / self.unit[:, None]
+        for key in dict.fromkeys(key for read in reads for key in read.common):
+            like = next(read.common[key] for read in reads if key in read.common)
+            every = np.array([read.common.get(key, 0.0 * like) for read in reads])
+            shared = every / self.unit[:, None]
             if shared.shape[2] > width:
                 # Few directions tell what many unknowns do.
                 size, turn = np.linalg.eigh(np.einsum("npq,npr->qr", shared, shared))
@@ -357,6 +333,14 @@ class _Table:
         self.courses = {Story.CHANGED: 1.0 * after, Story.DRIFTING: line}
         one_or_two = (chosen for k in (1, 2) for chosen in combinations(range(width), k))
         self.subsets = list(dict.fromkeys(map(tuple, (*one_or_two, *groups, range(width)))))
+
+    def known(self, values: Floats, covariance: Floats, chosen: Iterable[int]) -> Sizes:
+        """Values (q,) of these parameters with their covariance, in their units."""
+        std = np.sqrt(np.diagonal(covariance)).tolist()
+        return tuple(
+            Known(name=self.names[k], unit=self.units[k], value=value, std=u, expanded=U95 * u)
+            for k, value, u in zip(chosen, values.tolist(), std, strict=True)
+        )
 
     def design(self, parts: Iterable[_Move], later: float = 0.0) -> tuple[Floats, Floats]:
         """Columns (n, p, m) of base and parts, so much later, and prior precisions (m,)."""
@@ -411,7 +395,7 @@ class _Table:
         logs = np.array([self.solve(parts, scatter)[2] for scatter in tried])
         return log_mean(logs), tried[int(logs.argmax())]
 
-    def tell(self, told: Sequence[Story]) -> _Told:
+    def tell(self, told: Sequence[Story]) -> _Tale:
         """A story with its best parts; its evidence sums over their sizes, places and subsets."""
         scatter = np.zeros(len(self.unit))
         parts = self._search(told, scatter)
@@ -427,7 +411,7 @@ class _Table:
         for story, prior in PRIOR.items():
             log += math.log(prior if story in told else 1.0 - prior)
         steps = sum(part.story is Story.CHANGED for part in parts)
-        return _Told(log + max(steps - 1, 0) * FURTHER, tuple(parts), scatter)
+        return _Tale(self, log + max(steps - 1, 0) * FURTHER, parts, scatter)
 
     def _search(self, told: Sequence[Story], scatter: Floats) -> list[_Move]:
         """The best step and drift, and further steps as long as they are likelier than not."""
@@ -451,67 +435,72 @@ class _Table:
         return parts
 
 
-# --- the history ----------------------------------------------------------------------------------
+class _Tale:
+    """A story with its log evidence, its parts, and the scatter (p,) that it needs.
 
+    What follows from it is free of the priors of steps and rates.
+    """
 
-class _Facts:
-    """What follows from the story that is told; its steps and rates are free of their priors."""
+    def __init__(self, table: _Table, log: float, parts: Iterable[_Move], scatter: Floats) -> None:
+        self.table, self.log, self.scatter = table, log, scatter
+        self.parts = [part._replace(size=FREE) for part in sorted(parts, key=lambda part: part.at)]
 
-    def __init__(self, table: _Table, told: _Told, names: Sequence[str], units: Sequence[str]):
-        self.table, self.names, self.units = table, names, units
-        parts = sorted(told.parts, key=lambda part: part.at)
-        self.parts = [part._replace(size=FREE) for part in parts]
-        self.found, self.covariance, *_ = table.solve(self.parts, told.scatter)
-        self.own = np.median(table.own, axis=0) + np.diag(told.scatter**2)
-        left = table.values - table.design(self.parts)[0] @ self.found
-        spread = (left**2).sum(axis=0) / max(len(left) - 1 - len(told.parts), 1)
-        size = np.sqrt(np.maximum(spread - np.median(table.own, axis=0).diagonal(), 0.0))
-        self.scatter = [
-            HomingScatter(name=names[k], unit=units[k], std=float(size[k] * table.unit[k]))
-            for k in np.flatnonzero(told.scatter).tolist()
-        ]
+    @property
+    def stories(self) -> tuple[Story, ...]:
+        """What happened, what matters most first."""
+        own = [part.story for part in self.parts] + [Story.SCATTERING] * bool(self.scatter.any())
+        return tuple(each for each in Story if each in own) or (Story.UNCHANGED,)
 
-    def known(self, values: Floats, covariance: Floats, chosen: Iterable[int]) -> tuple[Known, ...]:
-        """Values (q,) of these parameters with their covariance, in their units."""
-        std = np.sqrt(np.diagonal(covariance)).tolist()
+    @cached_property
+    def solution(self) -> tuple[Floats, Floats]:
+        """Unknowns (m,) and their covariance (m, m)."""
+        return self.table.solve(self.parts, self.scatter)[:2]
+
+    @property
+    def homing(self) -> tuple[HomingScatter, ...]:
+        """What is left from session to session beyond what each of them does not know."""
+        table, known = self.table, np.median(self.table.own, axis=0).diagonal()
+        left = table.values - table.design(self.parts)[0] @ self.solution[0]
+        spread = (left**2).sum(axis=0) / max(len(left) - 1 - len(self.parts), 1)
+        size = np.sqrt(np.maximum(spread - known, 0.0)) * table.unit
         return tuple(
-            Known(name=self.names[k], unit=self.units[k], value=value, std=u, expanded=U95 * u)
-            for k, value, u in zip(chosen, values.tolist(), std, strict=True)
+            HomingScatter(name=table.names[k], unit=table.units[k], std=float(size[k]))
+            for k in np.flatnonzero(self.scatter).tolist()
         )
 
-    def state(
-        self, at: int, later: float = 0.0, measured: bool = False, more: int = 0
-    ) -> tuple[Known, ...]:
+    def sizes(self, story: Story) -> Iterator[tuple[int, Sizes]]:
+        """Place and size of each step; rates per unit of time."""
+        table, (found, covariance) = self.table, self.solution
+        start, time = table.base.shape[2], table.span if story is Story.DRIFTING else 1.0
+        for part in self.parts:
+            slot = slice(start, start := start + len(part.subset))
+            unit = table.unit[list(part.subset)] / time
+            if part.story is story:
+                spread = covariance[slot, slot] * np.outer(unit, unit)
+                yield part.at, table.known(found[slot] * unit, spread, part.subset)
+
+    def state(self, at: int, later: float = 0.0, measured: bool = False, more: int = 0) -> Sizes:
         """The parameters at a session or so much later, or what a session finds of them then.
 
         `more`: with so many more sessions like this one.
         """
-        table, covariance = self.table, self.covariance
+        table, (found, covariance) = self.table, self.solution
         columns = table.design(self.parts, later)[0][at].copy()
+        own = np.median(table.own, axis=0) + np.diag(self.scatter**2)
         if more:
-            gained = more * columns.T @ np.linalg.solve(self.own, columns)
+            gained = more * columns.T @ np.linalg.solve(own, columns)
             covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
-        columns[:, len(self.names) : table.base.shape[2]] *= measured
-        spread = columns @ covariance @ columns.T + self.own * measured
-        values = columns @ self.found * table.unit + table.centre
-        return self.known(values, spread * np.outer(table.unit, table.unit), range(len(values)))
-
-    def sizes(self, story: Story) -> Iterator[tuple[int, tuple[Known, ...]]]:
-        """Place and size of each step; rates per unit of time."""
-        start, time = self.table.base.shape[2], self.table.span if story is Story.DRIFTING else 1.0
-        for part in self.parts:
-            slot = slice(start, start := start + len(part.subset))
-            unit = self.table.unit[list(part.subset)] / time
-            if part.story is story:
-                spread = self.covariance[slot, slot] * np.outer(unit, unit)
-                yield part.at, self.known(self.found[slot] * unit, spread, part.subset)
+        columns[:, len(table.names) : table.base.shape[2]] *= measured
+        spread = (columns @ covariance @ columns.T + own * measured) * np.outer(*[table.unit] * 2)
+        values = columns @ found * table.unit + table.centre
+        return table.known(values, spread, range(len(values)))
 
     def reached(self, limit_mm: float, last: datetime | None) -> Reached:
         """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
-        beyond = [s.name for s in self.scatter if s.unit == "mm" and U95 * s.std > limit_mm]
+        beyond = [s.name for s in self.homing if s.unit == "mm" and U95 * s.std > limit_mm]
         now = {each.name: each.std for each in self.state(-1)}
         found = Reached(limit_mm=limit_mm, scatter_exceeds=tuple(beyond))
-        for rate in (each for _, rates in self.sizes(Story.DRIFTING) for each in rates):
+        for rate in (rate for _, rates in self.sizes(Story.DRIFTING) for rate in rates):
             times = np.linspace(0.0, limit_mm / max(abs(rate.value), 1e-12), 100_001)
             off = abs(rate.value) * times + ONE_SIDED * np.hypot(now[rate.name], rate.std * times)
             days = float(times[np.argmax(off >= limit_mm)])
@@ -520,6 +509,8 @@ class _Facts:
                 found = found.changed(parameter=rate.name, days=days, date=day)
         return found
 
+
+# --- the history ----------------------------------------------------------------------------------
 
 _IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
 
@@ -560,32 +551,26 @@ def compare(
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     said = [moment_of(given, day) for given, day in zip_longest(inputs, dates)]
     moments = [each for each in said if each is not None]
-    dated = len(moments) == len(inputs)
+    dated, times = len(moments) == len(inputs), np.arange(len(inputs), dtype=np.float64)
     if dated:
         order = np.argsort([each.timestamp() for each in moments], kind="stable")
         inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
+        times = np.array([(each - moments[0]).total_seconds() / 86400.0 for each in moments])
     machine = inputs[-1].model.machine
     notes = [] if dated else ["Not every file has a date: the order given counts."]
     notes += _one_machine([given.model for given in inputs])
     reads = []
     for given in inputs:
         try:
-            reads.append(_Read.of(given, inputs[-1].model))
+            reads.append(_Read(given, inputs[-1].model))
         except UnusableResultError as error:
             what = f"{given.measured.source.path}: {error.what}"
             raise UnusableResultError(what, error.remedy) from error
     standing = _standing(reads)
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in own for own in standing))
-    estimates = [read.estimate(own, causes) for read, own in zip(reads, standing, strict=True)]
-    names, units = [*machine.parameter_names], [*machine.parameter_units]
-    for cause in causes:
-        names += [f"{cause.id} {name}" for name in machine.named(cause.names).values()]
-        units += [cause.unit] * len(cause.names)
-    ends = np.cumsum([0, len(machine.active), *(len(cause.names) for cause in causes)]).tolist()
-    times = np.arange(len(inputs), dtype=np.float64)
-    if dated:
-        times = np.array([(each - moments[0]).total_seconds() / 86400.0 for each in moments])
-    table = _Table(estimates, times, [range(3), *(range(*pair) for pair in pairwise(ends))])
+    for read, own in zip(reads, standing, strict=True):
+        read.settle(own, causes)
+    table = _Table(reads, times, causes)
     tales = [table.tell(stories) for stories in TELLABLE if len(stories) < len(inputs)]
     logs = np.array([each.log for each in tales])
     chances = np.exp(logs - log_sum(logs)).tolist()
@@ -593,32 +578,27 @@ def compare(
     # Two sessions tell no step from a drift or scatter.
     best = tales[1] if len(inputs) == 2 else max(tales[1:], key=lambda each: each.log)
     best = tales[0] if chances[0] > STANDS else best
-    share = {story: sum(p for p, each in weighed if each.stories[0] is story) for story in Story}
     there = {story: sum(p for p, each in weighed if story in each.stories) for story in Story}
+    share = {story: sum(p for p, each in weighed if each.stories[0] is story) for story in Story}
     verdict, *others = best.stories
     least = STANDS if verdict is Story.UNCHANGED else LEFT_OPEN
     rivals = sorted((s for s in {*Story} - {verdict} if share[s] > least), key=lambda s: -share[s])
-    facts = _Facts(table, best, names, units)
     sessions = []
-    for k, (read, own, each) in enumerate(zip(reads, standing, estimates, strict=True)):
+    for k, read in enumerate(reads):
         conditions = read.given.conditions
-        total = sum((shared @ shared.T for shared in each.common.values()), each.covariance)
+        total = sum((shared @ shared.T for shared in read.common.values()), read.covariance)
         known = DatedSession(
-            path=read.given.measured.source.path,
+            path=read.path,
             started=moments[k].isoformat() if dated else conditions.started,
-            parameters=facts.known(each.values, total, range(len(names))),
-            own_expanded=tuple((U95 * np.sqrt(each.covariance.diagonal())).tolist()),
-            fitted=tuple(one.value for one in facts.state(k)),
-            causes=own,
+            parameters=table.known(read.values, total, range(len(total))),
+            own_expanded=tuple((U95 * np.sqrt(read.covariance.diagonal())).tolist()),
+            fitted=tuple(one.value for one in best.state(k)),
+            causes=read.standing,
             temperature_c=conditions.mean_temperature_c,
             gauges=tuple(gauge.id for gauge in conditions.gauges),
         )
         sessions.append(known)
-    homing = Story.SCATTERING in (verdict, *rivals)
-    rates = []
-    for rate in (rate for _, every in facts.sizes(Story.DRIFTING) for rate in every):
-        size, std = (rate.value, rate.std) if dated else (None, None)
-        rates.append(Drift(name=rate.name, unit=rate.unit, per_day=size, std=std))
+    decides = HOMINGS if Story.SCATTERING in (verdict, *rivals) else AGAIN
     return History(
         machine=machine.name,
         kind=machine.kind,
@@ -628,18 +608,27 @@ def compare(
         probability=min(share[verdict], 1.0),
         ambiguous_with=tuple(rivals),
         changes=tuple(
-            Change(before=sessions[at].path, after=sessions[at + 1].path, parameters=step)
-            for at, step in facts.sizes(Story.CHANGED)
+            Change(before=reads[at].path, after=reads[at + 1].path, parameters=step)
+            for at, step in best.sizes(Story.CHANGED)
         ),
-        drift=tuple(rates),
-        scatter=tuple(facts.scatter),
-        pooled=facts.state(-1),
-        further={n: tuple(u.expanded for u in facts.state(-1, more=n)) for n in (1, 2, 5)},
-        prediction=facts.state(-1, float(np.median(np.diff(times))), measured=True),
+        drift=tuple(
+            Drift(
+                name=rate.name,
+                unit=rate.unit,
+                per_day=rate.value if dated else None,
+                std=rate.std if dated else None,
+            )
+            for _, rates in best.sizes(Story.DRIFTING)
+            for rate in rates
+        ),
+        scatter=best.homing,
+        pooled=best.state(-1),
+        further={n: tuple(u.expanded for u in best.state(-1, more=n)) for n in (1, 2, 5)},
+        prediction=best.state(-1, float(np.median(np.diff(times))), measured=True),
         also=tuple(story for story in others if there[story] >= ESTABLISHED),
-        limit=None if limit_mm is None else facts.reached(limit_mm, moments[-1] if dated else None),
-        notes=(*notes, *_circumstances(reads, sessions)),
-        next=(HOMINGS if homing else AGAIN) if rivals else ADVICE[verdict],
+        limit=None if limit_mm is None else best.reached(limit_mm, moments[-1] if dated else None),
+        notes=(*notes, *_circumstances(reads)),
+        next=decides if rivals else ADVICE[verdict],
         shapes=tuple(_shape(reads[k]) for k in (0, -1)) if machine.probes else (),
     )
 
@@ -663,25 +652,26 @@ def _one_machine(models: Sequence[Model]) -> list[str]:
     return [f"{judged} {', '.join(sorted(other))}."] if other else []
 
 
-def _circumstances(reads: Sequence[_Read], sessions: Sequence[DatedSession]) -> Iterator[str]:
+def _circumstances(reads: Sequence[_Read]) -> Iterator[str]:
     """What else differed between the sessions, and which causes they show."""
-    warm = [each.temperature_c for each in sessions if each.temperature_c is not None]
+    conditions = [read.given.conditions for read in reads]
+    warm = [c.mean_temperature_c for c in conditions if c.mean_temperature_c is not None]
     if warm and max(warm) - min(warm) > WARM_K:
         swing = f"{min(warm):.1f} to {max(warm):.1f} °C"
         yield f"The temperature differs ({swing}); what follows it is not a change of the machine."
-    if len({each.gauges for each in sessions if each.gauges}) > 1:
+    if len({tuple(gauge.id for gauge in each.gauges) for each in conditions if each.gauges}) > 1:
         yield "The gauges differ; the scale error of each set is accounted for."
     if len({tuple(read.white.machine.nominal_rails.lengths) for read in reads}) > 1:
         yield "The arm lengths in the firmware differ: parameters are compared at the last ones."
-    for (one, before), (two, after) in pairwise(zip(reads, sessions, strict=True)):
+    for one, two in pairwise(reads):
         old, new = one.given.model.machine, two.given.model.machine
         moved = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
         entered = ", ".join(f"{name} {signed(by, 3)}" for name, by in moved if abs(by) > 1e-9)
         if entered and not new.probes:
-            yield f"Recorded adjustment between {before.path} and {after.path}: {entered} mm."
-    for id in dict.fromkeys(id for each in sessions for id in each.causes):
-        shown = [each.path for each in sessions if id in each.causes]
-        where = "all sessions: it is pooled" if len(shown) == len(sessions) else listed(shown)
+            yield f"Recorded adjustment between {one.path} and {two.path}: {entered} mm."
+    for id in dict.fromkeys(id for read in reads for id in read.standing):
+        shown = [read.path for read in reads if id in read.standing]
+        where = "all sessions: it is pooled" if len(shown) == len(reads) else listed(shown)
         yield f"{id} shows in {where}."
 
 
