@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path, PurePath
 
 import numpy as np
+from rich.console import Console
 
 from orthoglide_cal.diagnosis.result import CauseParameter as Known
 from orthoglide_cal.errors import command
@@ -17,6 +18,7 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.escape import tag
 from orthoglide_cal.report.figures import apart, line, words
+from orthoglide_cal.report.terminal import TerminalPage
 from orthoglide_cal.results.history import U95, Drift, History, Story
 from orthoglide_cal.words import (
     counted,
@@ -29,7 +31,7 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-_ROWS = 9  # sessions on a screen, less one for each line that says more
+_WIDE, _HIGH = 80, 24  # of a screen, characters
 _ROOM = 64  # columns beside the dates
 _TOLD = 3  # of its changes in words
 _MONTH = 30.0  # days, in which a drift is told
@@ -44,14 +46,16 @@ def history_document(found: History, machine_file: Path | None = None) -> doc.Do
 
 
 def _screen(found: History, machine_file: Path | None) -> doc.Page:
+    """As many sessions as a screen has lines for, three at least."""
     more = doc.Paragraph("More: the same with --details, or as a page: --html history.html")
-    notice, notes = _notice(found), tuple(map(doc.Paragraph, found.notes[:3]))
-    rows = max(_ROWS - len(notice.lines) - 2 * len(notes) - min(len(found.changes), _TOLD), 3)
-    sections = (
-        doc.Section(None, (_table(found, rows), *notes)),
-        doc.Section("Next", (_steps(found, machine_file), more)),
-    )
-    return doc.Page("History", None, notice=notice, sections=sections)
+    following = doc.Section("Next", (_steps(found, machine_file), more))
+    notes, console = tuple(map(doc.Paragraph, found.notes[:3])), Console(width=_WIDE)
+    for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
+        sections = doc.Section(None, (_table(found, most), *notes)), following
+        page = doc.Page("History", None, notice=_notice(found), sections=sections)
+        if len(console.render_lines(TerminalPage(page))) <= _HIGH:
+            break
+    return page
 
 
 def _page(found: History, machine_file: Path | None) -> doc.Page:
@@ -142,7 +146,10 @@ def _table(found: History, most: int) -> doc.Grid:
     gaps = [paths.index(change.before) for change in found.changes]
     around = (k for gap in reversed(gaps) for k in (gap, gap + 1))
     wanted = dict.fromkeys((len(paths) - 1, 0, *around, *range(len(paths) - 2, 0, -1)))
-    chosen, names = sorted([*wanted][:most]), [each.name for each in found.pooled]
+    chosen, names = {*[*wanted][:most]}, [each.name for each in found.pooled]
+    # One alone needs no more room than a line that it is missing.
+    chosen |= {k for k in range(len(paths)) if {k - 1, k + 1} <= chosen}
+    shown = sorted(chosen)
     if sum(max(len(name), 6) + 2 for name in names) > _ROOM:
         moved = {each.name for change in found.changes for each in change.parameters}
         moved |= {rate.name for rate in found.drift} | {size.name for size in found.scatter}
@@ -157,11 +164,11 @@ def _table(found: History, most: int) -> doc.Grid:
     units = [unit_words(found.pooled[k].unit) for k in every]
     same = len(set(units)) == 1
     rows = [] if same else [("", *units)]
-    for at, after in zip(chosen, (*chosen[1:], len(paths)), strict=True):
+    for at, after in zip(shown, (*shown[1:], len(paths)), strict=True):
         rows.append(row(_label(found, at), [each.value for each in found.sessions[at].parameters]))
         if any(at <= gap < after for gap in gaps):
             rows.append(tuple("-" * len(cell) for cell in rows[-1]))
-        elif after > at + 1:
+        if after > at + 1:
             rows.append((f"… {after - at - 1} more", *("" for _ in every)))
     rows.append(row("± U", [each.expanded for each in found.sessions[-1].parameters], True))
     rows.append(row("best now", [each.value for each in found.pooled]))
