@@ -100,6 +100,7 @@ class DatedSession(Schema):
 class Change(Schema):
     """A step between two sessions, named by their files."""
 
+    at: SkipJsonSchema[int] = Field(exclude=True, description="number of the session before")
     before: str
     after: str
     parameters: Sizes
@@ -608,7 +609,7 @@ def compare(
         probability=min(share[verdict], 1.0),
         ambiguous_with=tuple(rivals),
         changes=tuple(
-            Change(before=reads[at].path, after=reads[at + 1].path, parameters=step)
+            Change(at=at, before=reads[at].path, after=reads[at + 1].path, parameters=step)
             for at, step in best.sizes(Story.CHANGED)
         ),
         drift=tuple(

@@ -64,16 +64,14 @@ def _page(found: History, machine_file: Path | None) -> doc.Page:
         pairs = zip(found.pooled, expanded, strict=True)
         known = ", ".join(f"{each.name} {two_figures(u)}" for each, u in pairs)
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
-    every = doc.Section(
-        "Sessions", (_table(found, len(found.sessions)), *map(doc.Paragraph, notes))
-    )
-    maps = [doc.Section("What is left of each touch", (_shapes(found),))] if found.shapes else []
-    courses = doc.Section("Parameters from session to session", (_courses(found),))
-    steps = doc.Section("What to do next", (_steps(found, machine_file),))
-    evidence = courses, *maps, every
-    return doc.Page(
-        "History", found.machine, notice=_notice(found), sheet=(steps,), sections=evidence
-    )
+    sections = [doc.Section("Parameters from session to session", (_courses(found),))]
+    if found.shapes:
+        sections.append(doc.Section("What is left of each touch", (_shapes(found),)))
+    table = _table(found, len(found.sessions))
+    sections.append(doc.Section("Sessions", (table, *map(doc.Paragraph, notes))))
+    steps, notice = doc.Section("What to do next", (_steps(found, machine_file),)), _notice(found)
+    evidence = tuple(sections)
+    return doc.Page("History", found.machine, notice=notice, sheet=(steps,), sections=evidence)
 
 
 def _notice(found: History) -> doc.Notice:
@@ -81,8 +79,7 @@ def _notice(found: History) -> doc.Notice:
     told, last = [], found.changes[-1].before if found.changes else None
     earlier = len(found.changes) - _TOLD
     for each in found.changes[: -_TOLD - 1 : -1]:
-        at = [session.path for session in found.sessions].index(each.before)
-        when = f"{_label(found, at)} and {_label(found, at + 1)}"
+        when = f"{_label(found, each.at)} and {_label(found, each.at + 1)}"
         told.append(f"Changed between {when}: {_sizes(each.parameters, ' by')}")
     told += [f"{counted(earlier, 'earlier change')}, marked in the table"] if earlier > 0 else []
     if found.drift:
@@ -142,14 +139,12 @@ def _table(found: History, most: int) -> doc.Grid:
 
     Of parameters for which there is no room those that did something.
     """
-    paths, every = [each.path for each in found.sessions], [*range(len(found.pooled))]
-    gaps = [paths.index(change.before) for change in found.changes]
-    around = (k for gap in reversed(gaps) for k in (gap, gap + 1))
-    wanted = dict.fromkeys((len(paths) - 1, 0, *around, *range(len(paths) - 2, 0, -1)))
+    count, every = len(found.sessions), [*range(len(found.pooled))]
+    around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
+    wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
     chosen, names = {*[*wanted][:most]}, [each.name for each in found.pooled]
     # One alone needs no more room than a line that it is missing.
-    chosen |= {k for k in range(len(paths)) if {k - 1, k + 1} <= chosen}
-    shown = sorted(chosen)
+    shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > _ROOM:
         moved = {each.name for change in found.changes for each in change.parameters}
         moved |= {rate.name for rate in found.drift} | {size.name for size in found.scatter}
@@ -164,9 +159,9 @@ def _table(found: History, most: int) -> doc.Grid:
     units = [unit_words(found.pooled[k].unit) for k in every]
     same = len(set(units)) == 1
     rows = [] if same else [("", *units)]
-    for at, after in zip(shown, (*shown[1:], len(paths)), strict=True):
+    for at, after in zip(shown, (*shown[1:], count), strict=True):
         rows.append(row(_label(found, at), [each.value for each in found.sessions[at].parameters]))
-        if any(at <= gap < after for gap in gaps):
+        if any(at <= change.at < after for change in found.changes):
             rows.append(tuple("-" * len(cell) for cell in rows[-1]))
         if after > at + 1:
             rows.append((f"… {after - at - 1} more", *("" for _ in every)))
@@ -196,12 +191,11 @@ def _courses(found: History) -> doc.Figure:
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
     shown = [new[k] for k in apart([places[k] for k in new], [labels[k] for k in new])]
     below = [words(places[k], bottom + 18.0, labels[k], "middle", "tick") for k in shown]
-    paths, panels = [each.path for each in found.sessions], []
+    panels = []
     colours = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True))
     for k, now in enumerate(found.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in found.sessions]
-        changed = [each for each in found.changes if now.name in [p.name for p in each.parameters]]
-        gaps = [paths.index(each.before) for each in changed]
+        gaps = [c.at for c in found.changes if now.name in [each.name for each in c.parameters]]
         limit = found.limit.limit_mm if found.limit and now.unit == "mm" else None
         edges = [] if limit is None else [now.value - limit, now.value + limit]
         ends = [*edges, *(value + side * half for value, half, _ in rows for side in (-1.0, 1.0))]
