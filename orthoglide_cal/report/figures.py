@@ -7,6 +7,7 @@ those of its axes, is one that it was given.
 
 from __future__ import annotations
 
+import itertools
 import math
 import string
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence

@@ -16,8 +16,7 @@ from orthoglide_cal.errors import command
 from orthoglide_cal.model import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.escape import tag
-from orthoglide_cal.report.figures import apart, line, words
+from orthoglide_cal.report.figures import below, line, thread, words
 from orthoglide_cal.report.terminal import TerminalPage
 from orthoglide_cal.results.history import U95, Drift, History, Story
 from orthoglide_cal.words import (
@@ -189,10 +188,8 @@ def _courses(found: History) -> doc.Figure:
     places = [across(time) for time in times]
     # A label is written where it changes and has room.
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
-    shown = [new[k] for k in apart([places[k] for k in new], [labels[k] for k in new])]
-    below = [words(places[k], bottom + 18.0, labels[k], "middle", "tick") for k in shown]
-    panels = []
-    colours = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True))
+    dates = [*below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0)]
+    colours, panels = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True)), []
     for k, now in enumerate(found.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in found.sessions]
         gaps = [c.at for c in found.changes if now.name in [each.name for each in c.parameters]]
@@ -202,28 +199,23 @@ def _courses(found: History) -> doc.Figure:
         room = 0.06 * (max(ends) - min(ends)) or 1.0
         up = figures.Scale(min(ends) - room, max(ends) + room, bottom, 22.0)
         parts = [
-            *(line(50.0, y, wide, y, kind) for y, kind, _ in figures.grid_lines(up, 4)),
-            *(
-                words(45.0, y + 3.5, text, "end", "tick")
-                for y, _, text in figures.grid_lines(up, 4)
-            ),
-            *below,
+            *(line(50.0, y, wide, y, kind) for y, kind, _ in up.ticks(4)),
+            *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
+            *dates,
             words(50.0, 12.0, f"{now.name}, {unit_words(now.unit)}", class_="strong"),
             *(line(50.0, up(edge), wide, up(edge), "due") for edge in edges),
         ]
         middles = ((places[gap] + places[gap + 1]) / 2.0 for gap in gaps)
         parts += [line(x, 22.0, x, bottom, "ink") for x in middles]
         for start, end in pairwise([0, *(gap + 1 for gap in gaps), len(rows)]):
-            points = [(places[k], up(rows[k][2])) for k in range(start, end)]
-            parts.append(tag("polyline", points=figures.path(points), class_="thread"))
+            parts.append(thread([(places[k], up(rows[k][2])) for k in range(start, end)]))
         for x, (value, half, _) in zip(places, rows, strict=True):
             parts.append(line(x, up(value - half), x, up(value + half), "whisker"))
             parts.append(figures.mark(x, up(value), 0, "mark", 3.0))
         finding = f"{now.name} of {len(rows)} sessions, {labels[0]} to {labels[-1]}."
         own = "".join(letter if letter.isalnum() else "-" for letter in now.name)
-        body = tag("g", *parts, class_=f"c-{colours.get(now.name, 'x')}")
-        name = f"course-{own}"
-        panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, body))
+        axis, size = f"c-{colours.get(now.name, 'x')}", (wide, bottom + 26.0)
+        panels.append(figures.svg(f"course-{own}", *size, now.name, finding, parts, axis))
     key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
     key += " Dashed: the limit around the best value now." if found.limit else ""
     return doc.Figure(None, "", tuple(panels), columns=2, key=key)
