@@ -60,7 +60,7 @@ def apply(
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files import read_input
     from orthoglide_cal.files.controller_file import controller_file, live_offsets
-    from orthoglide_cal.files.moonraker import is_address, restart
+    from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.documents.application import application_document
     from orthoglide_cal.results import take_back
 
@@ -107,7 +107,7 @@ def apply(
                     "Restart LinuxCNC, then home.",
                 )
             common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
-        if controller and is_address(controller.target) and agrees(RESTART):
+        if controller and server(controller.target) and agrees(RESTART):
             restart(controller.target)
             common.tell("The firmware restarts. Home (G28) and probe a new mesh.")
 

@@ -147,8 +147,8 @@ def controller_file(target: str) -> ControllerFile:
         InvalidFileError: values are not where they can be changed; each with its line.
         InputError: it cannot be read, or is the file of no controller that is known here.
     """
-    data, server = read_bytes(target), moonraker.is_address(target)
-    target = moonraker.base(target) if server else str(Path(target).resolve())
+    data = read_bytes(target)
+    target = moonraker.server(target) or str(Path(target).resolve())
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
         found = _found(target, text, "=", _LINUXCNC, 0)
@@ -180,12 +180,12 @@ def replace_file(target: str, before: str, data: bytes) -> None:
         UsageError: it was changed meanwhile, or the printer prints.
         InputError: it cannot be written.
     """
-    server = moonraker.is_address(target)
+    server = moonraker.server(target)
     there = server or Path(target).exists()
     if there and hashlib.sha256(read_bytes(target)).hexdigest() != before:
         raise UsageError(f"{target} was changed meanwhile.", "Give the command again.")
     if server:
-        moonraker.upload(target, data)
+        moonraker.upload(server, data)
     else:
         write_bytes(Path(target).resolve(), data, overwrite=True)
 

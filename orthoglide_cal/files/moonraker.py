@@ -21,16 +21,13 @@ _IDLE = ("standby", "complete", "cancelled", "error")
 _ADDRESS = re.compile(r"(https?)://([^/?#@:\[\]\s]+|\[[0-9a-f:.]+\])(?::([0-9]{1,5}))?/*")
 
 
-def is_address(path: str) -> bool:
-    """Whether a path names a server."""
-    return path.lower().startswith(("http://", "https://"))
-
-
-def base(address: str) -> str:
-    """The address with its port, and nothing behind it. Raises UsageError."""
-    found = _ADDRESS.fullmatch(address.lower())
+def server(path: str) -> str | None:
+    """The address that a path names, with its port; None for a file. Raises UsageError."""
+    if not path.lower().startswith(("http://", "https://")):
+        return None
+    found = _ADDRESS.fullmatch(path.lower())
     if found is None or not 0 < int(found[3] or PORT) < 65536:
-        raise UsageError(f"{address} is not the address of a server.", "Write http://HOST[:PORT].")
+        raise UsageError(f"{path} is not the address of a server.", "Write http://HOST[:PORT].")
     scheme, host, port = found.groups()
     return f"{scheme}://{host}:{port or (PORT if scheme == 'http' else 443)}"
 

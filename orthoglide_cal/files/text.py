@@ -70,8 +70,8 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
         UnreadableError: as `read_document`.
         InputError: the server cannot be reached.
     """
-    if moonraker.is_address(path):
-        return moonraker.printer_cfg(moonraker.base(path))
+    if address := moonraker.server(path):
+        return moonraker.printer_cfg(address)
     try:
         if path == "-":
             return sys.stdin.buffer.read(limit + 1)
