@@ -17,22 +17,19 @@ from typer.exceptions import TyperException
 from orthoglide_cal import __version__
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.apply import apply
-from orthoglide_cal.cli.common import NoColour, PlainCommand, leave_closed
-from orthoglide_cal.cli.diagnose import diagnose
+from orthoglide_cal.cli.common import PlainCommand, leave_closed
+from orthoglide_cal.cli.diagnose import diagnose, solve
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.guide import guide
-from orthoglide_cal.cli.history import history
+from orthoglide_cal.cli.history import history, verify
 from orthoglide_cal.cli.machine import machine
 from orthoglide_cal.cli.measure import INTERRUPTED, measure
 from orthoglide_cal.cli.paper import paper
 from orthoglide_cal.cli.plan import plan
 from orthoglide_cal.cli.report import report
 from orthoglide_cal.cli.simulate import simulate
-from orthoglide_cal.cli.solve import solve
 from orthoglide_cal.cli.start import start
-from orthoglide_cal.cli.template import template
-from orthoglide_cal.cli.validate import validate
-from orthoglide_cal.cli.verify import verify
+from orthoglide_cal.cli.validate import template, validate
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 
 # For terminals that have no other signs.
@@ -78,6 +75,12 @@ app = typer.Typer(
 )
 
 
+def _switch_colour_off(chosen: bool) -> None:
+    # The environment is where rich and every child process look for it.
+    if chosen:
+        os.environ["NO_COLOR"] = "1"
+
+
 def _show_version(chosen: bool) -> None:
     if chosen:
         print(f"orthocal {__version__}")
@@ -91,7 +94,12 @@ def _orthocal(
         bool,
         typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
     ] = False,
-    no_colour: NoColour = False,
+    no_colour: Annotated[
+        bool,
+        typer.Option(
+            "--no-color", help="No colours; NO_COLOR does the same.", callback=_switch_colour_off
+        ),
+    ] = False,
 ) -> None:
     if context.invoked_subcommand is None:
         start()

@@ -55,7 +55,6 @@ def apply(
         flag("--undo", "Take the last entry back. With --to also restore the controller's file."),
     ] = False,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files import read_input

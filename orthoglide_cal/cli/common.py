@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 # What of a printer.cfg is taken as the readings.
 Stored = Literal["calibration", "mesh"]
+NO_COLOUR = "no_colour"
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
 _LARGEST = 1e5
 
@@ -44,7 +45,9 @@ class PlainCommand(TyperCommand):
     """Options hold plain numbers: `float` would take nan, inf and 1e300."""
 
     def get_params(self, ctx: Any) -> Any:
-        parameters: Any = super().get_params(ctx)
+        parameters: list[Any] = super().get_params(ctx)
+        # The program's own option is every command's; the last one is --help.
+        parameters[-1:-1] = (p for p in ctx.find_root().command.params if p.name == NO_COLOUR)
         for each in parameters:
             # The help would call files `<list[str]>`, and a choice `<this|that>`.
             shown = "" if each.param_type_name == "argument" else each.display_type_rich(ctx)
@@ -56,6 +59,7 @@ class PlainCommand(TyperCommand):
         return parameters
 
     def invoke(self, ctx: Any) -> Any:
+        ctx.params.pop(NO_COLOUR)
         ctx.find_root().obj = ctx.params
         for parameter in self.params:
             given = ctx.params.get(parameter.name or "")
@@ -64,13 +68,6 @@ class PlainCommand(TyperCommand):
                     name = parameter.opts[0]
                     raise UsageError(f"{name} cannot be {value:g}.", "Give a plain number.")
         return super().invoke(ctx)
-
-
-def _switch_colour_off(chosen: bool) -> bool:
-    # The environment is where rich and every child process look for it.
-    if chosen:
-        os.environ["NO_COLOR"] = "1"
-    return chosen
 
 
 def option(
@@ -109,7 +106,6 @@ MachineFile = Annotated[
         "FILE",
         "Machine file. Default: the machine in the session, or the machine file in this folder, or"
         " the paper's prototype.",
-        "--machine",
     ),
 ]
 MethodName = Annotated[
@@ -118,7 +114,6 @@ MethodName = Annotated[
         "NAME",
         "single, single-sequential, six-linear, twelve-linear, six, twelve or readings. Default:"
         " the best one for the data.",
-        "--method",
     ),
 ]
 Data = Annotated[
@@ -169,12 +164,6 @@ MarkdownFile = Annotated[File, option("FILE", "Write Markdown; - is standard out
 Overwrite = Annotated[bool, flag("--overwrite", "Replace a page that orthocal wrote before.")]
 WithDetails = Annotated[bool, flag("--details", "Show everything. Default: one screen.")]
 AsJson = Annotated[bool, flag("--json", "Print JSON: one object for each file, one per line.")]
-NoColour = Annotated[
-    bool,
-    typer.Option(
-        "--no-color", help="No colours; NO_COLOR does the same.", callback=_switch_colour_off
-    ),
-]
 
 
 def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
@@ -379,10 +368,6 @@ def deliver(
 
 def _write(path: Path, text: str, name: str, overwrite: bool) -> None:
     """Write a page; in the place of an existing file only if that one is a page, too."""
-    if str(path) == "-":
-        print(text, end="")
-        return
-    from orthoglide_cal.files import write_text
     from orthoglide_cal.report.document import MARK
 
     if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
@@ -390,10 +375,20 @@ def _write(path: Path, text: str, name: str, overwrite: bool) -> None:
             f"{path} is not a page that orthocal wrote: it is not replaced.", "Name another file."
         )
     try:
-        write_text(path, text, overwrite=overwrite)
+        put(text, path, f"{name} written to {path}", overwrite)
     except UsageError as error:
         raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
-    tell(f"{name} written to {path}")
+
+
+def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> None:
+    """Write a file as `write_text` does, and tell people; "-", or none: show the text."""
+    from orthoglide_cal.files import write_text
+
+    if target is None or str(target) == "-":
+        print(text, end="")
+        return
+    write_text(target, text, overwrite=overwrite)
+    tell(told)
 
 
 def print_json(value: Mapping[str, object]) -> None:

@@ -1,4 +1,4 @@
-"""`orthocal diagnose`: what the offsets do not explain, its cause, and what to do."""
+"""`orthocal solve` and `orthocal diagnose`: the offsets; what else is wrong, and what to do."""
 
 from __future__ import annotations
 
@@ -8,7 +8,32 @@ from typing import Annotated
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Offsets, Text, flag, option
-from orthoglide_cal.errors import OrthocalError, UsageError
+from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError
+
+
+def solve(
+    files: common.Files,
+    machine: common.MachineFile = None,
+    data: common.Data = None,
+    rule_out: common.RuleOut = None,
+    method: common.MethodName = None,
+    details: common.WithDetails = False,
+    json: common.AsJson = False,
+) -> None:
+    """Find the joint offsets and whether they may be entered."""
+    from orthoglide_cal.report.case import Case
+    from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.results import answer_to
+
+    def judge(path: str) -> int:
+        given = common.read_input(path, machine, data, rule_out)
+        found = answer_to(given, method, details=details or json)
+        common.deliver(
+            solution_document(Case(given, found, machine)), as_json=json, details=details
+        )
+        return 0 if found.release.usable else UnusableResultError.exit_code
+
+    common.for_each(files, judge, as_json=json)
 
 
 def diagnose(
@@ -47,7 +72,6 @@ def diagnose(
     ] = None,
     details: common.WithDetails = False,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Find what else is wrong, how sure that is, and what to do."""
     import numpy as np

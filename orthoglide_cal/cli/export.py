@@ -43,10 +43,8 @@ def export(
         int, option("N", "Points of the table along each edge of the workspace. Default: 7.")
     ] = 7,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Print the new offsets for the controller, if released."""
-    from orthoglide_cal.files import write_text
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
@@ -69,11 +67,8 @@ def export(
             text = f"{case.answer.model_dump_json()}\n" if json else controller.as_text(found)
         if found.forced:
             common.tell(f"FORCED: {' '.join(found.forced)}")
-        if target is None:
-            print(text, end="")
-        else:
-            write_text(target, text)
-            common.tell(f"{case.words.title} {found.identity.number} written to {target}")
+        title = f"{case.words.title} {found.identity.number}"
+        common.put(text, target, f"{title} written to {target}")
 
     common.for_each([file], judge, as_json=json)
 

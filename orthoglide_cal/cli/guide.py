@@ -31,7 +31,6 @@ def guide(
         Texts,
         argument("TOPIC", "Topic, or id of a cause. Default: the list of topics.", _topics),
     ] = None,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Show a page of the manual; in a pipe, as Markdown."""
     text = _page(" ".join(topic or ["index"])).read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`orthocal history`: did the machine change?"""
+"""`orthocal verify` and `orthocal history`: did a correction help; did the machine change?"""
 
 from __future__ import annotations
 
@@ -6,12 +6,48 @@ from pathlib import Path
 from typing import Annotated
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import Number, Text, argument, option
+from orthoglide_cal.cli.common import MEASURED, Number, Text, argument, option
+
+
+def verify(
+    before: Annotated[str, argument("BEFORE", f"Measured before the correction. {MEASURED}.")],
+    after: Annotated[
+        str, argument("AFTER", "Measured after the correction, with the same protocol.")
+    ],
+    applied: common.Applied = None,
+    limit: common.Limit = None,
+    machine: common.MachineFile = None,
+    data: common.Data = None,
+    html: common.HtmlFile = None,
+    markdown: common.MarkdownFile = None,
+    details: common.WithDetails = False,
+    json: common.AsJson = False,
+    overwrite: common.Overwrite = False,
+) -> None:
+    """Compare the predicted effect of a correction with the real one."""
+    from orthoglide_cal.report.documents.verification import verification_document
+    from orthoglide_cal.results import identify
+    from orthoglide_cal.results.verification import verify as verified
+
+    def judge(path: str) -> None:
+        inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
+        found = verified(*inputs, applied, limit)
+        document = verification_document(found, identify(found.inputs, *found.options))
+        common.deliver(
+            document,
+            as_json=json,
+            html=html,
+            markdown=markdown,
+            overwrite=overwrite,
+            details=details,
+        )
+
+    common.for_each([before], judge, as_json=json)
 
 
 def history(
     files: Annotated[
-        list[str], argument("FILE", f"Sessions of one machine, or a folder. {common.MEASURED}.")
+        list[str], argument("FILE", f"Sessions of one machine, or a folder. {MEASURED}.")
     ],
     limit: Annotated[
         Number, option("MM", "Largest permitted change. Shows when a drift reaches it.")
@@ -30,7 +66,6 @@ def history(
     details: common.WithDetails = False,
     json: common.AsJson = False,
     overwrite: common.Overwrite = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Show whether the machine changed between sessions."""
     from orthoglide_cal.files import printers_in, read_input, sessions_in

@@ -71,7 +71,6 @@ def new(
         bool, flag("--yes", "Ask nothing: take the prototype's values for what is not given.")
     ] = False,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Make a machine file. It asks for what no option gives."""
     from orthoglide_cal.files import write_text
@@ -109,7 +108,7 @@ def new(
     if target.exists():
         raise UsageError(f"{target} exists and is not overwritten.", "Name another: --output FILE")
     try:
-        text = _text(answers, target)
+        _text(answers, target)
     except InvalidFileError as error:
         raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in error.problems)) from error
     if not yes:
@@ -117,10 +116,9 @@ def new(
             "Return takes the value in brackets. It is the prototype's, scaled where that fits."
         )
         for key, question in asked.items():
-            if key not in answers:
-                text = _asked(answers, key, question, target)
-        text = _tolerances_asked(answers, target) or text
-    write_text(target, text)
+            _ask(answers, key, question, target)
+        _ask_tolerances(answers, target)
+    write_text(target, _text(answers, target))
     show(target, json)
     common.tell(f"Written to {target}, with usual tolerances. Check its values.")
     following = "guide delta" if kind == "linear_delta" else "measure"
@@ -133,7 +131,6 @@ def show(
         File, argument("FILE", "Machine file. Default: the one in this folder.")
     ] = None,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Show a machine: its numbers, its travel, active offsets and accepted causes."""
     from orthoglide_cal.files import machine_in_folder
@@ -159,24 +156,22 @@ def _questions(schema: type[BaseModel], group: str = "") -> Iterator[tuple[str, 
             yield group + name, f"{title} ({field.description})"
 
 
-def _tolerances_asked(answers: Answers, target: Path) -> str | None:
-    """Ask how large each error plausibly is, unless the usual will do: the file's text, or None."""
+def _ask_tolerances(answers: Answers, target: Path) -> None:
+    """Ask how large each error plausibly is, unless the usual will do."""
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.model.machines import MACHINES
     from orthoglide_cal.words import unit_words
 
     common.tell("`diagnose` must know how large each error plausibly is.")
     if typer.confirm("Take the usual tolerances", default=True, err=True):
-        return None
+        return
     common.tell("Return keeps the value; 0 rules the cause out. The causes: orthocal guide causes")
-    text = None
     for cause in (each for each in CAUSES.values() if MACHINES[answers["kind"]] in each.sizes):
         key = f"tolerances.{cause.id}"
         # What has no unit has no size: it happens or does not.
         if cause.unit and key not in answers:
             common.tell(f"{cause.title} ({cause.size_reason})")
-            text = _asked(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
-    return text
+            _ask(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
 
 
 def _tolerance(given: str) -> tuple[str, float]:
@@ -187,27 +182,24 @@ def _tolerance(given: str) -> tuple[str, float]:
     try:
         return f"tolerances.{cause}", parse_number(size)
     except InputError as error:
-        raise UsageError(
-            f"--tolerance {given}: {error.what}", "Write it as axis_gap=0.3"
-        ) from error
+        said = f"--tolerance {given}: {error.what}"
+        raise UsageError(said, "Write it as axis_gap=0.3") from error
 
 
-def _asked(answers: Answers, key: str, question: str, target: Path) -> str:
-    """Ask until the answer makes a machine; it joins the others. Returns the file's text."""
+def _ask(answers: Answers, key: str, question: str, target: Path) -> None:
+    """Ask, unless it is answered, until the answer makes a machine; it joins the others."""
     usual = _usual(key, answers)
     shown = " ".join(f"{each}" for each in (usual if isinstance(usual, list) else [usual]))
-    while True:
+    while key not in answers:
         said = typer.prompt(question, default=shown, type=str, err=True)
         try:
             value = said if key == "name" else _numbers(said, usual)
-            text = _text({**answers, key: value}, target)
+            _text({**answers, key: value}, target)
+            answers[key] = value
         except InputError as error:
             # What follows from a wrong answer is not asked yet.
             own = [fault for fault in error.problems if (fault.column or "").startswith(key)]
             common.tell(_fault((own or error.problems)[0]))
-        else:
-            answers[key] = value
-            return text
 
 
 def _fault(fault: InputError) -> str:
@@ -264,6 +256,6 @@ def _usual(key: str, answers: Answers) -> Value:
         value = next(iter(value.values() if isinstance(value, dict) else value))
     if "leg_length_mm" in answers and key in ("joint_limits_mm", "workspace_mm"):
         share = answers["leg_length_mm"] / known["leg_length_mm"]
-        scaled = [round(each * share) for each in (value if isinstance(value, list) else [value])]
-        return [*scaled] if isinstance(value, list) else scaled[0]
+        scales = isinstance(value, list)
+        return [round(each * share) for each in value] if scales else round(value * share)
     return _plain(value)

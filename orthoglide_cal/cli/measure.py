@@ -110,7 +110,6 @@ def measure(
         bool, flag("--yes", "Answer yes to the questions before the first reading.")
     ] = False,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal import session as guided

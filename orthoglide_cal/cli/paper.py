@@ -22,7 +22,6 @@ def paper(
         int, option("N", "Whole number; it decides the noise of Table 3. Default: 1.", min=0)
     ] = 1,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Reproduce the tables of the paper that describes the method."""
     import numpy as np

@@ -11,7 +11,12 @@ from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.model import Model
+    from orthoglide_cal.planning.forecast import SessionForecast
     from orthoglide_cal.planning.plan import Wanted
+    from orthoglide_cal.planning.program import PostureProgram
+
+_GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")
+_CSV = ".csv"
 
 
 def plan(
@@ -57,7 +62,6 @@ def plan(
     details: common.WithDetails = False,
     overwrite: common.Overwrite = False,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.diagnosis import diagnose
@@ -86,7 +90,7 @@ def plan(
                 "--program writes nothing but the posture program.",
                 "Leave out --json, --html, --overwrite and FILE.",
             )
-        _write_program(model, wanted, machine, program, *moves)
+        _write_plan(model, wanted, machine, program, *moves)
         return
     diagnosis = diagnose(given.measured, model) if given else None
     found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else ())
@@ -96,7 +100,7 @@ def plan(
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 
-def _write_program(
+def _write_plan(
     model: Model,
     wanted: Wanted,
     machine: Path | None,
@@ -107,7 +111,6 @@ def _write_program(
     travel: tuple[float, float] | None,
 ) -> None:
     """Write the postures of a session, or the places of a layout."""
-    from orthoglide_cal.cli.program import write_places, write_program
     from orthoglide_cal.planning.bar import require_on_bar
     from orthoglide_cal.planning.plan import chosen_session
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
@@ -130,3 +133,63 @@ def _write_program(
     length = APPROACH_MM if approach is None else approach
     steps = sequence(model.orthoglide, *session)
     write_program(posture_program(model, steps, told, length, travel), program, template)
+
+
+def write_program(program: PostureProgram, target: Path, template: Path | None = None) -> None:
+    """Write a posture program; "-" shows its table on standard output.
+
+    Args:
+        program: what to write.
+        target: CSV or G-code, by the end of its name; an existing file is not touched.
+        template: of the G-code; the one of `orthocal template gcode` if None.
+
+    Raises:
+        UsageError: another kind of file, a template without G-code, or the file exists.
+        InputError: the template cannot be used, or the file cannot be written.
+    """
+    from importlib.resources import as_file, files
+
+    from orthoglide_cal.files.gcode_template import gcode_template
+    from orthoglide_cal.files.text import YAML_LIMIT, read_document
+    from orthoglide_cal.report import program as texts
+
+    form = _CSV if str(target) == "-" else target.suffix.lower()
+    if template is not None and form not in _GCODE:
+        raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
+    if form == _CSV:
+        text = texts.program_csv(program)
+    elif form in _GCODE:
+        with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
+            document = read_document(str(template or shipped), YAML_LIMIT)
+        lines = gcode_template(document, [block.number for block in program.blocks])
+        text = texts.program_gcode(program, lines)
+    else:
+        raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
+    said = "Try them first without gauges, slowly, a hand at the stop."
+    common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {said}")
+
+
+def write_places(found: SessionForecast, target: Path) -> None:
+    """Write the places of a layout as a file to be filled in; "-" shows it.
+
+    Raises:
+        UsageError: another kind of file, a layout with distances, or the file exists.
+    """
+    from orthoglide_cal.files import places_csv
+    from orthoglide_cal.model.probe_plan import ProbePlan
+
+    if not found.can_be_sent:
+        raise UsageError(
+            f"{found.name} holds distances on a printed object: they are not probed.",
+            "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
+            " choose a layout without distances: --layout bed-13",
+        )
+    if str(target) != "-" and target.suffix.lower() != _CSV:
+        raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
+    said = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
+    told = f"{len(found.plan)} places written to {target}: {found.what}. {said}"
+    common.put(places_csv(ProbePlan.require(found.plan)), target, told)
+
+
+def _unknown(target: Path, remedy: str) -> UsageError:
+    return UsageError(f"What {target} is to be cannot be told from its name.", remedy)

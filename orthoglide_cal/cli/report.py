@@ -37,7 +37,6 @@ def report(
     ] = None,
     applied: common.Applied = None,
     limit: common.Limit = None,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Write the calibration report."""
     from orthoglide_cal.files import latest_session

@@ -76,7 +76,6 @@ def simulate(
     target: common.Target = None,
     machine: common.MachineFile = None,
     json: common.AsJson = False,
-    no_colour: common.NoColour = False,
 ) -> None:
     """Simulate readings as a technician would write them, as CSV.
 
@@ -129,16 +128,11 @@ def simulate(
         made = synthetic_session(wrong(plan), plan, np.array(offsets), rng, gauge)
         text, what = files.readings_csv(made), "readings"
         record = files.session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
-    if target is not None:
-        if yaml and record:
-            files.write_text(target, files.session_text(record))
-        else:
-            files.write_text(target, text)
-        common.tell(f"{len(made)} {what} written to {target}")
+    if target or not json:
+        written = files.session_text(record) if yaml and record else text
+        common.put(written, target, f"{len(made)} {what} written to {target}")
     if json and record:
         common.print_json(files.session_json(record))
-    elif target is None:
-        print(text, end="")
     if seed is None:
         common.tell(f"seed {chosen}")
 

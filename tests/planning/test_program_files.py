@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.cli.program import write_program
+from orthoglide_cal.cli.plan import write_program
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
