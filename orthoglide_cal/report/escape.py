@@ -44,7 +44,6 @@ class Html(str):
 
 
 Child = str | Html | None
-Attribute = str | float | int | bool | None
 
 
 def in_html(content: str) -> Html:
@@ -59,26 +58,21 @@ def join(parts: Iterable[Child], between: str = "") -> Html:
     return Html(between.join(in_html(part) for part in parts if part is not None))
 
 
-def tag(name: str, /, *children: Child, **attributes: Attribute) -> Html:
+def tag(name: str, /, *children: Child, **attributes: str | float | None) -> Html:
     """An element.
 
     Args:
         name: of the element.
         children: markup, or plain text that is escaped; None is left out.
         attributes: a trailing "_" is dropped and others become "-" ("stroke_width", "class_");
-            None and False are left out, True stands without a value.
+            None is left out.
     """
-    written = "".join(_attribute(key, value) for key, value in attributes.items())
+    written = ""
+    for key, value in attributes.items():
+        if value is not None:
+            number = isinstance(value, float)
+            content = f"{value:.2f}".rstrip("0").rstrip(".") if number else str(value)
+            written += f' {key.rstrip("_").replace("_", "-")}="{in_html(content)}"'
     if name in _VOID:
         return Html(f"<{name}{written}>")
     return Html(f"<{name}{written}>{join(children)}</{name}>")
-
-
-def _attribute(key: str, value: Attribute) -> str:
-    if value is None or value is False:
-        return ""
-    name = key.rstrip("_").replace("_", "-")
-    if value is True:
-        return f" {name}"
-    content = f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
-    return f' {name}="{in_html(content)}"'

@@ -22,7 +22,14 @@ _WHOLE = re.compile(r"(\d{4}-\d\d-\d\d|(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: ± \d[
 
 def html(page: doc.Page) -> str:
     """The file's text."""
-    style = _style(page)
+    # Every printed page carries the report's number, whatever it is made of, and its own.
+    name = "".join(c for c in page.name if c.isalnum() or c in "- ")
+    corner = "font: 8pt sans-serif; color: #444444; vertical-align: top; padding-top: 3mm;"
+    style = files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8") + (
+        f'@page {{ @bottom-left {{ content: "{name}"; {corner} }}'
+        ' @bottom-right { content: "Page " counter(page) " of " counter(pages);'
+        f" {corner} }} }}\n"
+    )
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     policy = (
         f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:;"
@@ -39,38 +46,23 @@ def html(page: doc.Page) -> str:
         tag("title", ": ".join(filter(None, (page.name, page.title)))),
         Html(f"<style>{style}</style>"),
     )
-    end = (tag("p", line) for line in page.closing or (page.name,))
-    stamp = page.stamp and tag("div", class_="stamp", data_word=page.stamp, aria_hidden="true")
-    body = tag("body", stamp, _header(page), _main(page), tag("footer", *end))
-    return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
-
-
-def _style(page: doc.Page) -> str:
-    """The style sheet; every printed page carries the report's number and its own."""
-    # Letters, digits, blanks and "-" only, whatever the name is made of.
-    name = "".join(c for c in page.name if c.isalnum() or c in "- ")
-    corner = "font: 8pt sans-serif; color: #444444; vertical-align: top; padding-top: 3mm;"
-    return files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8") + (
-        f'@page {{ @bottom-left {{ content: "{name}"; {corner} }}'
-        ' @bottom-right { content: "Page " counter(page) " of " counter(pages);'
-        f" {corner} }} }}\n"
-    )
-
-
-def _header(page: doc.Page) -> Html:
     title = tag("h1", tag("bdi", page.title)) if page.title is not None else None
-    top = (block for block in (page.facts, page.notice) if block is not None)
-    return tag("header", tag("p", page.kind, class_="kind"), title, *map(_block, top))
-
-
-def _main(page: doc.Page) -> Html:
+    top = (_block(block) for block in (page.facts, page.notice) if block is not None)
     signatures = [tag("div", f"{role}, date") for role in page.signatures]
-    return tag(
+    main = tag(
         "main",
         tag("div", *map(_section, page.sheet), class_="sheet"),
         tag("div", *signatures, class_="sign") if signatures else None,
         tag("div", *map(_section, page.sections), class_="evidence"),
     )
+    body = tag(
+        "body",
+        page.stamp and tag("div", class_="stamp", data_word=page.stamp, aria_hidden="true"),
+        tag("header", tag("p", page.kind, class_="kind"), title, *top),
+        main,
+        tag("footer", *(tag("p", line) for line in page.closing or (page.name,))),
+    )
+    return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
 
 
 def _section(section: doc.Section) -> Html:
@@ -97,17 +89,14 @@ def _block(block: doc.Block) -> Html:
         case doc.Listing():
             return tag("pre", join(block.lines, "\n"))
         case doc.Instructions():
-            items = (tag("li", _line(item.content), _command(item.command)) for item in block.items)
-            return tag("ol", *items, class_="steps")
+            return tag("ol", *map(_instruction, block.items), class_="steps")
 
 
-def _command(command: str | None) -> Html | None:
-    """On a narrow page it breaks between words, not after the dashes of an option."""
-    if not command:
-        return None
-    return tag(
-        "code", join((tag("span", word) for word in command.split(" ")), " "), class_="command"
-    )
+def _instruction(item: doc.Instruction) -> Html:
+    """On a narrow page a command breaks between words, not after the dashes of an option."""
+    spans = (tag("span", word) for word in (item.command or "").split(" "))
+    command = tag("code", join(spans, " "), class_="command") if item.command else None
+    return tag("li", _line(item.content), command)
 
 
 def _notice(notice: doc.Notice) -> Html:
@@ -121,28 +110,22 @@ def _notice(notice: doc.Notice) -> Html:
 
 
 def _table(grid: doc.Grid) -> Html:
-    def kind(column: int) -> str | None:
-        return "words" if column in grid.words else None
-
+    kinds = ["words" if k in grid.words else None for k in range(len(grid.head))]
     head = tag(
         "tr",
         *(
-            tag("th", title, scope="col", class_=kind(k)) if title else tag("td")
-            for k, title in enumerate(grid.head)
+            tag("th", title, scope="col", class_=kind) if title else tag("td")
+            for title, kind in zip(grid.head, kinds, strict=True)
         ),
     )
-    rows = (
-        tag(
-            "tr",
-            *(
-                tag("td", _cell(cell), class_=kind(k))
-                if k or 0 not in grid.words or not cell
-                else tag("th", _cell(cell), scope="row", class_=kind(k))
-                for k, cell in enumerate(row)
-            ),
-        )
-        for row in grid.rows
-    )
+    rows = []
+    for first, *others in grid.rows:
+        named = bool(first) and 0 in grid.words
+        scope = {"scope": "row"} if named else {}
+        cells = [tag("th" if named else "td", _cell(first), **scope, class_=kinds[0])]
+        pairs = zip(others, kinds[1:], strict=True)
+        cells += (tag("td", _cell(cell), class_=kind) for cell, kind in pairs)
+        rows.append(tag("tr", *cells))
     scrolled = tag(
         "div",
         tag("table", tag("thead", head) if any(grid.head) else None, tag("tbody", *rows)),

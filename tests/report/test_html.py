@@ -189,7 +189,7 @@ def test_markup_escapes_all_but_itself():
     assert tag("p", "<b>&'\"", title='"<') == '<p title="&quot;&lt;">&lt;b&gt;&amp;&#x27;&quot;</p>'
     assert tag("p", tag("b", "x")) == "<p><b>x</b></p>"
     assert in_html(Html("<i>")) == "<i>"
-    assert tag("line", x1=1.50, hidden=True, y1=None, stroke_width=2) == (
-        '<line x1="1.5" hidden stroke-width="2"></line>'
+    assert tag("line", x1=1.50, y1=None, stroke_width=2) == (
+        '<line x1="1.5" stroke-width="2"></line>'
     )
     assert tag("meta", name="a", class_="b") == '<meta name="a" class="b">'

@@ -41,6 +41,7 @@ from orthoglide_cal.report.documents.verification import (
     compared_inputs,
     left_figure,
     parameters_left,
+    rule_blocks,
     verification_notice,
     verification_steps,
 )
@@ -203,9 +204,8 @@ def _result(
     """
     answer = case.answer
     if left is not None:
-        rule = left.decision
-        small = [doc.Paragraph(f"Decision rule: {rule.rule}", small=True)] if rule else []
-        yield doc.next_steps(verification_steps(left, case.machine_file), *small, *drawn)
+        steps = verification_steps(left, case.machine_file)
+        yield doc.next_steps(steps, *rule_blocks(left), *drawn)
         yield parameters_left(left)
         return
     yield doc.next_steps(to_do(case))

@@ -45,10 +45,9 @@ def verification_document(found: Verification, identity: Identity) -> doc.Docume
 
 
 def _screen(found: Verification) -> doc.Page:
-    left = [
-        (name, each.left, each.left_expanded, each.unit) for name, each in found.parameters.items()
-    ]
-    units = {unit for *_, unit in left}
+    parameters = found.parameters.items()
+    left = [(name, each.left, each.left_expanded, each.unit) for name, each in parameters]
+    units = {each.unit for each in found.parameters.values()}
     unit = units.pop() if len(units) == 1 else ""
     grid = sizes_grid([(f"left{unit and f', {unit}'}", sizes(left, not unit))], 3 if unit else 2)
     tables = ([_differences(found)] if found.differences else []), [grid]
@@ -100,25 +99,23 @@ def verification_notice(found: Verification) -> doc.Notice:
     size = f"Promised {promised}, measured {after} (r.m.s.; before {before})."
     lines = tuple(line for line in (size, _answer(found), _decision(found), found.remains) if line)
     if not found.differences:
-        better = "better" if found.rms_after_mm < found.rms_before_mm else "no better"
-        join = "but" if better == "better" else "and"
-        came = "as promised" if found.kept else f"{join} not as promised"
-        title = f"The touches agree {better} than before, {came}"
+        better = found.rms_after_mm < found.rms_before_mm
+        came = "as promised" if found.kept else f"{'but' if better else 'and'} not as promised"
+        title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
         if found.moved:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
             told = "Look for what was changed, hit or came loose; then calibrate and probe again."
             lines = (*lines, told)
         return doc.Notice(doc.Tone.GOOD if found.kept else doc.Tone.WARN, title, lines)
-    if not found.kept:
-        return doc.Notice(doc.Tone.BAD, "The correction did not do what was promised", lines)
     outcome = found.decision.outcome if found.decision else Outcome.PASS
-    if outcome is Outcome.FAIL:
-        title = "The correction worked, yet a deviation is beyond the limit"
-        return doc.Notice(doc.Tone.BAD, title, lines)
-    changed = found.other_change is not None and found.other_change.found
-    if changed or outcome is not Outcome.PASS:
-        return doc.Notice(doc.Tone.WARN, "The correction worked, with a reservation", lines)
-    return doc.Notice(doc.Tone.GOOD, "The correction did what was promised", lines)
+    tone, title = doc.Tone.GOOD, "The correction did what was promised"
+    if not found.kept:
+        tone, title = doc.Tone.BAD, "The correction did not do what was promised"
+    elif outcome is Outcome.FAIL:
+        tone, title = doc.Tone.BAD, "The correction worked, yet a deviation is beyond the limit"
+    elif outcome is not Outcome.PASS or (found.other_change and found.other_change.found):
+        tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
+    return doc.Notice(tone, title, lines)
 
 
 def _digits(found: Verification) -> int:
@@ -164,13 +161,11 @@ def _answer(found: Verification) -> str:
     """How the machine responded, in one sentence; nothing where that was not looked at."""
     if found.response is None or found.answer is None:
         return ""
-    size = f"response {_interval(found.response)}"
-    others = "; ".join(
-        f"{axis} changed by {signed(row.found_mm, 3)} mm where {signed(row.applied_mm, 3)} mm was"
-        " applied"
-        for axis, row in found.axes.items()
-        if row.otherwise
-    )
+    size, otherwise = f"response {_interval(found.response)}", []
+    for axis, row in found.axes.items():
+        if row.otherwise:
+            change, applied = signed(row.found_mm, 3), signed(row.applied_mm, 3)
+            otherwise.append(f"{axis} changed by {change} mm where {applied} mm was applied")
     gain = "check the gauge against a gauge block, its plunger for tilt, and the axis scale."
     if any(abs(found.response.value / f - 1.0) < 0.1 for f in (MM_PER_INCH, 1.0 / MM_PER_INCH)):
         gain = "inches and millimetres were mixed up."
@@ -183,8 +178,8 @@ def _answer(found: Verification) -> str:
         Behaviour.NO_RESPONSE: f"The machine did not respond ({size}): re-home, and check that the"
         " values are active.",
         Behaviour.OTHER_GAIN: f"The machine responded by another amount ({size}, theory 1): {gain}",
-        Behaviour.PARTLY: f"Not every axis did what was entered: {others}. Check what the"
-        " controller holds there, and re-home.",
+        Behaviour.PARTLY: f"Not every axis did what was entered: {'; '.join(otherwise)}. Check what"
+        " the controller holds there, and re-home.",
         Behaviour.UNDETERMINED: "The correction is too small for these readings to show a response"
         f" ({size}).",
     }[found.answer]
@@ -219,35 +214,27 @@ def _decision(found: Verification) -> str:
 
 def parameters_left(found: Verification) -> doc.Section:
     """What was found, what was entered, and what remains of each parameter."""
-    decimals = _entered(found) if found.remaining_mm else 4
-    rows = tuple(
-        (
-            doc.Strong(name),
-            each.unit,
-            with_uncertainty(each.found, each.expanded),
-            plain(each.before, decimals),
-            *(
-                ("unknown", "unknown")
-                if each.entered is None
-                else (
-                    signed(each.entered, decimals),
-                    doc.Strong(plain(each.before + each.entered, decimals)),
-                )
-            ),
-            with_uncertainty(each.left, each.left_expanded),
-        )
-        for name, each in found.parameters.items()
-    )
+    decimals, every = _entered(found) if found.remaining_mm else 4, found.parameters.values()
+    entered = [each.entered for each in every]
+    now = [None if e.entered is None else e.before + e.entered for e in every]
+    columns: dict[str, list[doc.Blank]] = {
+        "": [doc.Strong(name) for name in found.parameters],
+        "unit": [each.unit for each in every],
+        "found ± U": [with_uncertainty(each.found, each.expanded) for each in every],
+        "before": [plain(each.before, decimals) for each in every],
+        "entered": ["unknown" if e is None else signed(e, decimals) for e in entered],
+        "now": ["unknown" if each is None else doc.Strong(plain(each, decimals)) for each in now],
+        "left ± U": [with_uncertainty(each.left, each.left_expanded) for each in every],
+    }
     grid = doc.Grid(
-        ("", "unit", "found ± U", "before", "entered", "now", "left ± U"),
-        rows,
+        tuple(columns),
+        tuple(zip(*columns.values(), strict=True)),
         caption="Before, now: active in the controller. Found by the first measurement, left by the"
         " second.",
     )
-    known = [each.entered is not None for each in found.parameters.values()]
     other = [name for name, each in found.parameters.items() if each.as_found is False]
     note = "Entered is what was found."
-    if not any(known):
+    if now.count(None) == len(now):
         note = "The files do not say what was entered: a printer.cfg of each time would."
     elif other:
         note = f"Entered was something else than found here: {', '.join(other)}."
@@ -256,35 +243,36 @@ def parameters_left(found: Verification) -> doc.Section:
 
 def _outcome(found: Verification) -> doc.Section:
     """Promised and measured, difference by difference or in all."""
-    if not found.differences:
-        grid = doc.Grid(
-            ("r.m.s. of the heights", "as found", "promised", "as left", "could be"),
-            (("touches, without their mean", *_sizes(found)),),
-            caption="Promised: what the parameters found before would leave. Could be: what those"
-            " found afterwards would.",
-        )
-        return doc.Section("Heights", (grid,))
-    blocks: list[doc.Block] = [
-        _differences(found, full=True),
-        replace(left_figure(found), columns=1, sketch=()),
-    ]
-    if found.decision is not None:
-        blocks.append(doc.Paragraph(f"Decision rule: {found.decision.rule}", small=True))
-    return doc.Section("Promised and measured", tuple(blocks))
+    if found.differences:
+        figure = replace(left_figure(found), columns=1, sketch=())
+        blocks = _differences(found, full=True), figure, *rule_blocks(found)
+        return doc.Section("Promised and measured", blocks)
+    grid = doc.Grid(
+        ("r.m.s. of the heights", "as found", "promised", "as left", "could be"),
+        (("touches, without their mean", *_sizes(found)),),
+        caption="Promised: what the parameters found before would leave. Could be: what those"
+        " found afterwards would.",
+    )
+    return doc.Section("Heights", (grid,))
+
+
+def rule_blocks(found: Verification) -> tuple[doc.Block, ...]:
+    """By which rule a limit is judged; nothing where none was given."""
+    rule = found.decision
+    return (doc.Paragraph(f"Decision rule: {rule.rule}", small=True),) if rule else ()
 
 
 def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
     """Deviations as measured and as promised; on a screen only their r.m.s. where they are many."""
     rows, digits = found.differences, _digits(found)
     shown = rows if full or len(rows) <= _MOST_DIFFERENCES else ()
-    totals = [size.removesuffix(" mm") for size in _sizes(found)]
-    lines = (
-        ("before", [signed(each.before_mm, digits) for each in shown], totals[0]),
-        ("promised", [signed(each.promised_mm, digits) for each in shown], totals[1]),
-        ("± U", [plain(each.promised_expanded_mm, digits) for each in shown], ""),
-        ("measured", [signed(each.after_mm, digits) for each in shown], totals[2]),
+    before, promised, after, _ = (size.removesuffix(" mm") for size in _sizes(found))
+    table = (
+        ("before", *(signed(each.before_mm, digits) for each in shown), before),
+        ("promised", *(signed(each.promised_mm, digits) for each in shown), promised),
+        ("± U", *(plain(each.promised_expanded_mm, digits) for each in shown), ""),
+        ("measured", *(signed(each.after_mm, digits) for each in shown), after),
     )
-    table = tuple((name, *cells, total) for name, cells, total in lines)
     return doc.Grid(("Deviation, mm", *(each.difference for each in shown), "r.m.s."), table)
 
 
@@ -319,17 +307,15 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
     blocks: list[doc.Block] = [doc.Paragraph(lead), grid]
     if found.other_change is not None:
         change = found.other_change
-        size, noise = f"{1000 * change.rms_mm:.0f} µm", f"{1000 * change.noise_mm:.0f} µm"
-        compared = f"{size} per difference{' that no offset explains,' * change.found} where noise"
-        told = f"{compared} gives {noise} ({chance(change.p_value)})."
-        blocks.append(
-            doc.Paragraph(
-                f"Something else changed: {told} Was the stand moved, a leg or rail adjusted, or"
-                " another gauge used?"
-                if change.found
-                else f"Nothing else changed: {told}"
-            )
-        )
+        told = f"{1000 * change.rms_mm:.0f} µm per difference"
+        told += f"{' that no offset explains,' * change.found} where noise gives"
+        told += f" {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
+        if change.found:
+            told = f"Something else changed: {told} Was the stand moved, a leg or rail adjusted, or"
+            told += " another gauge used?"
+        else:
+            told = f"Nothing else changed: {told}"
+        blocks.append(doc.Paragraph(told))
     return doc.Section("How the machine responded", tuple(blocks))
 
 
