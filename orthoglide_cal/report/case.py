@@ -65,6 +65,10 @@ class Case:
         """What its kind calls things."""
         return self.machine.vocabulary
 
+    def title_of(self, id: str) -> str:
+        """What a cause is called at such a machine."""
+        return CAUSES[id].words(self.machine).title
+
     @property
     def unit(self) -> str:
         """Of all parameters; "" where they have several."""

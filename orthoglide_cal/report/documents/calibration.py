@@ -10,9 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files import machine_values
@@ -20,13 +18,7 @@ from orthoglide_cal.model import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case, decision_notice, position_words, to_do
-from orthoglide_cal.report.documents.diagnosis import (
-    cause_blocks,
-    fit_blocks,
-    headline,
-    next_step,
-    note_blocks,
-)
+from orthoglide_cal.report.documents.diagnosis import diagnosis_section, headline
 from orthoglide_cal.report.documents.parameters import (
     alone_block,
     budget_sections,
@@ -90,46 +82,43 @@ def calibration_document(
             "others": [other.answer.model_dump(mode="json") for other in others],
         }
 
-    return doc.Document(data, partial(_page, case, identity, left, others, limit_mm))
+    def page() -> doc.Page:
+        machine = case.machine
+        recorded = [(answer.input, answer.validity)]
+        if left is not None:
+            recorded = [(each, each.validity) for each in (left.before, left.after)]
+        frame = signed_page("Calibration report", machine, identity, recorded)
+        sheet, pages = [*frame.sheet], list[doc.Section]()
+        released = answer.release.usable or left is not None
+        origin = [
+            _conditions(case),
+            *_workspace(case, left, limit_mm),
+            _origin(case, identity, left),
+        ]
+        if answer.parameters:
+            drawn = _differences(case, left, limit_mm)
+            sheet += [] if released else _gap(answer)
+            sheet += _result(case, left, drawn if released else ())
+            if drawn and not released:
+                # Where the rails are drawn, the first sheet is full.
+                chosen = pages if answer.shims else sheet
+                chosen.append(doc.Section("What would be left if the result were entered", drawn))
+            sheet += map(_other, others)
+            pages += [*_evidence(case), *origin]
+        else:
+            # There is nothing to pin to the machine, and one sheet of paper says it all.
+            sheet += [doc.next_steps(to_do(case)), *map(_other, others), *origin]
+        authorised = machine.report.authorised_by
+        roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
+        return replace(
+            frame,
+            notice=_notice(case, left),
+            sheet=tuple(sheet),
+            sections=tuple(pages),
+            signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
+        )
 
-
-def _page(
-    case: Case,
-    identity: Identity,
-    left: Verification | None,
-    others: Sequence[Case],
-    limit_mm: float | None,
-) -> doc.Page:
-    machine, answer = case.machine, case.answer
-    recorded = [(answer.input, answer.validity)]
-    if left is not None:
-        recorded = [(each, each.validity) for each in (left.before, left.after)]
-    page = signed_page("Calibration report", machine, identity, recorded)
-    sheet, pages = [*page.sheet], list[doc.Section]()
-    released = answer.release.usable or left is not None
-    origin = [_conditions(case), *_workspace(case, left, limit_mm), _origin(case, identity, left)]
-    if answer.parameters:
-        drawn = _differences(case, left, limit_mm)
-        sheet += [] if released else _gap(answer)
-        sheet += _result(case, left, drawn if released else ())
-        if drawn and not released:
-            # Where the rails are drawn, the first sheet is full.
-            chosen = pages if answer.shims else sheet
-            chosen.append(doc.Section("What would be left if the result were entered", drawn))
-        sheet += map(_other, others)
-        pages += [*_evidence(case), *origin]
-    else:
-        # There is nothing to pin to the machine, and one sheet of paper says it all.
-        sheet += [doc.next_steps(to_do(case)), *map(_other, others), *origin]
-    authorised = machine.report.authorised_by
-    roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
-    return replace(
-        page,
-        notice=_notice(case, left),
-        sheet=tuple(sheet),
-        sections=tuple(pages),
-        signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
-    )
+    return doc.Document(data, page)
 
 
 # --- the first sheet --------------------------------------------------------------------------
@@ -157,7 +146,7 @@ def _wrong(case: Case) -> str:
             return f"The rails miss each other by {plain(size, 2)} mm"
         titles = []
         for cause in answer.causes:
-            title = CAUSES[cause.id].words(case.machine).title
+            title = case.title_of(cause.id)
             largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
             if largest is not None and largest.std:
                 title += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
@@ -168,7 +157,7 @@ def _wrong(case: Case) -> str:
         return (
             f"{plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s. is left that no known cause explains"
         )
-    return headline(case).rstrip(".") if answer.verdict is Verdict.AMBIGUOUS else ""
+    return headline(case)[1].rstrip(".") if answer.verdict is Verdict.AMBIGUOUS else ""
 
 
 def _gap(answer: Answer) -> Iterator[doc.Section]:
@@ -256,12 +245,8 @@ def _other(case: Case) -> doc.Section:
 def _evidence(case: Case) -> Iterator[doc.Section]:
     """What the result rests on: residuals, diagnosis, budget."""
     yield doc.Section("Residuals (measured − model)", tuple(residual_blocks(case)))
-    verdict = case.answer.verdict
-    if verdict is not None:
-        blocks = [doc.Paragraph(headline(case)), *fit_blocks(case), *cause_blocks(case)]
-        if verdict is Verdict.AMBIGUOUS:
-            blocks.append(doc.Instructions((next_step(case),)))
-        yield doc.Section("Diagnosis", (*blocks, *note_blocks(case)))
+    if case.answer.verdict is not None:
+        yield diagnosis_section(case)
     yield from budget_sections(case)
 
 

@@ -38,33 +38,6 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
-# Verdict → its tone, and what it says.
-_VERDICTS = {
-    Verdict.CONSISTENT: (
-        doc.Tone.GOOD,
-        "Consistent: nothing shows beyond this {noise}'s noise{also}; the model fits.{unknown}",
-    ),
-    Verdict.NAMED: (doc.Tone.WARN, "Cause found: {causes}."),
-    Verdict.AMBIGUOUS: (
-        doc.Tone.OPEN,
-        "Undecided: these data leave open what is wrong.",
-    ),
-    Verdict.UNEXPLAINED: (
-        doc.Tone.BAD,
-        "Unexplained: something is wrong that no listed cause explains.",
-    ),
-}
-# Instead of "the model fits", where no reading is to spare.
-_NOTHING_TO_SPARE = (
-    doc.Tone.WARN,
-    "Consistent, but there is no reading to spare: these data cannot show whether the model fits.",
-)
-# And where noise seldom leaves as much.
-_UNUSUAL = (
-    doc.Tone.INFO,
-    "Consistent: what is left is larger than usual for this {noise}'s noise{also}, not large"
-    " enough to call the model wrong.{unknown}",
-)
 # How parameters take into account what is open.
 _WIDENED = {
     Verdict.AMBIGUOUS: "U includes the undecided causes.",
@@ -98,7 +71,7 @@ def _screen(case: Case) -> doc.Page:
 def _notice(case: Case) -> doc.Notice:
     """The verdict, and what it means for the parameters."""
     answer, words, release = case.answer, case.words, case.answer.release
-    tone, title = _verdict(case)[0] if release.sound else doc.Tone.BAD, headline(case)
+    tone, title = headline(case)
     if answer.verdict is Verdict.NAMED:
         ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
         if len(ids) > 1:
@@ -111,7 +84,7 @@ def _notice(case: Case) -> doc.Notice:
         first = sorted(said[:2], key=lambda text: (not text.startswith(_NOTHING), text))
         title = f"Undecided: {', or '.join(first)}" if len(said) > 1 else title
         title += f", or {counted(len(said) - 2, 'other')}" if len(said) > 2 else ""
-    told: tuple[doc.Line, ...] = ()
+    told: tuple[doc.Line, ...] = (f"Do not enter the {words.many}.", *release.reasons)
     if release.settled:
         told = (f"{SETTLED}.",)
     elif release.usable:
@@ -125,9 +98,7 @@ def _notice(case: Case) -> doc.Notice:
         u = f"{two_figures(max(each.expanded for each in answer.parameters))} {case.unit}"
         why = f": until that is decided they have U = {u}" if case.unit else ""
         told = (" ".join((f"Do not enter the {words.many}{why}.", *release.reasons[1:])),)
-    else:
-        told = (f"Do not enter the {words.many}.", *release.reasons)
-    return doc.Notice(tone, title, told, case.about)
+    return doc.Notice(tone if release.sound else doc.Tone.BAD, title, told, case.about)
 
 
 def _evidence(case: Case) -> Iterator[list[doc.Block]]:
@@ -146,7 +117,7 @@ def _evidence(case: Case) -> Iterator[list[doc.Block]]:
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     """Where the causes are, and their parameters; with `offsets` also those of the machine."""
     answer = case.answer
-    lines = []
+    lines: list[tuple[str, Sequence[str]]] = []
     for cause in answer.causes:
         rows = [(each.name, each.value, each.expanded, each.unit) for each in cause.parameters]
         if cause.where:
@@ -247,7 +218,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             yield from case.remedies()
         else:
             yield from case.remedies("measure")
-            yield next_step(case)
+            yield _next_step(case)
         for cause in answer.causes:
             if cause.where and not cause.in_machine:
                 yield doc.Instruction(f"Or: {cause.remedy}")
@@ -261,7 +232,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
         # The size of the causes depends on it, too: their remedies come when that is decided.
         yield from case.remedies()
         if answer.next_measurement is not None:
-            decides = next_step(case)
+            decides = _next_step(case)
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
         for cause in answer.causes:
@@ -281,53 +252,64 @@ def _page(case: Case) -> doc.Page:
     answer = case.answer
     told: list[doc.Block] = [parameters_grid(case)]
     told += [doc.Paragraph(_WIDENED[each]) for each in _WIDENED if each is answer.verdict]
-    told += [*open_blocks(case), *alone_block(case), *note_blocks(case)]
-    causes = tuple(cause_blocks(case))
+    told += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
+    causes = tuple(_cause_blocks(case))
     return doc.Page(
         kind="Diagnosis",
         notice=_notice(case),
         sheet=(doc.next_steps(_steps(case)),),
         sections=(
             *([doc.Section("Causes", causes)] if causes else []),
-            *residual_sections(answer, case.words.many, fit_blocks(case)),
+            *residual_sections(answer, case.words.many, _fit_blocks(case)),
             doc.Section(parameters_title(case), tuple(told)),
         ),
     )
 
 
-def _verdict(case: Case) -> tuple[doc.Tone, str]:
-    answer = case.answer
-    if answer.verdict is Verdict.CONSISTENT and answer.lack_of_fit is not None:
-        if not answer.lack_of_fit.dof:
-            return _NOTHING_TO_SPARE
-        if answer.lack_of_fit.p_value < UNUSUAL:
-            return _UNUSUAL
-    return _VERDICTS[answer.verdict or Verdict.UNEXPLAINED]
-
-
-def headline(case: Case) -> str:
+def headline(case: Case) -> tuple[doc.Tone, str]:
     """The verdict in one sentence."""
-    answer, words = case.answer, case.words
-    titles = " and ".join(CAUSES[cause.id].words(case.machine).title for cause in answer.causes)
-    sentence = _verdict(case)[1]
-    best, nothing = answer.causes[:1], answer.nothing_wrong or 0.0
-    if answer.beyond_tolerance:
-        far = " or ".join(
+    answer, lack = case.answer, case.answer.lack_of_fit
+    if answer.verdict is Verdict.NAMED:
+        titles = " and ".join(case.title_of(cause.id) for cause in answer.causes)
+        return doc.Tone.WARN, f"Cause found: {titles}."
+    if answer.verdict is Verdict.AMBIGUOUS:
+        nothing = answer.nothing_wrong or 0.0
+        if any(nothing > each.probability for each in answer.causes[:1]):
+            told = "Undecided: these data do not show what is wrong, or whether anything is."
+            return doc.Tone.OPEN, told
+        return doc.Tone.OPEN, "Undecided: these data leave open what is wrong."
+    if answer.verdict is not Verdict.CONSISTENT:
+        beyond = [
             f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance
-        )
-        sentence = f"Unexplained: only {far} would explain what these readings show."
-    if answer.verdict is Verdict.AMBIGUOUS and any(nothing > each.probability for each in best):
-        sentence = "Undecided: these data do not show what is wrong, or whether anything is."
-    unknown = "".join(
-        f" They cannot determine {each.name}: it may be off by {each.within:.2g}"
-        f" {unit_words(each.unit)} (1 σ)."
-        for each in answer.undetermined
-        if each.name not in [parameter.name for parameter in answer.parameters]
-    )
-    return sentence.format(causes=titles, noise=words.noise, also=words.also, unknown=unknown)
+        ]
+        only = f"only {' or '.join(beyond)} would explain what these readings show"
+        told = only if beyond else "something is wrong that no listed cause explains"
+        return doc.Tone.BAD, f"Unexplained: {told}."
+    if lack is not None and not lack.dof:
+        told = "Consistent, but there is no reading to spare: these data cannot show whether the"
+        return doc.Tone.WARN, f"{told} model fits."
+    noise = f"this {case.words.noise}'s noise{case.words.also}"
+    unusual = lack is not None and lack.p_value < UNUSUAL
+    told = f"nothing shows beyond {noise}; the model fits."
+    if unusual:
+        told = f"what is left is larger than usual for {noise}, not large enough to call the model"
+        told += " wrong."
+    for each in answer.undetermined:
+        if each.name not in [parameter.name for parameter in answer.parameters]:
+            within = f"{each.within:.2g} {unit_words(each.unit)}"
+            told += f" They cannot determine {each.name}: it may be off by {within} (1 σ)."
+    return doc.Tone.INFO if unusual else doc.Tone.GOOD, f"Consistent: {told}"
 
 
-def cause_blocks(case: Case) -> Iterator[doc.Block]:
+def diagnosis_section(case: Case) -> doc.Section:
+    """All of it for a report, below its own verdict."""
+    blocks = [doc.Paragraph(headline(case)[1]), *_fit_blocks(case), *_cause_blocks(case)]
+    if case.answer.verdict is Verdict.AMBIGUOUS:
+        blocks.append(doc.Instructions((_next_step(case),)))
+    return doc.Section("Diagnosis", (*blocks, *_note_blocks(case)))
+
+
+def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     """What is open; each cause with place and size, and what all of them are worth."""
     answer = case.answer
     if answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED) and _open(answer):
@@ -337,9 +319,7 @@ def cause_blocks(case: Case) -> Iterator[doc.Block]:
     yield from _sizes(case)
     yield _rms_grid(case)
     for cause in answer.causes:
-        yield doc.Facts(
-            ((cause.id, CAUSES[cause.id].words(case.machine).title), *_cause(case, cause))
-        )
+        yield doc.Facts(((cause.id, case.title_of(cause.id)), *_cause(case, cause)))
     share = percent(answer.causes[0].probability, 1)
     if answer.nothing_wrong is not None:
         share += f"; {percent(answer.nothing_wrong, 1)} that nothing is wrong at all"
@@ -365,7 +345,7 @@ def _cause(case: Case, cause: FoundCause) -> Iterator[tuple[str, doc.Blank]]:
         yield "looks like", ", ".join(cause.aliases)
 
 
-def next_step(case: Case) -> doc.Instruction:
+def _next_step(case: Case) -> doc.Instruction:
     """The measurement that would decide what is open, or that none would."""
     answer, following = case.answer, case.answer.next_measurement
     if following is not None and following.between:
@@ -399,8 +379,7 @@ def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     """
     answer, machine = case.answer, case.machine
     for fault in (each for each in answer.unshown if all or not each.matters):
-        title = CAUSES[fault.id].words(machine).title
-        title += f" ({fault.where})" if fault.where else ""
+        title = case.title_of(fault.id) + (f" ({fault.where})" if fault.where else "")
         yield f"These readings would not show if {title}. What shows it: {fault.check}."
     for each in answer.causes:
         if each.times_stated is not None:
@@ -410,7 +389,7 @@ def _doubts(case: Case, all: bool = True) -> Iterator[str]:
         yield f"{far.id} would explain these readings with {words}"
 
 
-def note_blocks(case: Case) -> tuple[doc.Block, ...]:
+def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
     """Remarks, the sizes that were assumed, and how the answer depends on the tolerances."""
     answer = case.answer
     notes = [note for note in answer.notes if note not in answer.release.cautions]
@@ -435,7 +414,7 @@ def note_blocks(case: Case) -> tuple[doc.Block, ...]:
     return tuple(doc.Paragraph(note, small=True) for note in notes)
 
 
-def fit_blocks(case: Case) -> tuple[doc.Block, ...]:
+def _fit_blocks(case: Case) -> tuple[doc.Block, ...]:
     """Do the parameters alone explain the data?"""
     lack, words = case.answer.lack_of_fit, case.words
     if lack is None:

@@ -73,58 +73,53 @@ def plan_document(
         # The largest U of the lengths that there are; None if there are none to be entered.
         now = max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
         plan = plan.changed(now_mm=now)
-    given = plan, machine_file, begun if plan.next else None, source
+    going_on = begun if plan.next else None
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
-    return doc.Document(data, partial(_page, *given), partial(_screen, *given))
 
+    def screen() -> doc.Page:
+        if going_on is not None:
+            notice = _next_notice(plan, going_on)
+            grid = _next_grid(plan, plan.next[1:_BRIEF_NEXT])
+            sections = [doc.Section("Or", (grid,))] if grid.rows else []
+        else:
+            notice = _notice(plan)
+            limits = map(doc.Paragraph, _limits(plan))
+            sections = [
+                doc.Section(None, (_sessions_grid(plan, brief=True), *limits)),
+                doc.Section(None, tuple(map(doc.Paragraph, _left_open(plan)))),
+            ]
+        more = doc.Paragraph("More: the same with --details")
+        steps = doc.next_steps(_to_do(plan, machine_file, source), more)
+        return doc.Page("Plan", notice=notice, sections=(*sections, steps))
 
-def _screen(
-    plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
-) -> doc.Page:
-    if begun is not None:
-        notice = _next_notice(plan, begun)
-        grid = _next_grid(plan, plan.next[1:_BRIEF_NEXT])
-        sections = [doc.Section("Or", (grid,))] if grid.rows else []
-    else:
-        notice = _notice(plan)
-        limits = map(doc.Paragraph, _limits(plan))
-        sections = [
-            doc.Section(None, (_sessions_grid(plan, brief=True), *limits)),
-            doc.Section(None, tuple(map(doc.Paragraph, _left_open(plan)))),
-        ]
-    more = doc.Paragraph("More: the same with --details")
-    steps = doc.next_steps(_to_do(plan, machine_file, source), more)
-    return doc.Page("Plan", notice=notice, sections=(*sections, steps))
+    def page() -> doc.Page:
+        machine, session = plan.model.machine, [("Session", plan.chosen.what)]
+        if plan.assumed_mm is not None:
+            assumed = f"about {plan.assumed_mm:g} mm each are assumed"
+            session.append((machine.vocabulary.many.capitalize(), assumed))
+        facts, notice, sections = doc.Facts(tuple(session)), _notice(plan), list[doc.Section]()
+        if going_on is not None:
+            ranking = _next_grid(plan, plan.next, full=True)
+            sections.append(doc.Section("What to measure next, best first", (ranking,)))
+            sections.append(doc.Section("A separate session would give", (facts, notice)))
+            data = f"{file_words(visible(going_on.input.path))}, {going_on.input.readings}"
+            facts, notice = doc.Facts((("Readings", data),)), _next_notice(plan, going_on)
+        limits = map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))
+        sections += [_sessions(plan), doc.Section(None, tuple(limits))]
+        sections += [_ways(plan)] if plan.compare else []
+        sections += [_design(plan, plan.design, machine_file, source)] if plan.design else []
+        sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
+        return doc.Page(
+            kind="Plan",
+            title=plan.machine,
+            facts=facts,
+            notice=notice,
+            sheet=(doc.next_steps(_to_do(plan, machine_file, source)),),
+            sections=tuple(sections),
+        )
 
-
-def _page(
-    plan: MeasurementPlan, machine_file: Path | None, begun: Answer | None, source: Source | None
-) -> doc.Page:
-    machine, session = plan.model.machine, [("Session", plan.chosen.what)]
-    if plan.assumed_mm is not None:
-        assumed = f"about {plan.assumed_mm:g} mm each are assumed"
-        session.append((machine.vocabulary.many.capitalize(), assumed))
-    facts, notice, sections = doc.Facts(tuple(session)), _notice(plan), list[doc.Section]()
-    if begun is not None:
-        ranking = _next_grid(plan, plan.next, full=True)
-        sections.append(doc.Section("What to measure next, best first", (ranking,)))
-        sections.append(doc.Section("A separate session would give", (facts, notice)))
-        data = f"{file_words(visible(begun.input.path))}, {begun.input.readings}"
-        facts, notice = doc.Facts((("Readings", data),)), _next_notice(plan, begun)
-    limits = map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))
-    sections += [_sessions(plan), doc.Section(None, tuple(limits))]
-    sections += [_ways(plan)] if plan.compare else []
-    sections += [_design(plan, plan.design, machine_file, source)] if plan.design else []
-    sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
-    return doc.Page(
-        kind="Plan",
-        title=plan.machine,
-        facts=facts,
-        notice=notice,
-        sheet=(doc.next_steps(_to_do(plan, machine_file, source)),),
-        sections=tuple(sections),
-    )
+    return doc.Document(data, page, screen)
 
 
 def _to_do(
