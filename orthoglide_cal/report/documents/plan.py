@@ -108,7 +108,9 @@ def plan_document(
         limits = map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))
         sections += [_sessions(plan), doc.Section(None, tuple(limits))]
         sections += [_ways(plan)] if plan.compare else []
-        sections += [_design(plan, plan.design, machine_file, source)] if plan.design else []
+        if plan.design:
+            typed = _command(plan.design, plan, machine_file, source)
+            sections.append(_design(plan, plan.design, typed))
         sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
@@ -191,22 +193,19 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     missing = [name for name, each in chosen.parameters.items() if not each.determined]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
-    tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
-    if plan.target is not None:
-        wanted = f"± {plan.target.expanded_mm:g} mm"
-        if not plan.target.reached:
-            why = (
-                f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings:"
-                " take a finer gauge or a better stand."
-            )
-            if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
-                remedy = source_words(plan.floor.largest.source, model.machine)[1]
-                why = f"{_stays(plan, plan.floor)} {remedy}"
-            bad = f"{wanted} cannot be reached so"
-            return doc.Notice(doc.Tone.BAD, bad, (why, f"{title}.", *lines))
+    if plan.target is None:
+        tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
+        return doc.Notice(tone, title, tuple(lines))
+    wanted = f"± {plan.target.expanded_mm:g} mm"
+    if plan.target.reached:
         title = f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
-        tone = doc.Tone.GOOD
-    return doc.Notice(tone, title, tuple(lines))
+        return doc.Notice(doc.Tone.GOOD, title, tuple(lines))
+    why = f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings:"
+    why += " take a finer gauge or a better stand."
+    if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
+        remedy = source_words(plan.floor.largest.source, model.machine)[1]
+        why = f"{_stays(plan, plan.floor)} {remedy}"
+    return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (why, f"{title}.", *lines))
 
 
 def _stays(plan: MeasurementPlan, floor: Budget) -> str:
@@ -314,27 +313,22 @@ def _fixed(plan: MeasurementPlan) -> tuple[str, ...]:
 def _sessions(plan: MeasurementPlan) -> doc.Section:
     """The session with other numbers of cycles, or every layout."""
     machine, cycles = plan.model.machine, plan.gauges is not None
-    grid, tool, rivals = _sessions_grid(plan), machine.has_cube, machine.rivals
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     units = ", ".join(f"{name} {unit_words(unit)}" for name, unit in named)
-    caption = "In mm." if common_unit(machine) else f"{units}; – is not determined."
+    told = ["In mm." if common_unit(machine) else f"{units}; – is not determined."]
     if cycles:
-        caption += " Noise: what scatter leaves of the worst one, one standard deviation."
-    caption += f" U: of each {machine.vocabulary.one}, 95 %."
-    if tool:
-        caption += " Tool: at the worst place of the workspace, offsets entered."
-    if rivals:
-        first, second = machine.rivals
-        caption += (
-            f" σ: how far {first} and {second} of usual size are apart, in standard deviations."
-        )
+        told.append("Noise: what scatter leaves of the worst one, one standard deviation.")
+    told.append(f"U: of each {machine.vocabulary.one}, 95 %.")
+    if machine.has_cube:
+        told.append("Tool: at the worst place of the workspace, offsets entered.")
+    if machine.rivals:
+        pair = " and ".join(machine.rivals)
+        told.append(f"σ: how far {pair} of usual size are apart, in standard deviations.")
     if fixed := _fixed(plan):
-        caption += (
-            f" No layout determines {fixed[0]}, taken as stated: what it adds (by squares) is the"
-            " last row. In solve, what the readings cannot rule out is added."
-        )
+        told.append(f"No layout determines {fixed[0]}, taken as stated: what it adds (by squares)")
+        told.append("is the last row. In solve, what the readings cannot rule out is added.")
     title = "How many cycles" if cycles else "Ways to measure, compared"
-    return doc.Section(title, (replace(grid, caption=caption),))
+    return doc.Section(title, (replace(_sessions_grid(plan), caption=" ".join(told)),))
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
@@ -346,11 +340,10 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
     next_ = min((each for each in reached if each > wanted * (1.0 + ROUNDING)), default=math.inf)
     decimals = next(d for d in count(decimals_for(wanted)) if round(next_, d) > round(wanted, d))
     for way, worst in zip(plan.compare, reached, strict=True):
-        found = way.same_expanded
-        numbers = ["", "never", "", ""]
+        found, numbers = way.same_expanded, ["", "never", "", ""]
         if found is not None:
-            numbers = [*map(str, (found.cycles, found.readings, found.gauge_moves))]
-            numbers.append(f"{found.minutes:.0f}")
+            sizes = found.cycles, found.readings, found.gauge_moves
+            numbers = [*map(str, sizes), f"{found.minutes:.0f}"]
         rows.append((way.protocol, way.method, plain(worst, decimals), *numbers))
     head = ("protocol", "method", "U", "cycles", "readings", "moves", "min")
     caption = (
@@ -362,54 +355,42 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
     return doc.Section("Other ways to the same uncertainty", (grid,))
 
 
-def _design(
-    plan: MeasurementPlan, best: BestDesign, machine_file: Path | None, source: Source | None
-) -> doc.Section:
-    """The fewest readings, or the quickest layout that distinguishes the rivals."""
+def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
+    """The fewest readings, or the quickest layout that distinguishes the rivals; what to type."""
     minutes = f"about {best.minutes:.0f} min"
-    typed = _command(best, plan, machine_file, source)
     if best.causes:
-        pair = " and ".join(best.causes)
-        reached = (
-            f"The quickest that gets {pair} {CERTAIN_SIGMA:g} standard deviations apart"
-            if best.reached
-            else f"None gets {pair} {CERTAIN_SIGMA:g} standard deviations apart; this one gets"
-            f" farthest, {two_figures(best.rivals_sigma or 0.0)}"
-        )
+        pair, apart = " and ".join(best.causes), f"{CERTAIN_SIGMA:g} standard deviations apart"
+        reached = f"The quickest that gets {pair} {apart}"
+        if not best.reached:
+            farthest = two_figures(best.rivals_sigma or 0.0)
+            reached = f"None gets {pair} {apart}; this one gets farthest, {farthest}"
         blocks: list[doc.Block] = [doc.Paragraph(f"{reached}: {best.what}, {minutes}.")]
         if best.name != plan.chosen.name:
             blocks.append(doc.Instructions((doc.Instruction("Have its places written", typed),)))
         return doc.Section(f"To distinguish {pair}", tuple(blocks))
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
-    reach = two_figures(max(best.expanded_mm.values()))
-    return doc.Section(
-        "The fewest readings",
-        (
-            doc.Paragraph(
-                f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
-                f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
-                " readings of the double-posture protocol leave the same noise."
-            ),
-            doc.Paragraph(
-                (f"{best.readings} readings in {minutes} give ± {reach} mm: ", doc.Typed(typed))
-            ),
-            doc.Paragraph(
-                f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
-                f" every posture. What is given up: {GIVES_UP}."
-            ),
-        ),
+    gives = f"± {two_figures(max(best.expanded_mm.values()))} mm"
+    told: tuple[doc.Line, ...] = (
+        f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
+        f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
+        " readings of the double-posture protocol leave the same noise.",
+        (f"{best.readings} readings in {minutes} give {gives}: ", doc.Typed(typed)),
+        f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
+        f" every posture. What is given up: {GIVES_UP}.",
     )
+    return doc.Section("The fewest readings", tuple(map(doc.Paragraph, told)))
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
     """Which causes the readings can distinguish."""
     seen, hidden = plan.apart.visible, plan.apart.invisible
-    names = [cause.id for cause in seen.causes]
-    sketch = separation_lines(names, seen.sigma, seen.trace)
-    by = "" if plan.gauges is None else f" by {counted(min(plan.cycles, MOST_COMPARED), 'cycle')}"
-    told = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished{by}."
-    figure = doc.Figure(None, told, (), sketch=sketch)
-    blocks: list[doc.Block] = [figure if names else doc.Paragraph("No cause leaves a trace.")]
+    blocks: list[doc.Block] = [doc.Paragraph("No cause leaves a trace.")]
+    if seen.causes:
+        sketch = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
+        cycles = counted(min(plan.cycles, MOST_COMPARED), "cycle")
+        told = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished"
+        told += "." if plan.gauges is None else f" by {cycles}."
+        blocks = [doc.Figure(None, told, (), sketch=sketch)]
     if hidden:
         rows = tuple((cause.id, cause.words(plan.model.machine).instrument) for cause in hidden)
         caption = "At their usual size they leave hardly a trace in such readings."
@@ -458,31 +439,24 @@ def _next_grid(
     """Of the ranking; `full`: also U as it is, and what the columns mean."""
     telling = any(each.between for each in plan.next)
     now_mm = plan.now_mm if full else None
-    rows = [
-        (
-            str(plan.next.index(each) + 1),
-            f"{each.minutes:.0f}",
-            *((percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()),
-            two_figures(max(each.expanded_mm.values())),
-            each.what,
-        )
-        for each in found[:_SHOWN_NEXT]
-    ]
+    heads = ["", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do"]
+    rows = []
     if now_mm is not None:
-        blank = ("", "") if telling else ()
-        rows.insert(0, ("", "", *blank, two_figures(now_mm), "nothing: U as it is"))
-    heads = ("", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do")
+        blank = [""] * (len(heads) - 2)
+        rows.append((*blank, two_figures(now_mm), "nothing: U as it is"))
+    for each in found[:_SHOWN_NEXT]:
+        sure = (percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()
+        number, minutes = str(plan.next.index(each) + 1), f"{each.minutes:.0f}"
+        rows.append(
+            (number, minutes, *sure, two_figures(max(each.expanded_mm.values())), each.what)
+        )
     meaning = None
+    if full:
+        meaning = "Nothing that further readings could tell is open: ranked by how much U they save"
+        meaning += " per minute, half an hour added for the sitting."
     if full and plan.next[0].between:
         first, second = between_words(plan.next[0])
-        meaning = (
-            "Settles: the chance that one answer is left. Ranked by that chance per minute, eight"
-            f" hours added for coming back if it stays open. σ: how far {first} and {second} are"
-            " apart in the new readings, in standard deviations."
-        )
-    elif full:
-        meaning = (
-            "Nothing that further readings could tell is open: ranked by how much U they save per"
-            " minute, half an hour added for the sitting."
-        )
-    return doc.Grid(heads, tuple(rows), words=(len(heads) - 1,), caption=meaning)
+        meaning = "Settles: the chance that one answer is left. Ranked by that chance per minute,"
+        meaning += f" eight hours added for coming back if it stays open. σ: how far {first} and"
+        meaning += f" {second} are apart in the new readings, in standard deviations."
+    return doc.Grid(tuple(heads), tuple(rows), words=(len(heads) - 1,), caption=meaning)
