@@ -154,7 +154,7 @@ def _entered(
         read_input,
     )
     from orthoglide_cal.report.case import SETTLED
-    from orthoglide_cal.report.firmware import values_of
+    from orthoglide_cal.report.controller import values_of
     from orthoglide_cal.results import apply as application
 
     of_printer = controller is not None and not controller.adds

@@ -47,7 +47,7 @@ def export(
     """Print the new offsets for the controller, if released."""
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
-    from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
+    from orthoglide_cal.report.controller import FIRMWARES, as_firmware
 
     if json and format != "text":
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")

@@ -1,22 +1,44 @@
-"""What goes to the controller: a page of text, LinuxCNC's sections, a table of corrections."""
+"""What goes to the controller: a page of text, lines to paste, a table of corrections.
+
+All firmwares of a linear delta have a delta radius, tower angles and arms in common; an endstop is
+stated as
+
+    Klipper          position_endstop: height of the nozzle, in the middle, at which it triggers
+    RepRapFirmware   H + correction (M666), the three corrections summing to zero
+    Marlin           H − adjustment (M666), no adjustment above zero
+
+and the carriage stands at that height + √(arm² − radius²) then.
+
+Sources: Klipper's "Configuration reference" ([stepper_a], delta kinematics); RepRapFirmware's
+documents of M665 and M666; Marlin's M665.cpp, M666.cpp (no adjustment above zero is taken) and
+motion.cpp: after homing the nozzle is believed at H less the probe's z offset (M851), each carriage
+lowered by its adjustment.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from orthoglide_cal.errors import file_words, visible
+from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG
 from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model import AXES
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import SETTLED, Case, check_words
 from orthoglide_cal.results import Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
-FORCED = "FORCED: this result must not be used."
-_COMPENSATION_DECIMALS = 4  # tenths of a micrometre
+_DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
+# Accepted causes that are in the lines of a firmware, all others are not.
+_ENTERED = frozenset(("leg_length",))
+_ELSEWHERE = {
+    "bed_shape": "a bed mesh follows it; make a new one",
+    "encoder_scale": "correct the steps per millimetre of each tower",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +65,7 @@ class Export:
         yield f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}"
         yield f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}"
         if self.forced:
-            yield from (FORCED, *self.forced)
+            yield from ("FORCED: this result must not be used.", *self.forced)
         if case.answer.release.settled:
             yield f"Note: {SETTLED}."
         yield from (f"Note: {line}" for line in case.answer.release.cautions)
@@ -52,9 +74,8 @@ class Export:
         """Re-home, check posture, verification."""
         case, restart = self.case, self.case.words.restart
         yield f"After entering: {restart[0].lower()}{restart[1:]}"
-        check = case.answer.check
-        if check is not None:
-            yield check_words(check)
+        if case.answer.check is not None:
+            yield check_words(case.answer.check)
         if case.record is not None:
             yield f"Record what was entered: {case.record}"
         if case.table is not None:
@@ -66,16 +87,12 @@ def as_text(export: Export) -> str:
     """A page of plain text for any controller: "the controller says X, truly Y"."""
     case, answer = export.case, export.case.answer
     digits = answer.decimals
-    rows = [("", "previous", "change", "U", "enter")] + [
-        (
-            each.name if case.unit else f"{each.name}, {each.unit}",
-            plain(each.active, digits),
-            typed(each.change(digits), digits) if each.determined else "unknown",
-            two_figures(each.expanded),
-            plain(each.new(digits), digits),
-        )
-        for each in answer.parameters
-    ]
+    rows = [("", "previous", "change", "U", "enter")]
+    for each in answer.parameters:
+        name = each.name if case.unit else f"{each.name}, {each.unit}"
+        change = typed(each.change(digits), digits) if each.determined else "unknown"
+        active, new = plain(each.active, digits), plain(each.new(digits), digits)
+        rows.append((name, active, change, two_figures(each.expanded), new))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     unit = f", {case.unit}" if case.unit else ""
     lines = [
@@ -88,17 +105,13 @@ def as_text(export: Export) -> str:
     ]
     if not case.machine.keeps_itself:
         says = case.machine.home_mm
-        lines += [
-            "At the isotropic posture, as the controller is set now:",
-            *(
-                f"{each.name}: the controller says {plain(says, digits)} mm,"
-                f" truly {plain(says + each.change(digits), digits)} mm"
-                for each in answer.parameters
-            ),
-            "",
-        ]
-    lines += map(visible, export.afterwards())
-    return "\n".join(lines) + "\n"
+        lines.append("At the isotropic posture, as the controller is set now:")
+        for each in answer.parameters:
+            truly = plain(says + each.change(digits), digits)
+            said = f"{each.name}: the controller says {plain(says, digits)} mm, truly {truly} mm"
+            lines.append(said)
+        lines.append("")
+    return "\n".join((*lines, *map(visible, export.afterwards()), ""))
 
 
 def as_linuxcnc(export: Export) -> str:
@@ -108,8 +121,8 @@ def as_linuxcnc(export: Export) -> str:
     and comments would not survive.
     """
     digits = export.case.answer.decimals
-    lines = [f"# {visible(line)}" for line in export.head()]
-    lines += [
+    lines = [
+        *_comments("#", export.head()),
         "#",
         "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if LINEAR_UNITS",
         "# is inch). If yours holds more than the offset, such as the place of the home switch,",
@@ -123,9 +136,11 @@ def as_linuxcnc(export: Export) -> str:
             f" change {typed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
             f"HOME_OFFSET = {plain(each.new(digits), digits)}",
         ]
-    lines.append("")
-    lines += [f"# {visible(line)}" for line in export.afterwards()]
-    return "\n".join(lines) + "\n"
+    return "\n".join((*lines, "", *_comments("#", export.afterwards()), ""))
+
+
+def _comments(sign: str, lines: Iterable[str]) -> list[str]:
+    return [f"{sign} {visible(line)}" for line in lines]
 
 
 def as_table(table: Compensation, export: Export) -> str:
@@ -138,6 +153,160 @@ def as_table(table: Compensation, export: Export) -> str:
     status = "FORCED" if export.forced else "released"
     stamp = (status, " ".join(table.causes), " ".join(table.left_out), export.identity.number)
     values = np.hstack((table.points_mm, table.corrections_mm)).tolist()
-    return csv_text(
-        head, ((*(plain(v, _COMPENSATION_DECIMALS) for v in row), *stamp) for row in values)
+    return csv_text(head, ((*map(_number, row), *stamp) for row in values))
+
+
+# --- firmwares of a linear delta --------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FirmwareValues:
+    """The numbers of a firmware.
+
+    Attributes:
+        arms: of towers a, b, c [mm].
+        radius: delta radius [mm].
+        angles: of towers a, b, c, counter-clockwise from x [deg].
+        endstops: height of the nozzle, in the middle, at which each triggers [mm].
+        bed: radius of the bed [mm].
+    """
+
+    arms: tuple[float, ...]
+    radius: float
+    angles: tuple[float, ...]
+    endstops: tuple[float, ...]
+    bed: float
+
+    @property
+    def equal_arms(self) -> bool:
+        """Whether one length is enough."""
+        return len({round(arm, _DECIMALS) for arm in self.arms}) == 1
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Each value by the name that a calibration gives it; arms as arm_a, arm_b, arm_c."""
+        names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
+        values = (*self.endstops, self.radius, *self.angles, *self.arms)
+        return dict(zip(names, values, strict=True))
+
+
+def values_of(export: Export) -> FirmwareValues:
+    """What is to be entered; arms that were accepted as longer are entered as they are."""
+    model, answer = export.case.given.model, export.case.answer
+    machine = LinearDelta.require(model.machine)
+    *endstops, radius, angle_a, angle_b = (each.new(answer.decimals) for each in answer.parameters)
+    nominal = np.array(machine.arm_length_mm)
+    arms = nominal.copy()
+    for effect in model.accepted:
+        if effect.cause.id in _ENTERED:
+            arms += effect.theta
+    # The carriages stay where they are; longer arms let the nozzle down.
+    lower = np.sqrt(arms**2 - radius**2) - np.sqrt(nominal**2 - radius**2)
+    return FirmwareValues(
+        tuple(arms.tolist()),
+        radius,
+        (angle_a, angle_b, machine.tower_angles_deg[2]),
+        tuple((np.array(endstops) - lower).tolist()),
+        machine.bed_radius_mm,
     )
+
+
+def klipper(values: FirmwareValues) -> Iterator[str]:
+    """Lines of the SAVE_CONFIG block of printer.cfg."""
+    yield "# In printer.cfg, at its end: put these in place of the same lines of the SAVE_CONFIG"
+    yield "# block. Paste nothing else there: every line of it begins with #*#."
+    yield "# Where these settings stand above the block, too, delete them there: Klipper obeys"
+    yield "# those first."
+    yield "# Then type RESTART, home (G28), and make a new mesh (BED_MESH_CALIBRATE)."
+    yield "#*# [printer]"
+    yield f"#*# delta_radius = {_number(values.radius)}"
+    for tower, *numbers in zip("abc", values.angles, values.arms, values.endstops, strict=True):
+        angle, arm, endstop = map(_number, numbers)
+        yield "#*#"
+        yield f"#*# [stepper_{tower}]"
+        yield f"#*# angle = {angle}"
+        yield f"#*# arm_length = {arm}"
+        yield f"#*# position_endstop = {endstop}"
+
+
+def reprapfirmware(values: FirmwareValues) -> Iterator[str]:
+    """M665 and M666 of config.g; towers a, b, c are X, Y, Z."""
+    yield "; In config.g, in place of its M665 and M666; if config-override.g has them, too, delete"
+    yield "; them there. Then restart, home (G28), and make a new height map (G29)."
+    arms = values.arms[:1] if values.equal_arms else values.arms
+    height = float(np.mean(values.endstops))
+    lengths = ":".join(map(_number, arms))
+    yield (
+        f"M665 L{lengths} R{_number(values.radius)} H{_number(height)} B{_number(values.bed)}"
+        f" {_towers(_trims(values))}"
+    )
+    yield f"M666 {_towers([endstop - height for endstop in values.endstops])}"
+    if not values.equal_arms:
+        yield "; Three lengths after L need RepRapFirmware 2.03 or newer."
+
+
+def marlin(values: FirmwareValues) -> Iterator[str]:
+    """M665 and M666, saved with M500; towers a, b, c are X, Y, Z."""
+    yield "; Send these lines, then home (G28) and make a new mesh (G29). If Marlin knows a Z"
+    yield "; offset of the probe (M851), add it to H with its sign: it takes it off again."
+    yield "; M500 keeps the values only where Marlin has EEPROM_SETTINGS; otherwise enter them in"
+    yield "; Configuration.h, too."
+    arm = float(np.mean(values.arms))
+    # No endstop may be adjusted upwards.
+    height = min(values.endstops)
+    line = f"M665 L{_number(arm)} R{_number(values.radius)} H{_number(height)}"
+    line += f" {_towers(_trims(values))}"
+    if not values.equal_arms:
+        named = zip("ABC", values.arms, strict=True)
+        line += "".join(f" {name}{_number(each - arm)}" for name, each in named)
+    yield line
+    yield f"M666 {_towers([height - endstop for endstop in values.endstops])}"
+    yield "M500"
+    if not values.equal_arms:
+        yield "; A, B, C: each arm's excess over L. In old versions B meant something else: then"
+        yield "; leave A, B and C out; the difference of the arms is not entered."
+
+
+def _trims(values: FirmwareValues) -> list[float]:
+    return [angle - usual for angle, usual in zip(values.angles, USUAL_ANGLES_DEG, strict=True)]
+
+
+def _towers(numbers: Sequence[float]) -> str:
+    return " ".join(f"{n}{_number(v)}" for n, v in zip("XYZ", numbers, strict=True))
+
+
+def _number(value: float) -> str:
+    return plain(value, _DECIMALS)
+
+
+# Format → the name of the firmware, its lines, and what begins a comment.
+FIRMWARES: Mapping[str, tuple[str, Callable[[FirmwareValues], Iterator[str]], str]] = {
+    "klipper": ("Klipper", klipper, "#"),
+    "reprapfirmware": ("RepRapFirmware", reprapfirmware, ";"),
+    "marlin": ("Marlin", marlin, ";"),
+}
+
+
+def as_firmware(format: str, export: Export) -> str:
+    """The lines to paste, with what they are and what they leave out as comments."""
+    name, lines, sign = FIRMWARES[format]
+    said = _comments(sign, (*export.head(), *_left_out(name, export)))
+    after = _comments(sign, export.afterwards())
+    return "\n".join((*said, *lines(values_of(export)), *after, ""))
+
+
+def _left_out(name: str, export: Export) -> Iterator[str]:
+    """What the firmware has no setting for, and what of it is known of this machine."""
+    own = " but when it is compiled" if name == "Marlin" else ""
+    yield (
+        f"{name} has no setting for towers that lean, nor for a radius of each tower{own}; the"
+        " shape of the bed is left to its mesh."
+    )
+    case = export.case
+    for id in dict.fromkeys(cause.id for cause in case.known):
+        if id not in _ENTERED:
+            nowhere = "it has no setting for that: correct the fault"
+            yield f"Not in these lines: {id}; {_ELSEWHERE.get(id, nowhere)}."
+    unknown = [each.name for each in case.answer.parameters if not each.determined]
+    if unknown:
+        yield f"Left as they are, because these readings do not tell: {', '.join(unknown)}."

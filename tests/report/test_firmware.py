@@ -10,8 +10,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import read_input, read_machine_file
 from orthoglide_cal.model import Effect
-from orthoglide_cal.report.controller import Export
-from orthoglide_cal.report.firmware import FIRMWARES, as_firmware
+from orthoglide_cal.report.controller import FIRMWARES, Export, as_firmware
 from tests.printer_files import OFF, exact
 from tests.results.cases import case_of, identity_of
 from tests.truth.delta import V400, Layout, Truth, delta_yaml, tool

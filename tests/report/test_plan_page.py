@@ -10,8 +10,8 @@ from orthoglide_cal.model import Model
 from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.documents.parameters import budget_section
 from orthoglide_cal.report.documents.plan import plan_document
+from orthoglide_cal.report.documents.solution import budget_section
 from orthoglide_cal.report.figures import separation_lines
 from tests.machines import NOMINAL, both_models
 

@@ -19,16 +19,17 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case, decision_notice, position_words, to_do
 from orthoglide_cal.report.documents.diagnosis import diagnosis_section, headline
-from orthoglide_cal.report.documents.parameters import (
+from orthoglide_cal.report.documents.pictures import differences_figure, residual_blocks
+from orthoglide_cal.report.documents.solution import (
     alone_block,
     budget_sections,
     found_words,
+    method_words,
+    noise_words,
     open_blocks,
     parameters_grid,
     parameters_title,
 )
-from orthoglide_cal.report.documents.pictures import differences_figure, residual_blocks
-from orthoglide_cal.report.documents.solution import method_words, noise_words
 from orthoglide_cal.report.documents.verification import (
     compared_inputs,
     left_figure,

@@ -16,7 +16,8 @@ from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import SETTLED, Case, to_follow
-from orthoglide_cal.report.documents.parameters import (
+from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
+from orthoglide_cal.report.documents.solution import (
     alone_block,
     open_blocks,
     parameters_grid,
@@ -24,7 +25,6 @@ from orthoglide_cal.report.documents.parameters import (
     sizes,
     sizes_grid,
 )
-from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
     chance,

@@ -33,7 +33,7 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import about, to_follow
 from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.parameters import budget_section, common_unit, source_words
+from orthoglide_cal.report.documents.solution import budget_section, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (

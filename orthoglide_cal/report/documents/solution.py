@@ -1,25 +1,35 @@
-"""The document of `orthocal solve`: may the offsets be entered, how sure they are, what is left."""
+"""The document of `orthocal solve`: may the offsets be entered, how sure they are, what is left.
+
+Other pages show its parts, too: the parameters, what stays open, and where U comes from.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.model import DataKind, weighing
+from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
+from orthoglide_cal.model import DataKind, Machine, weighing
+from orthoglide_cal.model.influence import Origin
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice, to_do
-from orthoglide_cal.report.documents.parameters import (
-    alone_block,
-    budget_sections,
-    largest_words,
-    open_blocks,
-    parameters_grid,
-    parameters_title,
-)
 from orthoglide_cal.report.facts import comparison_words
-from orthoglide_cal.results import Answer
-from orthoglide_cal.words import counted, difference_decimals, plain, signed, two_figures
+from orthoglide_cal.results import Answer, Parameter
+from orthoglide_cal.words import (
+    counted,
+    coverage_words,
+    decimals_for,
+    difference_decimals,
+    plain,
+    short,
+    signed,
+    two_figures,
+    typed,
+    unit_words,
+    with_uncertainty,
+)
 
 _METHODS = {
     Method.READINGS: "all readings at once",
@@ -33,6 +43,40 @@ _METHODS = {
 # A screen has room for so many differences, or else for the largest.
 _MOST_DIFFERENCES = 6
 _LARGEST_DIFFERENCES = 3
+# Source → in words, and what would reduce it.
+_SOURCES: Mapping[str, tuple[str, str]] = {
+    Origin.NOISE: (
+        "scatter of the readings",
+        "{words.repeat}; if the residuals are larger than noise, first see what diagnose says.",
+    ),
+    Origin.RESOLUTION: (
+        "resolution of the {words.noise}",
+        "{words.repeat}, or {words.finer}.",
+    ),
+    Origin.GAUGE_SCALE: (
+        "scale of the gauge",
+        "State what its certificate says as scale_u of the gauge in the machine file.",
+    ),
+    Origin.GAUGE_PLACEMENT: (
+        "gauge position",
+        "Measure where the gauges stand, and state how well as placement_mm of the gauge.",
+    ),
+    Origin.BED_TEXTURE: (
+        "local shape of the bed",
+        "Probe more places; state how rough the bed is as texture_mm of the probe.",
+    ),
+    Origin.TEMPERATURE: ("temperature, off 20 °C (steel)", "Measure nearer to 20 °C."),
+    Origin.EXPLANATIONS: (
+        "undecided causes",
+        "The data leave them open: see what diagnose says.",
+    ),
+}
+# What reduces a cause that may be there, and one whose size no reading shows.
+_OPEN = (
+    "These readings hardly show it: measure with other {words.positions}, or state under"
+    " tolerances in the machine file how large it can be."
+)
+_STATE = "State how well that is known under tolerances in the machine file."
 
 
 def solution_document(case: Case) -> doc.Document:
@@ -146,3 +190,185 @@ def noise_words(answer: Answer) -> str:
         f"{name} {'unknown' if size is None else plain(size, 4)}" for name, size in sizes.items()
     )
     return said + (f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else "")
+
+
+# --- parts that other pages show, too ----------------------------------------------------------
+
+
+def parameters_title(case: Case) -> str:
+    """Heading of the table: what it is of, in which unit, and how it is meant."""
+    usable = case.answer.release.usable
+    kind = case.words.title if usable else f"{case.words.title} as found"
+    causes = " and ".join(case.answer.named)
+    return (
+        f"{kind}{f' with {causes}' if causes else ''}{common_unit(case.machine)}"
+        f" ({case.words.relation.replace('true position', 'true')})"
+    )
+
+
+def common_unit(machine: Machine) -> str:
+    """What is written behind a title: the unit of all parameters, if they have one."""
+    units = set(machine.parameter_units)
+    return f", {units.pop()}" if len(units) == 1 else ""
+
+
+def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
+    """What was found, and only if it may be entered what to type in.
+
+    What must not be entered has the digits of its U. `brief`: as a screen has room for it.
+    """
+    answer, words = case.answer, case.words
+    every, enter = answer.parameters, answer.release.usable and not answer.release.settled
+    digits = [answer.decimals if enter else decimals_for(each.expanded) for each in every]
+    unit = [unit_words(each.unit) for each in every]
+    alone = answer.alone if brief and not enter else None
+
+    def found(chosen: Sequence[Parameter]) -> list[str]:
+        return [found_words(each, own) for each, own in zip(chosen, digits, strict=True)]
+
+    columns: dict[str, Sequence[doc.Blank]] = {"": [each.name for each in every]}
+    if not (case.unit or brief):
+        columns["unit"] = unit
+    if alone is None:
+        name = "active" if brief else "active now"
+        columns[name] = [plain(each.active, answer.decimals) for each in every]
+        columns["found" if brief else words.found] = found(every)
+    else:
+        columns[f"{words.many} alone"] = found(alone.parameters)
+        columns[f"with {' and '.join(answer.named)}"] = found(every)
+    columns["± U"] = [two_figures(each.expanded) for each in every]
+    if enter:
+        write = typed if brief and case.unit else plain
+        new = [write(each.new(answer.decimals), answer.decimals) for each in every]
+        columns["enter" if brief else "type in"] = [doc.Typed(each) for each in new]
+    if brief:
+        columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if case.unit else unit
+    head, rows = tuple(columns), tuple(zip(*columns.values(), strict=True))
+    if brief:
+        return doc.Grid(head, rows, (0, len(head) - 1))
+    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
+    if answer.dof is not None:
+        caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
+    # From afar one reads what to type in, and nothing else.
+    return doc.Grid(head, rows, caption=f"{caption}.", tiles=enter)
+
+
+def found_words(each: Parameter, decimals: int | None = None) -> str:
+    """What was found of it; without `decimals` with its U and unit."""
+    if each.found is None:
+        return "not determined"
+    if decimals is None:
+        return f"{with_uncertainty(each.found, each.expanded)} {each.unit}"
+    return signed(each.found, decimals)
+
+
+def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[str]:
+    """Name, value ± U, and the unit where they have several."""
+    return [
+        f"{name} {with_uncertainty(value, u) if u else f'{value:+g}'.replace('-', '−')}"
+        f"{f' {unit_words(unit)}' if units else ''}"
+        for name, value, u, unit in rows
+    ]
+
+
+def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Grid:
+    """What they are of, and how many of them side by side."""
+    rows = [
+        ("" if start else name, *cells[start : start + width], *[""] * (start + width - len(cells)))
+        for name, cells in lines
+        for start in range(0, len(cells), width)
+    ]
+    columns = width + 1
+    return doc.Grid(("",) * columns, tuple(rows), words=tuple(range(columns)))
+
+
+def largest_words(case: Case) -> str:
+    """The largest contribution to U in one line."""
+    largest = max(case.answer.budget, key=_adds)
+    what = largest.source
+    if what in _SOURCES:
+        what = source_words(what, case.machine)[0]
+    size = _size(largest).replace(" (assumed)", ", assumed")
+    told = f"{'possible: ' * largest.possible}{what}{f', ± {size}' if size else ''}"
+    return f"Largest contribution to U (95 %): {told}."
+
+
+def _adds(each: BudgetLine) -> float:
+    """What a source adds to the variance of all parameters."""
+    return sum(std**2 for std in each.std)
+
+
+def alone_block(case: Case) -> tuple[doc.Block, ...]:
+    """What the parameters would be without the causes that were found, in one line."""
+    alone, digits = case.answer.alone, case.answer.decimals
+    if alone is None:
+        return ()
+    values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
+    left = f"({plain(alone.rms_after_mm, 4)} mm r.m.s. left)"
+    return (doc.Paragraph(f"{case.words.many.capitalize()} alone: {values} {left}."),)
+
+
+def open_blocks(case: Case) -> Iterator[doc.Block]:
+    """What these readings do not determine: parameters, and what is taken as given."""
+    names = {each.name for each in case.answer.parameters}
+    missing = [each for each in case.answer.undetermined if each.name in names]
+    if missing:
+        told = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
+        readings = case.answer.input.readings
+        yield doc.Paragraph(f"These {readings} readings do not determine {told}.")
+    for each in case.answer.undetermined:
+        if each.name not in names:
+            within = f"{each.within:.2g} {unit_words(each.unit)}"
+            told = f"Not determined: {each.name}, taken as stated to within {within}."
+            yield doc.Paragraph(told)
+
+
+def budget_sections(case: Case) -> Iterator[doc.Section]:
+    """The budget of an answer; nothing without a result."""
+    if case.answer.total is not None:
+        yield budget_section(case.machine, case.answer.budget, case.answer.total)
+
+
+def budget_section(
+    machine: Machine, lines: Sequence[BudgetLine], total: BudgetTotal
+) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter of the kind of machine."""
+    unit, rows = common_unit(machine), list[tuple[str, ...]]()
+    for each in sorted(lines, key=lambda each: -max(each.std)):
+        if not each.minor:
+            what = source_words(each.source, machine, each.possible)[0]
+            rows.append((what, each.type, _size(each), *map(two_figures, each.std)))
+    if any(total.minor):
+        others = sum(each.minor for each in lines)
+        rows.append((counted(others, "other"), "", "", *map(two_figures, total.minor)))
+    rows.append(("together, u", "", "", *map(two_figures, total.std)))
+    expanded = map(two_figures, total.expanded)
+    rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *expanded))
+    largest = max(lines, key=_adds)
+    what, remedy = source_words(largest.source, machine, largest.possible)
+    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
+    heads = [name if unit else f"{name}, {own}" for name, own in named]
+    grid = doc.Grid(("source", "type", "size", *heads), tuple(rows))
+    told = doc.Paragraph(f"Largest contribution: {what}. {remedy}")
+    return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", (grid, told))
+
+
+def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
+    """A source in words, and what would reduce it; `possible` if it may be there or not."""
+    words = machine.vocabulary
+    if source in _SOURCES:
+        what, remedy = _SOURCES[source]
+        return what.format(words=words), remedy.format(words=words)
+    causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
+    what = " and ".join(cause.title for cause in causes)
+    if possible:
+        return f"possible: {what}", _OPEN.format(words=words)
+    return what, f"{causes[0].advice} {_STATE}"
+
+
+def _size(each: BudgetLine) -> str:
+    """Its size with unit, and whether it is assumed; what has no one size is blank."""
+    if each.size is None:
+        return ""
+    value = f"{short(each.size, decimals_for(each.size))} {unit_words(each.unit)}".rstrip()
+    return f"{value} (assumed)" if each.assumed else value
