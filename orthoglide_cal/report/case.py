@@ -38,17 +38,11 @@ def about(
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What a page is about.
-
-    Attributes:
-        given: the input.
-        answer: to it.
-        machine_file: as the user gave it, for the commands to run next.
-    """
+    """What a page is about."""
 
     given: Input
     answer: Answer
-    machine_file: Path | None = None
+    machine_file: Path | None = None  # as the user gave it, for the commands to run next
 
     @property
     def source(self) -> Source:
@@ -231,10 +225,9 @@ def to_follow(
     """What to type for a further measurement; a printer has its own ways.
 
     Args:
-        machine: what is measured.
+        machine, machine_file: what is measured, and its file as the user named it.
         source: of its readings.
         session: options of a session of its own; None: it goes on from those readings.
-        machine_file: that the user named.
     """
     if session is not None:
         return command("measure", machine=machine_file, options=session)

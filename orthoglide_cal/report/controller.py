@@ -43,12 +43,7 @@ _ELSEWHERE = {
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """A result whose parameters may go to the controller, or are forced to.
-
-    Attributes:
-        case: the result.
-        identity: its number.
-    """
+    """A result whose parameters may go to the controller, or are forced to."""
 
     case: Case
     identity: Identity
@@ -161,21 +156,13 @@ def as_table(table: Compensation, export: Export) -> str:
 
 @dataclass(frozen=True)
 class FirmwareValues:
-    """The numbers of a firmware.
+    """The numbers of a firmware, those of towers a, b, c in this order."""
 
-    Attributes:
-        arms: of towers a, b, c [mm].
-        radius: delta radius [mm].
-        angles: of towers a, b, c, counter-clockwise from x [deg].
-        endstops: height of the nozzle, in the middle, at which each triggers [mm].
-        bed: radius of the bed [mm].
-    """
-
-    arms: tuple[float, ...]
-    radius: float
-    angles: tuple[float, ...]
-    endstops: tuple[float, ...]
-    bed: float
+    arms: tuple[float, ...]  # [mm]
+    radius: float  # delta radius [mm]
+    angles: tuple[float, ...]  # counter-clockwise from x [deg]
+    endstops: tuple[float, ...]  # height of the nozzle, in the middle, at which each triggers [mm]
+    bed: float  # radius [mm]
 
     @property
     def equal_arms(self) -> bool:

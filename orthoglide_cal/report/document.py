@@ -94,18 +94,13 @@ class Facts:
 
 @dataclass(frozen=True)
 class Grid:
-    """A table.
+    """A table; its columns of words are left-aligned and may be wrapped, numbers right-aligned.
 
-    Attributes:
-        head: column titles; not shown if all are empty.
-        rows: cells.
-        words: columns that hold words (left-aligned, may be wrapped); numbers are right-aligned.
-        caption: says what it shows.
-        tiles: the few numbers of the page that are read from afar: where there is room, each row
-            is a tile with the first cell as its name, the last as its value, the others below.
+    With `tiles` it holds the few numbers of the page that are read from afar: where there is room,
+    each row is a tile with the first cell as its name, the last as its value, the others below.
     """
 
-    head: tuple[str, ...]
+    head: tuple[str, ...]  # not shown if all are empty
     rows: tuple[tuple[Blank, ...], ...]
     words: tuple[int, ...] = (0,)
     caption: str | None = None
@@ -114,26 +109,15 @@ class Grid:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture.
+    """A picture: SVG parts that are laid out side by side as far as they fit."""
 
-    Attributes:
-        title: what it is; None if its section's title says it.
-        finding: what one sees in it, in words.
-        panels: SVG parts that are laid out side by side as far as they fit.
-        columns: most panels side by side, 1 to 3; 0: half as wide as a page, beside the
-            other blocks of its section.
-        key: explanation of the marks.
-        legend: the scale of colours that all panels share.
-        sketch: the same in characters, for a terminal; may be empty.
-    """
-
-    title: str | None
-    finding: str
+    title: str | None  # None if its section's title says it
+    finding: str  # what one sees in it, in words
     panels: tuple[Html, ...]
-    columns: int = 3
-    key: str | None = None
-    sketch: tuple[str, ...] = ()
-    legend: Html | None = None
+    columns: int = 3  # most side by side; 0: half as wide as a page, beside the other blocks
+    key: str | None = None  # explanation of the marks
+    sketch: tuple[str, ...] = ()  # the same in characters, for a terminal
+    legend: Html | None = None  # the scale of colours that all panels share
 
     @property
     def in_words(self) -> str:
@@ -186,31 +170,18 @@ def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
 
 @dataclass(frozen=True)
 class Page:
-    """All that people are shown of one result.
+    """All that people are shown of one result."""
 
-    Attributes:
-        kind: e.g. "Calibration report".
-        title: of what, e.g. the machine's name; None: no heading on a terminal.
-        number: unique; only letters, digits and "-".
-        facts: the most important ones, under the title.
-        notice: the answer in one box.
-        sheet: what belongs on the first page, to be pinned to the machine.
-        sections: the evidence, from the second page on.
-        signatures: lines to sign on, at the end of the first page.
-        scope: for what it holds; stands at its end.
-        stamp: one word across the first page; None for what may be relied on.
-    """
-
-    kind: str
-    title: str | None = None
-    number: str | None = None
-    facts: Facts | None = None
-    notice: Notice | None = None
-    sheet: tuple[Section, ...] = ()
-    sections: tuple[Section, ...] = ()
-    signatures: tuple[str, ...] = ()
-    scope: str | None = None
-    stamp: str | None = None
+    kind: str  # e.g. "Calibration report"
+    title: str | None = None  # of what, e.g. the machine's name; None: no heading on a terminal
+    number: str | None = None  # unique; only letters, digits and "-"
+    facts: Facts | None = None  # the most important ones, under the title
+    notice: Notice | None = None  # the answer in one box
+    sheet: tuple[Section, ...] = ()  # what belongs on the first page, to be pinned to the machine
+    sections: tuple[Section, ...] = ()  # the evidence, from the second page on
+    signatures: tuple[str, ...] = ()  # lines to sign on, at the end of the first page
+    scope: str | None = None  # for what it holds; stands at its end
+    stamp: str | None = None  # one word across the first page; None for what may be relied on
 
     @property
     def in_characters(self) -> tuple[Section, ...]:
@@ -231,14 +202,8 @@ class Page:
 
 @dataclass(frozen=True)
 class Document:
-    """One result, for programs and for people; what nobody asks for is not made.
+    """One result, for programs and for people; what nobody asks for is not made."""
 
-    Attributes:
-        data: makes the plain values that `--json` prints.
-        page: makes everything that people may want to see.
-        screen: makes what one screen of a terminal shows instead; None: the page is short.
-    """
-
-    data: Callable[[], Mapping[str, object]]
-    page: Callable[[], Page]
-    screen: Callable[[], Page] | None = None
+    data: Callable[[], Mapping[str, object]]  # the plain values that `--json` prints
+    page: Callable[[], Page]  # everything that people may want to see
+    screen: Callable[[], Page] | None = None  # one screen of a terminal; None: the page is short

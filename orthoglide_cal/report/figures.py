@@ -191,29 +191,29 @@ def deviation_rows(
         limit_mm: largest size that is allowed; None if nobody said.
     """
     last = expected_mm if left_mm is None else left_mm
-    edges = [] if limit_mm is None else [-limit_mm, limit_mm]
-    pairs = list(zip(last, expanded_mm, strict=True))
-    ends = [value + side * half for value, half in pairs for side in (-1.0, 1.0)]
-    limits = around([*ends, *found_mm, *expected_mm, *edges], 0.02)
+    limits = [] if limit_mm is None else [-limit_mm, limit_mm]
+    ends = [*np.subtract(last, expanded_mm), *np.add(last, expanded_mm), *limits]
     # Columns of numbers, by their right edges.
     heads = {_WIDE - 108.0: "found", _WIDE - 2.0: "expected ± U"}
     if left_mm is not None:
         heads = {192.0: "found", 250.0: "expected", _WIDE - 2.0: "measured ± U"}
-    across = Scale(*limits, 42.0, min(heads) - 50.0)
+    across = Scale(*around([*found_mm, *expected_mm, *ends], 0.02), 42.0, min(heads) - 50.0)
     top, bottom = _TOP - 4.0, _TOP + _ROW * len(names)
     places, kinds, texts = zip(*across.ticks(3), strict=True)
-    low, high = (across(side * (limit_mm or 0.0)) for side in (-1.0, 1.0))
+    band = [
+        rectangle(across(low), top, across(high) - across(low), bottom - top, "allowed")
+        for low, high in itertools.pairwise(limits)
+    ]
     parts = [
-        *([rectangle(low, top, high - low, bottom - top, "allowed")] if edges else []),
+        *band,
         *(line(x, top, x, bottom, kind) for x, kind in zip(places, kinds, strict=True)),
         *below(places, texts, bottom + 14),
         words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
         *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
     ]
     for k, (name, value, half) in enumerate(zip(names, last, expanded_mm, strict=True)):
-        y = _TOP + _ROW * (k + 0.5)
+        y, start, stop = _TOP + _ROW * (k + 0.5), across(found_mm[k]), across(expected_mm[k])
         low, high = across(value - half), across(value + half)
-        start, stop = across(found_mm[k]), across(expected_mm[k])
         numbers = [signed(found_mm[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
         if left_mm is not None:
             numbers.insert(1, signed(expected_mm[k], 3))
@@ -251,8 +251,7 @@ def residual_panels(
     """One panel for each leg and direction, all on one scale: residuals by posture and cycle.
 
     Args:
-        series: leg and direction of n readings.
-        posture, displacement_mm: where the leg stood.
+        series, posture, displacement_mm: of n readings: leg and direction, where the leg stood.
         cycle: repeat, from 1.
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
         noise_mm: standard deviation of one reading; the band is twice as high.
@@ -283,15 +282,12 @@ def residual_panels(
             ),
             words(width - 6, 14.0, one.words, "end", "strong"),
         ]
-        for number, values in enumerate(microns, start=1):
+        for values in microns:
+            last = values is microns[-1]
             for turn in sorted({cycle[k] for k in chosen}):
-                shift = 0.09 * (turn - 2.5)
-                points = [
-                    (across(postures.index(posture[k]) + shift), up(float(values[k])))
-                    for k in chosen
-                    if cycle[k] == turn
-                ]
-                last = number == len(microns)
+                own = [k for k in chosen if cycle[k] == turn]
+                places = [across(postures.index(posture[k]) + 0.09 * (turn - 2.5)) for k in own]
+                points = [*zip(places, (up(float(values[k])) for k in own), strict=True)]
                 parts += [thread(points)] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
@@ -369,13 +365,14 @@ def workspace_maps(
     Returns:
         The maps, and the legend of all of them.
     """
-    before, later = _maps(found), _maps(found if after is None else after)
-    last = later.after_mm if after is None else later.before_mm
-    worst = found.worst_after_mm if after is None else after.worst_before_mm
-    word = "expected" if after is None else "measured"
-    limits = class_limits(0.0, max(float(before.before_mm.max()), float(last.max())))
+    before = _maps(found)
+    pictures = [("as found", before.before_mm, found.worst_before_mm)]
+    if after is None:
+        pictures.append(("expected", before.after_mm, found.worst_after_mm))
+    else:
+        pictures.append(("measured", _maps(after).before_mm, after.worst_before_mm))
+    limits = class_limits(0.0, max(float(error.max()) for _, error, _ in pictures))
     ends, panels = (float(before.axis_mm[0]), float(before.axis_mm[-1])), []
-    pictures = (("as found", before.before_mm, found.worst_before_mm), (word, last, worst))
     for when, error, (x_mm, y_mm, z_mm) in pictures:
         across, up = (Scale(*ends, 0.0, _SIZE) for _ in range(2))
         for k in reversed(range(len(before.levels_mm))):
@@ -508,31 +505,28 @@ def machine_sketch(
         end = min(high, 1.0 + 34.0 / _LEG)
         across = np.array([-_ON_PAPER[leg, 1], _ON_PAPER[leg, 0]])
         side = 4.0 * across / np.linalg.norm(across)
-        joint, tool = _at(leg, 1.0), _at(leg, 0.0)
+        start, stop, joint, tool = (_at(leg, place) for place in (low, end, 1.0, 0.0))
         x, y = (joint - 7.0).tolist()
         at, below = _at(leg, end + 0.10).tolist()
-        beside = 2.5 * side
-        drawn = (
-            _straight(_at(leg, low), _at(leg, end), "rail"),
+        drawn = [
+            _straight(start, stop, "rail"),
             _straight(joint + side, tool + side, "bar"),
             _straight(joint - side, tool - side, "bar"),
             tag("rect", x=x, y=y, width=14, height=14, rx=2, class_="carriage"),
             words(at, below + 4.0, axis, "middle", "axis"),
-            _straight(_at(leg, low) + beside, _at(leg, end) + beside, "fault")
-            if leg in rails
-            else None,
-        )
+        ]
+        if leg in rails:
+            drawn.append(_straight(start + 2.5 * side, stop + 2.5 * side, "fault"))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     x, y = _CENTRE.tolist()
     parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
     dials: list[Floats] = []
     parts += [_gauge(*gauge, (gauge[0], gauge[1]) in faults, dials) for gauge in gauges]
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
-    for what, marked in (
-        ("readings of", [Series(*fault).words for fault in sorted(faults)]),
-        ("axis", [AXES[rail] for rail in sorted(rails)]),
-    ):
-        finding += f" Marked, because of a fault: {what} {'; '.join(marked)}." if marked else ""
+    spoilt = "; ".join(Series(*fault).words for fault in sorted(faults))
+    bent = "; ".join(AXES[rail] for rail in sorted(rails))
+    for what in (f"readings of {spoilt}" if spoilt else "", f"axis {bent}" if bent else ""):
+        finding += f" Marked, because of a fault: {what}." if what else ""
     return svg("machine", 328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
@@ -585,9 +579,9 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         through[second, along] -= 0.5 * _NEAR * gap / most
     parts: list[Html] = []
     for rail, axis in enumerate(AXES):
-        way = np.eye(3)[rail]
-        start, stop = (_paper(through[rail] + side * _FAR * way) for side in (-1.0, 1.0))
-        x, y = _paper(through[rail] + (_FAR + 12.0) * way).tolist()
+        along = [through[rail] + far * np.eye(3)[rail] for far in (-_FAR, _FAR, _FAR + 12.0)]
+        start, stop, behind = map(_paper, along)
+        x, y = behind.tolist()
         drawn = _straight(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     taken: list[Floats] = []

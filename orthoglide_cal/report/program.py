@@ -57,10 +57,9 @@ def program_gcode(program: PostureProgram, template: Template) -> str:
     A block drives to the approach point along the axis of its leg, then slowly to the posture, and
     waits. Coordinates are absolute, in mm.
     """
-    lines = [*template.before, *_head(program, template)]
-    for block in program.blocks:
-        lines += _block_lines(block, program, template)
-    return "\n".join([*lines, *template.after]) + "\n"
+    blocks = (line for block in program.blocks for line in _block_lines(block, program, template))
+    said = (line for words in _head(program, template) for line in _comment(words, template))
+    return "\n".join((*template.before, *said, *blocks, *template.after, ""))
 
 
 def _head(program: PostureProgram, template: Template) -> Iterator[str]:
@@ -73,48 +72,44 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
         f" where the joint positions are {home}",
         PostureValues.TOOL: "tool positions: all 0 at the isotropic posture",
     }
-    said = [
-        f"For {program.machine.name}: {counted(len(program.blocks), 'posture')}, each a"
-        " numbered block.",
-        "Blocks and steps are those of this command, and of no other:",
-        program.session,
+    postures = counted(len(program.blocks), "posture")
+    yield f"For {program.machine.name}: {postures}, each a numbered block."
+    yield "Blocks and steps are those of this command, and of no other:"
+    yield program.session
+    yield (
         f"{names} are {meaning[template.values]}. Absolute, in mm. Feeds in mm per minute. No"
-        " work offset and no tool length may be active.",
-        "Begin at the isotropic posture. To run a block again, drive there first.",
+        " work offset and no tool length may be active."
+    )
+    yield "Begin at the isotropic posture. To run a block again, drive there first."
+    yield (
         f"Carriages arrive from below, slowly over the last {short(program.approach_mm, 3)} mm."
         " Lost motion, also called backlash, then leaves no trace in the readings and is part of"
-        " the offsets: let the machine work with the same approach.",
-    ]
+        " the offsets: let the machine work with the same approach."
+    )
     above = [f"N{each.number} {_carriages(each)}" for each in program.blocks if each.from_above]
     if above:
-        said.append(
+        yield (
             "Except the carriage that stands at its lower limit, which arrives from above: its"
             f" lost motion still shows in these blocks: {', '.join(above)}."
         )
-    for words in said:
-        yield from _comment(words, template)
 
 
 def _block_lines(block: Block, program: PostureProgram, template: Template) -> Iterator[str]:
     first, last = block.steps[0], block.steps[-1]
-    leg, steps = AXES[first.leg].upper(), f"{first.number}-{last.number}"
+    leg, steps = AXES[first.leg].upper(), str(first.number)
+    steps += "" if last is first else f"-{last.number}"
     above = f" Carriage {_carriages(block)} arrives from above." if block.from_above else ""
     if block.set_up:
         words = f"Set-up {first.setup}: waits at the isotropic posture for the gauges on leg {leg}."
         yield from _comment(words, template)
         yield from (_move(point, template.feed, program, template) for point in block.set_up)
         yield "M0"  # waits for a button: nobody knows how long gauges take
-    yield from _comment(
-        f"N{block.number}: leg {leg}, {posture_name(first)}, cycle {first.cycle}. Read steps"
-        f" {first.number if last is first else steps}, gauges {_gauges(block).upper()}.{above}",
-        template,
-    )
-    start, *on = (*block.way, block.approach)
-    yield f"N{block.number} {_move(start, template.feed, program, template)}"
-    for point in on:
-        yield _move(point, template.feed, program, template)
-    yield _move(block.posture, template.slow, program, template)
-    yield template.pause
+    words = f"N{block.number}: leg {leg}, {posture_name(first)}, cycle {first.cycle}. Read steps"
+    words += f" {steps}, gauges {_gauges(block).upper()}.{above}"
+    yield from _comment(words, template)
+    way = [_move(point, template.feed, program, template) for point in (*block.way, block.approach)]
+    yield from (f"N{block.number} {way[0]}", *way[1:])
+    yield from (_move(block.posture, template.slow, program, template), template.pause)
 
 
 def _move(point: Point, feed: float, program: PostureProgram, template: Template) -> str:
@@ -124,11 +119,9 @@ def _move(point: Point, feed: float, program: PostureProgram, template: Template
         PostureValues.DISPLACEMENTS: point.joints - program.machine.home_mm,
         PostureValues.TOOL: point.tool,
     }[template.values]
-    words = (
-        f"{axis}{plain(value, _DECIMALS)}"
-        for axis, value in zip(template.axes, values, strict=True)
-    )
-    return f"G1 {' '.join(words)} F{short(feed, 3)}"
+    pairs = zip(template.axes, values, strict=True)
+    words = " ".join(f"{axis}{plain(value, _DECIMALS)}" for axis, value in pairs)
+    return f"G1 {words} F{short(feed, 3)}"
 
 
 def _comment(words: str, template: Template) -> list[str]:
