@@ -579,8 +579,8 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         through[second, along] -= 0.5 * _NEAR * gap / most
     parts: list[Html] = []
     for rail, axis in enumerate(AXES):
-        along = [through[rail] + far * np.eye(3)[rail] for far in (-_FAR, _FAR, _FAR + 12.0)]
-        start, stop, behind = map(_paper, along)
+        places = (-_FAR, _FAR, _FAR + 12.0)
+        start, stop, behind = (_paper(through[rail] + far * np.eye(3)[rail]) for far in places)
         x, y = behind.tolist()
         drawn = _straight(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
