@@ -18,21 +18,13 @@ Offsets = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment of Tables 4 and 5; lengths in mm, differences in the order of Table 4.
+    """One experiment of Tables 4 and 5; lengths in mm."""
 
-    Attributes:
-        measured: Δx_y, Δx_z, Δy_x, Δy_z, Δz_x, Δz_y (max − min).
-        expected: expected improvement: measured minus modelled.
-        rms_before, rms_after: of these two rows.
-        six_offsets: Δρ by the six-equation method (Table 5).
-        twelve_offsets, twelve_rms: by the twelve-equation method (Table 5).
-    """
-
-    measured: Six
-    expected: Six
+    measured: Six  # Δx_y, Δx_z, Δy_x, Δy_z, Δz_x, Δz_y (max − min)
+    expected: Six  # expected improvement: measured minus modelled
     rms_before: float
     rms_after: float
-    six_offsets: Offsets
+    six_offsets: Offsets  # Δρ by the six-equation method (Table 5)
     twelve_offsets: Offsets
     twelve_rms: float
 

@@ -45,19 +45,12 @@ SOLVES = len(published.TABLE_3) * REPLICATIONS * RUNS
 
 @dataclass(frozen=True)
 class ReproducedRow:
-    """One row of a table.
-
-    Attributes:
-        name: what it is.
-        published: as printed; None where the paper gives nothing.
-        computed: the same figures; None where they cannot be computed.
-        allowed: largest difference that counts as reproduced.
-    """
+    """One row of a table."""
 
     name: str
-    published: tuple[float | None, ...]
-    computed: tuple[float, ...] | None
-    allowed: float
+    published: tuple[float | None, ...]  # as printed; None where the paper gives nothing
+    computed: tuple[float, ...] | None  # the same figures; None where they cannot be computed
+    allowed: float  # largest difference that counts as reproduced
 
     @property
     def largest(self) -> float:
@@ -73,23 +66,14 @@ class ReproducedRow:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """One of the paper's tables, computed again.
+    """One of the paper's tables, computed again."""
 
-    Attributes:
-        table: "1", "3", "4", "5" or "accuracy".
-        title: what the paper calls it.
-        columns: names of the figures.
-        digits: decimals to show.
-        rows: printed and computed.
-        notes: what differs from the print, and why.
-    """
-
-    table: str
-    title: str
-    columns: tuple[str, ...]
-    digits: int
+    table: str  # "1", "3", "4", "5" or "accuracy"
+    title: str  # as the paper calls it
+    columns: tuple[str, ...]  # names of the figures
+    digits: int  # decimals to show
     rows: tuple[ReproducedRow, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what differs from the print, and why
 
     @property
     def reproduced(self) -> bool:

@@ -45,14 +45,9 @@ def places(machine: Orthoglide) -> tuple[float, ...]:
 
 
 class BarWarning(NamedTuple):
-    """Plungers that leave their bar, or come near its end.
+    """Plungers that leave their bar, or come near its end."""
 
-    Attributes:
-        lines: what is wrong, and the remedy, a sentence each.
-        leaves: whether one leaves the bar.
-    """
-
-    lines: tuple[str, str]
+    lines: tuple[str, str]  # what is wrong, and the remedy
     leaves: bool
 
 

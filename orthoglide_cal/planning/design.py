@@ -54,15 +54,10 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Design:
-    """Which readings are taken again and again.
+    """Which readings are taken again and again."""
 
-    Attributes:
-        displacements_mm: of the leg's carriage in one cycle, in their order.
-        gauge_at: place of the gauges along the leg at the isotropic posture.
-    """
-
-    displacements_mm: tuple[float, ...]
-    gauge_at: float
+    displacements_mm: tuple[float, ...]  # of the leg's carriage in one cycle, in their order
+    gauge_at: float  # along the leg at the isotropic posture
 
     def plan(self, cycles: int) -> GaugePlan:
         """Its readings, leg by leg; at least one cycle."""

@@ -7,12 +7,11 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Self
+from functools import cached_property, lru_cache
+from typing import Any, Self
 
 import numpy as np
 from pydantic import ConfigDict, Field, computed_field
@@ -53,33 +52,23 @@ def lengths(model: Model, values: Floats) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class ParameterForecast:
-    """What is expected of one calibrated parameter, in its unit; `determined`: well enough.
-
-    Attributes:
-        lessened, fixed: U of what other readings could reduce, and of what is taken as stated.
-    """
+    """What is expected of one calibrated parameter, in its unit."""
 
     unit: str
     noise_std: float
     expanded: float
-    determined: bool
-    lessened: float
-    fixed: float
+    determined: bool  # well enough
+    lessened: float  # U of what other readings could reduce
+    fixed: float  # U of what is taken as stated
 
 
 class SessionForecast(Schema):
-    """What a session will give.
-
-    Attributes:
-        budget: of the calibrated parameters, at the degrees of freedom that the readings will have.
-        name, what, cycles, gauge_moves, minutes: as of `Layout`.
-        noise_std_mm, expanded_mm: what the scatter of the readings leaves of each length, and U.
-        parameters: the same of all of them, each in its unit.
-    """
+    """What a `Layout` or a session like it will give."""
 
     model_config = ARRAYS
     model: Model = Field(exclude=True)
     plan: Plan = Field(exclude=True)
+    # Of the calibrated parameters, at the degrees of freedom that the readings will have.
     budget: Budget = Field(exclude=True)
     name: str = Field(serialization_alias="layout")
     what: str
@@ -87,13 +76,15 @@ class SessionForecast(Schema):
     readings: int
     gauge_moves: int
     minutes: Minutes
-    noise_std_mm: dict[str, float]
+    noise_std_mm: dict[str, float]  # what the scatter of the readings leaves of each length
     expanded_mm: dict[str, float]
-    parameters: dict[str, ParameterForecast]
+    parameters: dict[str, ParameterForecast]  # also those that are no lengths
 
     @classmethod
-    def of(cls, model: Model, session: Layout, method: Method = Method.READINGS) -> Self:
-        """What a method finds of a session's readings, on average.
+    def of(
+        cls, model: Model, session: Layout, method: Method = Method.READINGS, **more: Any
+    ) -> Self:
+        """What a method finds of a session's readings, on average; `more` as of a subclass.
 
         Raises:
             RankDeficientError: they will not determine the parameters; says what to add.
@@ -108,11 +99,10 @@ class SessionForecast(Schema):
         budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
         parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
         noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
-        known = determined(model, expanded)
         others = {c.source for c in budget.contributions}.difference(machine.fixed_parameters)
         parted = (_without(budget, machine.fixed_parameters), _without(budget, others))
         reach = [np.zeros_like(noise) if part is None else part.expanded_mm for part in parted]
-        values = (noise, expanded, known, *reach)
+        values = (noise, expanded, determined(model, expanded), *reach)
         rows = zip(machine.parameter_units, *(np.asarray(v).tolist() for v in values), strict=True)
         each = [ParameterForecast(*row) for row in rows]
         return cls(
@@ -123,6 +113,7 @@ class SessionForecast(Schema):
             expanded_mm=lengths(model, expanded),
             parameters=dict(zip(machine.parameter_names, each, strict=True)),
             **session._asdict(),
+            **more,
         )
 
     @computed_field
@@ -170,7 +161,7 @@ def rivals_sigma(model: Model, plan: Plan) -> float | None:
 
 
 # Every method asks for the same sessions.
-@functools.lru_cache(maxsize=128)
+@lru_cache(maxsize=128)
 def session_of(
     model: Model,
     protocol: MeasuringProtocol,
@@ -190,7 +181,7 @@ def session_of(
 
 
 # The same sessions are asked for by number of cycles, by target and by comparison.
-@functools.lru_cache(maxsize=128)
+@lru_cache(maxsize=128)
 def forecast(
     model: Model,
     protocol: MeasuringProtocol,
@@ -231,7 +222,7 @@ def estimator_for(
     return np.asarray(method.estimator(posed) @ posed.problem.matrix)
 
 
-@functools.lru_cache(maxsize=128)
+@lru_cache(maxsize=128)
 def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
     """Influences on these readings: their squares are the means over plausible parameters."""
     alike = [influences(model, offsets, plan) for offsets in model.machine.linearization_points]

@@ -25,6 +25,7 @@ import functools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 from operator import ne
 
 import numpy as np
@@ -67,36 +68,24 @@ TINY = 1e-12
 
 
 class RankedMeasurement(NextMeasurement):
-    """An option and what it is worth.
-
-    Attributes:
-        option: what to do.
-        expanded: expanded uncertainty of the parameters that `solve` is expected to print of all
-            readings together, or of a session of its own alone, shape (p,).
-        chance: that it leaves one answer; 0 where nothing is open that readings tell.
-        expanded_mm: of the parameters that are lengths, by name.
-    """
+    """An option and what it is worth."""
 
     model_config = ARRAYS
     option: Option = Field(exclude=True)
+    # U of the parameters that `solve` is expected to print of all readings together, or of a
+    # session of its own alone, shape (p,).
     expanded: Floats = Field(exclude=True)
-    chance: float
-    expanded_mm: dict[str, float]
+    chance: float  # that it leaves one answer; 0 where nothing is open that readings tell
+    expanded_mm: dict[str, float]  # of those that are lengths
 
 
 @dataclass(frozen=True, eq=False)
 class Predictions(ReadOnly):
-    """What f explanations predict of one option, in r combinations of its readings.
+    """What f explanations predict of one option, in r combinations of its readings."""
 
-    Attributes:
-        mean: shape (f, r) [mm].
-        covariance: with noise, shape (f, r, r) [mm²].
-        offsets: covariance of the p parameters once it is read, shape (f, p, p) [mm²].
-    """
-
-    mean: Floats
-    covariance: Floats
-    offsets: Floats
+    mean: Floats  # (f, r) [mm]
+    covariance: Floats  # with noise, (f, r, r) [mm²]
+    offsets: Floats  # covariance of the p parameters once it is read, (f, p, p) [mm²]
 
     def of(self, some: slice) -> Predictions:
         """Those of some of the explanations."""
@@ -160,12 +149,9 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
         reach = half_width(np.inf) * np.sqrt(np.maximum(variance, 0.0))
         lacking: tuple[Ids, ...] = ()
         if pair is not None:
-            one, two = ids[pair[0]], ids[pair[1]]
-            only = tuple(
-                tuple(id for id in mine if id not in other)
-                for mine, other in ((one, two), (two, one))
-            )
-            lacking = only if all(only) else (one, two)
+            two = tuple(ids[number] for number in pair)
+            only = tuple(tuple(id for id in a if id not in b) for a, b in permutations(two))
+            lacking = only if all(only) else two
         ranking = RankedMeasurement(
             option=option,
             expanded=reach,
@@ -191,10 +177,8 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
 def best_next(diagnosis: Diagnosis) -> RankedMeasurement | None:
     """What distinguishes the explanations that are left open, or that would not show but matter;
     None if nothing does."""
-    if not diagnosis.undecided:
-        return None
-    first = ranked(diagnosis)[0]
-    return first if first.separates else None
+    first = ranked(diagnosis)[0] if diagnosis.undecided else None
+    return first if first is not None and first.separates else None
 
 
 def _apart(seen: Predictions) -> Floats:
@@ -274,10 +258,8 @@ def predictions(
     `first` are the readings that they were fitted to; None if they are not known.
     """
     found: dict[Option, Predictions] = {}
-    for goes_on in (True, False):
+    for goes_on in {option.continues for option in choice}:
         group = [option for option in choice if option.continues is goes_on]
-        if not group:
-            continue
         plan, starts = _together(first, group)
         stay = first if goes_on else None
         expected = [_expected(model, plan, fit, stay) for fit in fits]
@@ -292,16 +274,12 @@ def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[i
     Every option comes behind the first readings' last travel, as if there were no other: the
     carriages reach it from where they would.
     """
-    parts, starts, end = [], [], 0
-    if first is not None:
-        parts, end = [first], len(first)
+    parts, starts = [] if first is None else [first], []
     for option in group:
         if first is not None:
             parts.append(first.subset(first.last_travel))
-            end += len(parts[-1])
-        starts.append(end)
+        starts.append(sum(map(len, parts)))
         parts.append(option.plan)
-        end += len(option.plan)
     order = np.concatenate([part.in_time.argsort() for part in parts])
     order += np.repeat(np.cumsum([0, *map(len, parts[:-1])]), [len(part) for part in parts])
     return replace(joined(*parts), order=order), starts

@@ -57,21 +57,14 @@ P = TypeVar("P", bound=Plan)
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """A measurement that could be taken next.
+    """A measurement that could be taken next."""
 
-    Attributes:
-        what: instruction, one or two sentences.
-        plan: the new readings alone, with part, set-ups, order and hours as in the joined data.
-        minutes: that it takes.
-        continues: True if the stands are still where they were: same part, same set-ups.
-        session: what `measure` is told for it if it is a session of its own, judged without what
-            was read before; None if it is solved together with that.
-    """
-
-    what: str
-    plan: Plan
-    minutes: float
-    continues: bool
+    what: str  # instruction, one or two sentences
+    plan: Plan  # the new readings alone; part, set-ups, order and hours as in the joined data
+    minutes: float  # that it takes
+    continues: bool  # the stands are still where they were: same part, same set-ups
+    # What `measure` is told for a session that is solved alone; None where what was read before
+    # is solved together with it.
     session: str | None = None
 
 

@@ -63,58 +63,36 @@ CERTAIN_SIGMA = 5.0
 
 
 class Wanted(NamedTuple):
-    """What somebody wants to measure; None where they say nothing.
-
-    Attributes:
-        protocol, cycles, stands: how gauges are read.
-        target_mm: U that every offset is to reach, in place of a number of cycles.
-        layout: name of a layout of the machine.
-    """
+    """What somebody wants to measure; None where they say nothing."""
 
     protocol: MeasuringProtocol | None = None
     cycles: int | None = None
     stands: int = 2
-    target_mm: float | None = None
-    layout: str | None = None
+    target_mm: float | None = None  # U that every offset is to reach, in place of `cycles`
+    layout: str | None = None  # name of one of the machine's
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """A way to measure besides the one that was asked for.
-
-    Attributes:
-        protocol, method: which.
-        same_cycles: as many cycles as were asked for, with the fewest moves of a gauge.
-        same_expanded: the same with as many as make no U larger than the session's largest; None
-            if no number does.
-    """
+    """A way to measure besides the one that was asked for, with the fewest moves of a gauge."""
 
     protocol: MeasuringProtocol
     method: Method
-    same_cycles: SessionForecast
-    same_expanded: SessionForecast | None
+    same_cycles: SessionForecast  # as were asked for
+    same_expanded: SessionForecast | None  # no U is larger than the session's largest, if possible
 
 
 class BestDesign(SessionForecast):
-    """The best session that is known: the fewest readings, or what distinguishes rivals.
+    """The best session that is known: the fewest readings, or what distinguishes rivals."""
 
-    Attributes:
-        causes: the rivals that it distinguishes; empty for the fewest readings.
-        reached: whether it does, `wanted_sigma` apart, or gives the U that was wanted.
-        gauge_at, postures_mm: where its gauges stand along the leg, its postures.
-        margin: share of the leg that the plungers keep from its joints.
-        share_of_readings: for each of the usual protocol, for the same noise.
-        places_mm: where a machine that measures itself goes.
-    """
-
-    causes: tuple[str, ...] = ()
+    causes: tuple[str, ...] = ()  # the rivals; empty for the fewest readings
     wanted_sigma: float | None = None
-    reached: bool = True
-    gauge_at: float | None = None
-    margin: float | None = None
+    reached: bool = True  # whether they are that far apart, or U is as wanted
+    gauge_at: float | None = None  # along the leg
+    margin: float | None = None  # share of the leg that the plungers keep from its joints
     postures_mm: tuple[float, ...] = ()
-    share_of_readings: float | None = None
-    places_mm: tuple[dict[str, float], ...] = ()
+    share_of_readings: float | None = None  # of the usual protocol, for the same noise
+    places_mm: tuple[dict[str, float], ...] = ()  # where a machine that measures itself goes
 
 
 @dataclass(frozen=True)
@@ -128,15 +106,11 @@ class Target:
 
 @dataclass(frozen=True)
 class Limit:
-    """What no number of readings reduces, and the largest source of it; None if it is nothing.
-
-    Attributes:
-        cycles: so many stand for any number; None for a layout.
-    """
+    """What no number of readings reduces, and the largest source of it; None if it is nothing."""
 
     expanded_mm: dict[str, float] | None
     source: str | None
-    cycles: int | None
+    cycles: int | None  # so many stand for any number; None for a layout
 
 
 class PlannedContribution(BudgetLine):
@@ -148,57 +122,41 @@ class PlannedContribution(BudgetLine):
 class MeasurementPlan(Schema):
     """What a session will give before a reading is taken; its dump is `plan --json`.
 
-    Attributes:
-        chosen: the session: as was asked for, or as long as the target takes.
-        floor: what more readings leave besides their scatter; None if that is nothing. It is less
-            than what this session leaves in addition: more readings tell more of what else is
-            uncertain.
-        apart: which causes its readings, or as many as `MOST_COMPARED` cycles, can distinguish.
-        bar_warning: plungers that leave their bar in this session, or nearly; None if all stay.
-        machine: its name.
-        protocol, cycles: of the session; of a machine that has layouts the name of one.
-        gauges: that are read side by side; None without any.
-        target: None if nobody said.
-        by_cycles: the session with other numbers of cycles, fewest first, or each layout.
-        noise_mm: by which one reading scatters.
-        assumed_mm: how far each parameter is taken to be off; None where that hardly matters.
-        now_mm: largest U that the data have already; None without any.
-        budget, total, limits: what adds to the uncertainty, and what more readings leave of it.
-        compare: every protocol with every method, for the U that this session gives.
-        separation: how far causes are apart, nearest first; `invisible`: that leave no trace.
-        trace: how far each of the others is from nothing wrong [standard deviations].
-        pairs, alike: how many these make, and how many of them cannot be distinguished.
-        design: the best session; None where nothing is to be gained.
-        next: what to measure besides data that there are, best first.
+    The floor is less than what the session leaves in addition to scatter: more readings tell more
+    of what else is uncertain.
     """
 
     model_config = ARRAYS
     model: Model = Field(exclude=True)
+    # As was asked for, or as long as the target takes.
     chosen: SessionForecast = Field(exclude=True)
+    # What more readings leave besides their scatter; None if that is nothing.
     floor: Budget | None = Field(exclude=True)
+    # Which causes its readings, or as many as `MOST_COMPARED` cycles, can distinguish.
     apart: Separations = Field(exclude=True)
+    # Plungers that leave their bar in this session, or nearly; None if all stay.
     bar_warning: BarWarning | None = Field(default=None, exclude=True)
     schema_version: Literal[1] = 1
-    machine: str
-    protocol: str
-    gauges: int | None = None
+    machine: str  # its name
+    protocol: str  # of a machine that has layouts the name of one
+    gauges: int | None = None  # that are read side by side; None without any
     cycles: int
     target: Target | None = None
-    by_cycles: tuple[SessionForecast, ...]
-    noise_mm: float
-    assumed_mm: float | None
-    now_mm: float | None = None
+    by_cycles: tuple[SessionForecast, ...]  # other numbers of cycles, fewest first, or each layout
+    noise_mm: float  # by which one reading scatters
+    assumed_mm: float | None  # how far each parameter is taken to be off, if that matters
+    now_mm: float | None = None  # largest U that the data have already; None without any
     budget: tuple[PlannedContribution, ...]
     total: BudgetTotal
     limits: Limit
-    compare: tuple[Alternative, ...] = ()
-    separation: tuple[SeparatedPair, ...]
-    invisible: tuple[str, ...]
-    trace: dict[str, float]
+    compare: tuple[Alternative, ...] = ()  # every protocol with every method, for the same U
+    separation: tuple[SeparatedPair, ...]  # nearest first
+    invisible: tuple[str, ...]  # causes that leave no trace
+    trace: dict[str, float]  # of the others: how far each is from nothing wrong [σ]
     pairs: int
-    alike: int
-    design: BestDesign | None
-    next: tuple[RankedMeasurement, ...] = ()
+    alike: int  # of these pairs, how many cannot be distinguished
+    design: BestDesign | None  # None where nothing is to be gained
+    next: tuple[RankedMeasurement, ...] = ()  # beside data that there are, best first
 
     @classmethod
     def of(
@@ -311,17 +269,13 @@ def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
     found, design = way.same_expanded or way.same_cycles, design_of(model.machine)
     usual, best = session_of(model, MeasuringProtocol.DOUBLE, cycles).plan, design.plan(cycles)
     return BestDesign(
-        **_fields(found),
+        **{name: getattr(found, name) for name in SessionForecast.model_fields},
         reached=way.same_expanded is not None,
         gauge_at=design.gauge_at,
         margin=MARGIN,
         postures_mm=design.displacements_mm,
         share_of_readings=readings_needed(model, best) / readings_needed(model, usual),
     )
-
-
-def _fields(found: SessionForecast) -> dict[str, Any]:
-    return {name: getattr(found, name) for name in SessionForecast.model_fields}
 
 
 def _of_layouts(
@@ -331,9 +285,8 @@ def _of_layouts(
     if wanted != Wanted(layout=wanted.layout):
         raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
     best = _distinguishing(model)
-    offered = [SessionForecast.of(model, layout) for layout in model.machine.layouts()]
-    if best is not None:
-        offered.append(best)
+    usual = (SessionForecast.of(model, layout) for layout in model.machine.layouts())
+    offered = (*usual, *filter(None, (best,)))
     names = {each.name: each for each in offered}
     name = wanted.layout or (offered[0] if best is None else best).name
     if name not in names:
@@ -343,7 +296,7 @@ def _of_layouts(
         chosen,
         chosen.floor,
         separations(model, chosen.plan),
-        by_cycles=tuple(offered),
+        by_cycles=offered,
         design=best,
         next=following,
     )
@@ -362,9 +315,10 @@ def _distinguishing(model: Model) -> BestDesign | None:
             break
     if best is None:
         return None
-    found, places = SessionForecast.of(model, best), ProbePlan.require(best.plan).place.tolist()
-    return BestDesign(
-        **_fields(found),
+    places = ProbePlan.require(best.plan).place.tolist()
+    return BestDesign.of(
+        model,
+        best,
         causes=model.machine.rivals,
         wanted_sigma=CERTAIN_SIGMA,
         reached=most >= CERTAIN_SIGMA,

@@ -33,15 +33,10 @@ _ROUNDING_MM = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Point(ReadOnly):
-    """A place of the machine as its controller believes it to be.
+    """A place of the machine as its controller believes it to be."""
 
-    Attributes:
-        joints: indicated joint positions, shape (3,) [mm].
-        tool: of the nominal machine there, shape (3,) [mm].
-    """
-
-    joints: Floats
-    tool: Floats
+    joints: Floats  # indicated, shape (3,) [mm]
+    tool: Floats  # of the nominal machine there, shape (3,) [mm]
 
     @classmethod
     def of(cls, model: Model, joints: Floats) -> Point:
@@ -51,42 +46,26 @@ class Point(ReadOnly):
 
 @dataclass(frozen=True)
 class Block:
-    """One visit: drive there, wait, read.
+    """One visit: drive there, wait, read."""
 
-    Attributes:
-        number: of the block, as in "N10".
-        steps: readings that are taken there.
-        way: points on the way from the posture before, along the axes of the legs.
-        approach: from here slowly to the posture.
-        posture: where the readings are taken.
-        from_above: axes whose carriages arrive from above, because their lower limit is too near.
-        set_up: points on the way to the isotropic posture, and that posture, where the gauges are
-            put to their places before this block; empty where they stay as they are.
-    """
-
-    number: int
-    steps: tuple[SessionStep, ...]
-    way: tuple[Point, ...]
-    approach: Point
+    number: int  # as in "N10"
+    steps: tuple[SessionStep, ...]  # readings that are taken there
+    way: tuple[Point, ...]  # from the posture before, along the axes of the legs
+    approach: Point  # from here slowly to the posture
     posture: Point
-    from_above: tuple[int, ...]
+    from_above: tuple[int, ...]  # carriages that arrive so: their lower limit is too near
+    # To the isotropic posture, this one included, where the gauges are put to their places before
+    # this block; empty where they stay as they are.
     set_up: tuple[Point, ...]
 
 
 @dataclass(frozen=True)
 class PostureProgram:
-    """All blocks in order; the machine stands at the isotropic posture when it begins.
-
-    Attributes:
-        machine: that is driven.
-        approach_mm: length of the slow approach, along each joint.
-        session: the command that measures with these blocks: in others they mean other postures.
-        blocks: one for each visit.
-    """
+    """All blocks in order; the machine stands at the isotropic posture when it begins."""
 
     machine: Orthoglide
-    approach_mm: float
-    session: str
+    approach_mm: float  # along each joint
+    session: str  # the command to measure with: in other sessions blocks mean other postures
     blocks: tuple[Block, ...]
 
 
@@ -97,13 +76,11 @@ def posture_program(
     approach_mm: float = APPROACH_MM,
     travel_mm: tuple[float, float] | None = None,
 ) -> PostureProgram:
-    """The program that takes the machine through the postures of some steps.
+    """The program that takes the nominal machine through the postures of some steps.
 
     Args:
-        model: nominal machine.
         steps: of a session, in order.
-        session: the command that measures it.
-        approach_mm: length of the slow approach along each joint.
+        session, approach_mm: as of `PostureProgram`.
         travel_mm: (lowest, highest) displacement from the isotropic posture to which the
             controller may drive a carriage; None for the joint limits of the machine file.
 

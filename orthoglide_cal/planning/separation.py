@@ -9,10 +9,10 @@ plausible offsets, so that all truths and all rivals are a few products of matri
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import compress, product
 from typing import NamedTuple
 
 import numpy as np
@@ -47,29 +47,22 @@ class SeparatedPair:
 
 @dataclass(frozen=True, eq=False)
 class Separations(ReadOnly):
-    """How far apart causes of plausible size are, typically (root mean square).
+    """How far apart c causes of plausible size are, typically (root mean square) [σ]."""
 
-    Attributes:
-        causes: c of them, in the order of the table.
-        sigma: between each pair, the smaller one of its two directions, shape (c, c).
-        trace: between each of them and nothing wrong, shape (c,).
-    """
-
-    causes: tuple[Cause, ...]
-    sigma: Floats
-    trace: Floats
+    causes: tuple[Cause, ...]  # in the order of the table
+    sigma: Floats  # between each pair, the smaller one of its two directions, shape (c, c)
+    trace: Floats  # between each of them and nothing wrong, shape (c,)
 
     @cached_property
     def invisible(self) -> tuple[Cause, ...]:
         """Those that leave no trace in such readings."""
-        pairs = zip(self.causes, self.trace.tolist(), strict=True)
-        return tuple(cause for cause, sigma in pairs if sigma < TRACE_SIGMA)
+        return tuple(compress(self.causes, self.trace < TRACE_SIGMA))
 
     @cached_property
     def visible(self) -> Separations:
         """Only the others."""
         seen = self.trace >= TRACE_SIGMA
-        causes = tuple(c for c, shown in zip(self.causes, seen.tolist(), strict=True) if shown)
+        causes = tuple(compress(self.causes, seen))
         return Separations(causes, self.sigma[np.ix_(seen, seen)], self.trace[seen])
 
     @cached_property
@@ -98,23 +91,24 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
         if (among is None or id in among)
         and cause.possible(machine)
         and id not in known
-        and (not isinstance(cause, RelabelCause) or _relabellings(cause, plan, machine))
-        and cause.places(plan, machine)
+        and _places(cause, plan, machine)
     ]
     # Of the machine first, then of the measurement.
     causes = tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
     supposed = machine.linearization_points
     total = np.zeros((len(causes), len(causes) + 1))
     for offsets in supposed if causes else ():
-        near = _Near(model, plan, offsets, causes)
-        total += near.margins() / len(supposed)
+        total += _Near(model, plan, offsets, causes).margins() / len(supposed)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
 
-def _relabellings(cause: RelabelCause, plan: Plan, machine: Machine) -> list[Place]:
+def _places(cause: Cause, plan: Plan, machine: Machine) -> Sequence[Place]:
     """The places at which the readings can express it."""
-    return [place for place in cause.places(plan, machine) if cause.reversible(plan, place)]
+    found = cause.places(plan, machine)
+    if isinstance(cause, RelabelCause):
+        return [at for at in found if cause.reversible(plan, at)]
+    return found
 
 
 class _Changes(NamedTuple):
@@ -175,7 +169,7 @@ class _Near:
     def _truth(self, cause: Cause) -> _Changes:
         """What a cause of plausible size does, at each place and for each choice of signs."""
         if isinstance(cause, RelabelCause):
-            places = _relabellings(cause, self._plan, self._machine)
+            places = _places(cause, self._plan, self._machine)
             nothing, unit = np.zeros((len(self._plan), 1)), [cause.unit_mm(at) for at in places]
             pairs = zip(places, unit, strict=True)
             found = [self._exchanged(cause, at, nothing, 1.0 / mm) for at, mm in pairs]
@@ -202,7 +196,7 @@ class _Near:
         """
         if isinstance(cause, RelabelCause):
             costs = []
-            for place in _relabellings(cause, self._plan, self._machine):
+            for place in _places(cause, self._plan, self._machine):
                 unit = cause.unit_mm(place)
                 undone = self._left @ self._exchanged(cause, place, changes.added, unit)
                 costs.append((undone**2).sum(axis=0) + self._steadiness(changes.unit / unit))
@@ -236,11 +230,10 @@ def _explained(columns: Floats, left: Floats, cause: Cause) -> Floats:
     Of named parameters that cannot be negative the best choice acts, the others are zero.
     """
     gram, overlap = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ left
-    named = len(cause.names)
     if not cause.positive:
         return np.asarray((overlap * np.linalg.solve(gram, overlap)).sum(axis=0))
     best = np.zeros(left.shape[1])
-    for acting in product((True, False), repeat=named):
+    for acting in product((True, False), repeat=len(cause.names)):
         kept = np.flatnonzero([*acting, *(True for _ in cause.nuisance)])
         sizes = np.linalg.solve(gram[np.ix_(kept, kept)], overlap[kept])
         gained = (overlap[kept] * sizes).sum(axis=0)

@@ -180,15 +180,11 @@ def steps_of(plan: Plan, machine: Orthoglide, order: Order, stands: int) -> tupl
 def planned_readings(plan: Plan) -> list[PlannedReading]:
     """The readings of a plan, at no time at all."""
     plan = GaugePlan.require(plan)
-    columns = (
-        *(plan.leg, plan.direction, plan.displacement, plan.contact, plan.gauge_at, plan.part),
-        *(plan.turned, plan.entered),
-    )
+    names = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "turned", "entered")
+    rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
     return [
         PlannedReading(leg, direction, moved, Contact(contact), 0.0, at, part, turned, (x, y, z))
-        for leg, direction, moved, contact, at, part, turned, (x, y, z) in zip(
-            *(column.tolist() for column in columns), strict=True
-        )
+        for leg, direction, moved, contact, at, part, turned, (x, y, z) in rows
     ]
 
 
