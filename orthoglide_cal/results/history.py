@@ -263,8 +263,13 @@ def _fits(white: Whitened, causes: tuple[Cause, ...], scores: Sequence[Score] = 
     none = Candidates(causes, (), (), {(): 0.0})
 
     def with_causes(score: Score) -> Score:
-        base = (*causes, *(cause for cause in score.base if not cause.lasting))
-        return replace(score, base=base, replanned=score.replanned and with_causes(score.replanned))
+        at, base = score.at, (*causes, *(cause for cause in score.base if not cause.lasting))
+        if lacking := tuple(cause for cause in causes if cause.id not in at.jacobians):
+            # Its readings alone say nothing of these.
+            broad = (*at.candidates.broad, *lacking)
+            at = Linearised.of(at.white, replace(at.candidates, broad=broad))
+        replanned = score.replanned and with_causes(score.replanned)
+        return replace(score, at=at, base=base, replanned=replanned)
 
     scores = scores or [Score(Linearised.of(white, none), 0.0, (), 1.0)]
     return fit_explanations([with_causes(score) for score in scores])

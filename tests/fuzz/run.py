@@ -11,7 +11,7 @@ import json
 import signal
 import sys
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -33,6 +33,12 @@ from .mutate import HOSTILE, Rng, mutant
 # Made once: making the commands takes longer than running one.
 COMMAND = get_command(app)
 CODES = {0, 2, 3, 4, 130}
+WITH_MACHINE = (
+    "solve six.csv --machine {}", "diagnose six.csv --machine {} --json", "plan --machine {}",
+    "machine show {}", "machine show {} --json", "report six.csv --machine {} --html -",
+    "simulate --seed 1 --cycles 1 --machine {}", "apply six.csv --machine {}",
+    "apply --undo --machine {}", "export six.csv --machine {} --format table --points 2",
+)  # fmt: skip
 # Nobody finds a carriage this far from where it seems to be [mm].
 PLAUSIBLE_MM = 100.0
 PATIENCE_S = 20
@@ -51,6 +57,14 @@ OPTIONS = (
     "verify six.csv six.csv --applied 1 0 0 --limit {} --json",
     "machine new --yes -o no/m.yaml --leg-length {} --range {}",
     "machine new --yes -o no/m.yaml --limits {} {} --name {}",
+)  # fmt: skip
+# Commands that read measurements; {} is the damaged file.
+READERS = (
+    "solve {}", "solve {} --json", "validate {} --json", "validate {}", "diagnose {} --details",
+    "diagnose {} --json", "plan {}", "plan {} --json", "export {}", "export {} --force --json",
+    "report {} --html -", "report {} --json", "verify {} six.csv --json", "verify six.csv {}",
+    "history {} six.csv", "history {} six.csv --json", "diagnose six.csv --holdout {}",
+    "apply {} --machine own.yaml", "apply {} --machine own.yaml --json",
 )  # fmt: skip
 
 
@@ -79,17 +93,16 @@ class Fuzz:
             Path("six.csv").write_text(DIFFERENCES, encoding="utf-8")
             run(app, ["simulate", "--seed", "1", "--cycles", "1", "--output", "good.csv"])
             run(app, ["simulate", "--seed", "1", "--cycles", "1", "--output", "good.yaml"])
+            run(app, ["machine", "new", "--yes", "-o", "own.yaml"])
             answered(Path("good.journal"), ["-0.64", "0.41", "u", "0.42", "n a note", "s hidden"])
         texts = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
         machine = text_with(*map(accepted, VALUES)).replace("\nhistory: []", HISTORY.rstrip())
         table, session, journal = (texts[f"good.{end}"] for end in ("csv", "yaml", "journal"))
         self._kinds: tuple[tuple[str, Callable[[str], str | None], str], ...] = (
-            ("table", self._file("solve", "m.csv"), table),
-            ("table", self._file("validate", "m.csv"), table),
-            ("differences", self._file("solve", "m.csv"), DIFFERENCES),
-            ("session", self._file("solve", "m.yaml"), session),
-            ("session", self._file("validate", "m.yaml"), session),
-            *(("machine", self._file("solve", "six.csv", "--machine", "m.yaml"), machine),) * 2,
+            *(("table", self._file("m.csv", READERS), table),) * 2,
+            ("differences", self._file("m.csv", READERS), DIFFERENCES),
+            *(("session", self._file("m.yaml", READERS), session),) * 2,
+            *(("machine", self._file("m.yaml", WITH_MACHINE), machine),) * 2,
             ("journal", self._journal, journal),
             # Damage that the checksums hide, as of a journal that another version wrote.
             ("records", lambda text: self._journal(signed(text)), records(journal)),
@@ -99,18 +112,23 @@ class Fuzz:
     def _of_firmwares(self) -> Iterator[tuple[str, Callable[[str], str | None], str]]:
         """Each file is judged with whole settings in its folder, and these with whole heights."""
         map_, settings = FILES["heightmap.csv"], FILES["config.g"]
+        (self.folder / "six.csv").write_text(DIFFERENCES, encoding="utf-8")
         for folder in ("whole", "damaged"):
             (self.folder / folder).mkdir()
         (self.folder / "whole" / "config.g").write_text(settings, encoding="utf-8")
         (self.folder / "whole" / "printer.cfg").write_text(CONFIGURATION, encoding="utf-8")
         (self.folder / "damaged" / "heightmap.csv").write_text(map_, encoding="utf-8")
         for name, text in FILES.items():
-            words = ("solve", f"whole/m-{name}")
-            if name == "config.g":
-                words = ("solve", "damaged/heightmap.csv", "--machine", "damaged/config.g")
-            yield name, self._file(*words), text
             # Reading is what is damaged; judging takes longer.
-            yield from [(name, self._file("validate", *words[1:]), text)] * 4
+            commands = ("validate {} --json",) * 4 + READERS
+            damaged = f"whole/m-{name}"
+            if name == "config.g":
+                damaged = "damaged/config.g"
+                commands = tuple(
+                    f"{word} damaged/heightmap.csv --machine {{}}"
+                    for word in ("validate", "validate", "solve", "diagnose", "plan", "export")
+                )
+            yield name, self._file(damaged, commands), text
 
     def run(self, count: int) -> Iterator[Failure]:
         """The failures among that many mutants."""
@@ -126,12 +144,15 @@ class Fuzz:
         finally:
             signal.signal(signal.SIGALRM, before)
 
-    def _file(self, *words: str) -> Callable[[str], str | None]:
-        """Judge of texts of the file that a command names last."""
+    def _file(self, name: str, commands: Sequence[str]) -> Callable[[str], str | None]:
+        """Judge of texts of that file: each text goes through one of the commands."""
 
         def judge(text: str) -> str | None:
-            Path(words[-1]).write_bytes(text.encode("utf-8", "surrogatepass"))
-            return self._judge([*words, "--json"])
+            content = text.encode("utf-8", "surrogatepass")
+            Path(name).write_bytes(content)
+            words = commands[zlib.crc32(content) % len(commands)]
+            wrong = self._judge(words.replace("{}", name).split())
+            return wrong and f"{words}: {wrong}"
 
         return judge
 

@@ -15,7 +15,7 @@ from orthoglide_cal.diagnosis.result import CauseParameter, Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import weighing
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import SETTLED, Case, to_follow
+from orthoglide_cal.report.case import SETTLED, Case, decision_notice, to_do, to_follow
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
 from orthoglide_cal.report.documents.solution import (
     alone_block,
@@ -53,6 +53,10 @@ _MOST_SIZES = 6  # of one cause; of more the largest are shown
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
     data = partial(case.answer.model_dump, mode="json")
+    if not case.answer.parameters:
+        sections = (doc.next_steps(to_do(case)),)
+        page = doc.Page("Diagnosis", notice=decision_notice(case), sections=sections)
+        return doc.Document(data, lambda: page)
     return doc.Document(data, partial(_page, case), partial(_screen, case))
 
 
