@@ -100,6 +100,12 @@ def test_causes_of_an_orthoglide(cause: tuple[str, ...]) -> None:
     both_screens(of_orthoglide(cause, 1, "micron", None))
 
 
+def test_of_several_faults_that_do_not_show_the_screen_has_the_names() -> None:
+    said = both_screens(of_orthoglide(("bar_skew",), 4, "dial", None))
+    told = r"would not show sign_flip \(.+?\) or swapped_gauges \(.+?\)\. How to check: --details"
+    assert re.search(told, " ".join(said.split()))
+
+
 @pytest.mark.parametrize("cause", ["leg_length", "tower_lean", "bed_shape", "misread"])
 def test_causes_of_a_printer(cause: str) -> None:
     both_screens(of_printer((cause,), 1, 49))

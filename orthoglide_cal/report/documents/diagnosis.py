@@ -379,11 +379,17 @@ def between_words(each: NextMeasurement) -> tuple[str, str]:
 def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     """What these readings would not show, and causes far beyond their size.
 
-    Without `all` not those of which the decision speaks.
+    Without `all` not those of which the decision speaks, and of several only their names.
     """
     answer, machine = case.answer, case.machine
-    for fault in (each for each in answer.unshown if all or not each.matters):
-        title = case.title_of(fault.id) + (f" ({fault.where})" if fault.where else "")
+    faults = [each for each in answer.unshown if all or not each.matters]
+    where = [f" ({fault.where})" if fault.where else "" for fault in faults]
+    if len(faults) > 1 and not all:
+        named = " or ".join(f"{fault.id}{at}" for fault, at in zip(faults, where, strict=True))
+        yield f"These readings would not show {named}. How to check: --details."
+        faults = []
+    for fault, at in zip(faults, where, strict=False):
+        title = case.title_of(fault.id) + at
         yield f"These readings would not show if {title}. What shows it: {fault.check}."
     for each in answer.causes:
         if each.times_stated is not None:
