@@ -62,12 +62,8 @@ def signed_page(
 ) -> doc.Page:
     """What a numbered page begins with: what it is about, and under which conditions it holds.
 
-    Args:
-        kind: of report; of simulated readings it is none.
-        machine: that was measured.
-        identity: number, time, software.
-        inputs: one measurement, or before and after.
-        facts: that stand behind the number.
+    Its `inputs` are one measurement, or before and after; of simulated ones it is no report. The
+    `facts` stand behind its number.
     """
     words, simulated = machine.vocabulary, any(each.simulated for _, each in inputs)
     own = ("Number", doc.Code(identity.number)), *facts

@@ -82,13 +82,12 @@ def svg(
     parts: Iterable[Html | None],
     class_: str | None = None,
 ) -> Html:
-    """A picture with its text alternative.
+    """A picture with its text alternative: what it is, and what one sees in it.
 
     Args:
         name: unique in the page; letters, digits and "-".
         width, height: natural size.
-        title: what it is.
-        finding: what one sees in it.
+        title, finding: the alternative.
         parts: of it; None is left out.
         class_: of all parts together.
     """
@@ -184,8 +183,7 @@ def deviation_rows(
 
     Args:
         names: such as "dx_y": along x on leg y.
-        found_mm: as measured before.
-        expected_mm: after what was found is entered.
+        found_mm, expected_mm: as measured before, and after what was found is entered.
         expanded_mm: U of what is measured then.
         left_mm: what was measured then; None if nothing was yet.
         limit_mm: largest size that is allowed; None if nobody said.
@@ -355,15 +353,13 @@ def workspace_maps(
 ) -> tuple[tuple[Html, ...], Html]:
     """Error of the tool position in slices, the highest first: three before, three after.
 
-    All have one scale of colours, which begins at zero.
-
     Args:
         found: as found, and what is expected; with its maps.
         after: of the machine as it was measured afterwards; None shows what is expected.
         limit_mm: drawn as a contour; None for none.
 
     Returns:
-        The maps, and the legend of all of them.
+        The maps, and the legend of their one scale of colours, which begins at zero.
     """
     before = _maps(found)
     pictures = [("as found", before.before_mm, found.worst_before_mm)]
@@ -435,8 +431,7 @@ def bed_maps(
         title: of all of them.
         place_mm: of n touches, shape (n, 2).
         left_mm: model → measured − modelled, shape (n,).
-        bed_mm: radius of the bed.
-        towers_deg: directions of towers a, b and c.
+        bed_mm, towers_deg: radius of the bed, directions of towers a, b and c.
     """
     reach = max(float(np.abs(place_mm).max(initial=1.0)), bed_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0

@@ -110,10 +110,7 @@ class TerminalPage:
     def _flow(self, content: doc.Blank, taken: int = 0, style: str = "") -> list[Text]:
         """A line of the page on as many lines as it takes; its command stays whole.
 
-        Args:
-            content: text, or None for a line to write on.
-            taken: columns of the console's width that stand in front.
-            style: of rich, for all of it.
+        So many columns of the console's width are `taken` by what stands in front.
         """
         if content is None:
             return [_cell(None)]

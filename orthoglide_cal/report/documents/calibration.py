@@ -58,8 +58,7 @@ def calibration_document(
     """The document; as data the answer, and what only a report says.
 
     Args:
-        case: the input and the answer.
-        identity: number, time, software.
+        case, identity: the result and its number.
         left: of the session measured after the adjustment; None without one.
         others: what else the same file stores, none of it judged worse.
         limit_mm: largest deviation allowed; None where nobody said.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -23,8 +23,7 @@ def check_document(
     """A line for a sound file, every fault of another; lines that other programs can search.
 
     Args:
-        check: what a check of the file found.
-        source: of what was measured.
+        check, source: what was found of the file, and what was measured.
         refused: why its data give no offsets although nothing is wrong with the file.
     """
     told = check.changed(refused=str(refused) if refused else None)
@@ -61,48 +60,36 @@ def _lines(
 
 
 def paper_document(found: Reproduction) -> doc.Document:
-    """Two lines for each row, as printed and as computed, and the verdict."""
-    return doc.Document(partial(paper_data, found), partial(_paper_page, found))
+    """Two lines for each row, as printed and as computed, and the verdict.
 
+    As data None stands where nothing was printed or nothing can be computed.
+    """
 
-def _paper_page(found: Reproduction) -> doc.Page:
-    verdict = (
-        doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
-        if found.reproduced
-        else doc.Notice(doc.Tone.BAD, "NOT reproduced.")
-    )
-    grid = doc.Grid(("", "", *found.columns), tuple(_table_rows(found)), words=(0, 1))
-    notes = (doc.Paragraph(note) for note in found.notes)
-    return doc.Page(
-        kind="Accuracy" if found.table == "accuracy" else f"Table {found.table}",
-        title=found.title,
-        sections=(doc.Section(None, (grid, *notes, verdict)),),
-    )
-
-
-def paper_data(found: Reproduction) -> dict[str, object]:
-    """One table; None where nothing was printed or nothing can be computed."""
-    return {
-        "schema_version": 1,
-        "table": found.table,
-        "title": found.title,
-        "columns": found.columns,
-        "rows": [
-            {
-                **vars(row),
-                "reproduced": None if row.computed is None else row.reproduced,
-            }
+    def data() -> dict[str, object]:
+        rows = [
+            {**vars(row), "reproduced": None if row.computed is None else row.reproduced}
             for row in found.rows
-        ],
-        "reproduced": found.reproduced,
-        "notes": found.notes,
-    }
+        ]
+        own = {"table": found.table, "title": found.title, "columns": found.columns, "rows": rows}
+        return {"schema_version": 1, **own, "reproduced": found.reproduced, "notes": found.notes}
 
+    def page() -> doc.Page:
+        rows = []
+        for row in found.rows:
+            computed = row.computed or (None,) * len(row.published)
+            for name, what, values in (
+                (row.name, "published", row.published),
+                ("", "computed", computed),
+            ):
+                cells = ("—" if each is None else plain(each, found.digits) for each in values)
+                rows.append((name, what, *cells))
+        verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")
+        if found.reproduced:
+            told = "Reproduced in every figure that can be computed."
+            verdict = doc.Notice(doc.Tone.GOOD, told)
+        grid = doc.Grid(("", "", *found.columns), tuple(rows), words=(0, 1))
+        kind = "Accuracy" if found.table == "accuracy" else f"Table {found.table}"
+        section = doc.Section(None, (grid, *map(doc.Paragraph, found.notes), verdict))
+        return doc.Page(kind, found.title, sections=(section,))
 
-def _table_rows(found: Reproduction) -> Iterator[tuple[str, ...]]:
-    def cells(values: Sequence[float | None]) -> Iterator[str]:
-        return ("—" if value is None else plain(value, found.digits) for value in values)
-
-    for row in found.rows:
-        yield row.name, "published", *cells(row.published)
-        yield "", "computed", *cells(row.computed or (None,) * len(row.published))
+    return doc.Document(data, page)

@@ -24,32 +24,23 @@ def _page(model: Model) -> doc.Page:
     machine, values = model.machine, machine_values(model)
     own = {key: value for key, value in values.items() if key not in _ELSEWHERE}
     facts = doc.Facts((*_rows(own), *stated(machine, OWNER), *stated(machine, MEANS)))
-    sections = []
-    if machine.history:
-        entered = tuple(
-            (
-                each.date[:10],
-                _written(each.before),
-                _written(each.after),
-                each.data_sha256[:12],
-            )
-            for each in machine.history
-        )
+    sections, rows = [], list[tuple[str, ...]]()
+    for one in machine.history:
+        day, digest = one.date[:10], one.data_sha256[:12]
+        rows.append((day, _written(one.before), _written(one.after), digest))
+    if rows:
         head = ("entered", "before, mm", "after, mm", "from SHA-256")
-        sections.append(doc.Section("In the controller", (doc.Grid(head, entered),)))
-    if model.accepted:
-        rows = tuple(
-            (
-                effect.cause.id,
-                ", ".join(
-                    f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
-                    for name, each in model.called(effect).items()
-                ),
-                (effect.date or "")[:10],
-            )
-            for effect in model.accepted
+        sections.append(doc.Section("In the controller", (doc.Grid(head, tuple(rows)),)))
+    rows = []
+    for effect in model.accepted:
+        sizes = (
+            f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
+            for name, each in model.called(effect).items()
         )
-        grid = doc.Grid(("cause", "size, one standard deviation", "found"), rows, words=(0, 1))
+        rows.append((effect.cause.id, ", ".join(sizes), (effect.date or "")[:10]))
+    if rows:
+        titles = ("cause", "size, one standard deviation", "found")
+        grid = doc.Grid(titles, tuple(rows), words=(0, 1))
         sections.append(doc.Section("What is known to be wrong with it", (grid,)))
     return doc.Page("Machine", machine.name, facts=facts, sections=tuple(sections))
 

@@ -30,10 +30,7 @@ _CELLS = 17  # of a bed in signs, along x and along y
 def residual_sections(answer: Answer, many: str, fit: Sequence[doc.Block]) -> list[doc.Section]:
     """Measured minus modelled in characters, without and with the causes found.
 
-    Args:
-        answer: to any data.
-        many: what the calibrated parameters are called.
-        fit: says whether they suffice; comes last.
+    `many` is what the calibrated parameters are called; `fit` says whether they suffice.
     """
     if answer.input.kind != DataKind.READINGS:
         return [doc.Section("Differences, mm", (_differences(answer), *fit))]
@@ -50,12 +47,7 @@ def residual_sections(answer: Answer, many: str, fit: Sequence[doc.Block]) -> li
 
 
 def brief_residuals(answer: Answer, many: str) -> list[doc.Block]:
-    """The same without and with the causes, side by side; nothing where a screen has no room.
-
-    Args:
-        answer: to any data.
-        many: what the calibrated parameters are called.
-    """
+    """The same without and with the causes, side by side; nothing where a screen has no room."""
     if answer.input.kind != DataKind.READINGS:
         return [_differences(answer)]
     if _on_bed(answer):
@@ -191,12 +183,9 @@ def _distances(answer: Answer) -> list[doc.Block]:
 
 
 def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> tuple[str, ...]:
-    """Rows of signs, y upwards; blank where nothing was touched.
+    """Rows of signs, y upwards, of touches (n, 2); blank where nothing was touched.
 
-    Args:
-        place_mm: of n touches, shape (n, 2).
-        left_mm: measured − modelled; touches of one cell are averaged, shape (n,).
-        sigma_mm: standard deviation of one touch.
+    What is left of the touches of one cell, (n,), is averaged.
     """
     reach = float(np.abs(place_mm).max(initial=1.0)) * (1.0 + 1e-9)
     cell = np.floor((place_mm / reach + 1.0) / 2.0 * _CELLS).astype(int)
@@ -236,12 +225,9 @@ def _differences(answer: Answer) -> doc.Grid:
 
 
 def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = None) -> doc.Grid:
-    """One row per series, one column per posture.
+    """One row per series, one column per posture, of measured − modelled, shape (n,).
 
-    Args:
-        rows: n readings.
-        left_mm: measured − modelled, shape (n,).
-        sigma_mm: standard deviation of one reading; None: without signs.
+    With signs by the standard deviation of one reading, if that is given.
     """
     postures = list(dict.fromkeys(row.posture or "" for row in rows))
     several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1

@@ -66,8 +66,7 @@ def plan_document(
     Args:
         plan: what a session of its own will give, and what to measure next.
         machine_file: as the user gave it.
-        begun: what the data say that there are already; None without any.
-        source: of these data.
+        begun, source: what the data say that there are already; None without any.
     """
     if begun is not None and plan.next:
         # The largest U of the lengths that there are; None if there are none to be entered.

@@ -135,10 +135,7 @@ def verification_steps(
 ) -> Iterator[doc.Instruction]:
     """What to do after the adjustment was measured.
 
-    Args:
-        found: the comparison.
-        machine_file: as the user gave it.
-        brief: on a screen, which says the answer above and is no report.
+    `brief` is for a screen, which says the answer above and is no report.
     """
     if not found.kept:
         if found.response is not None and not brief:
