@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 
 from orthoglide_cal.model import DataKind, Machine, Source
@@ -45,12 +45,8 @@ def comparison_words(single: bool) -> tuple[str, str]:
 
 def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Given], ...]:
     """What its owner wrote under these names, as far as the machine's file says so."""
-    said = ((name, getattr(machine.report, name)) for name in names)
-    return tuple(
-        (name.replace("_", " ").capitalize(), doc.Given(text))
-        for name, text in said
-        if text is not None
-    )
+    said = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
+    return tuple((name, doc.Given(text)) for name, text in said.items() if text is not None)
 
 
 def signed_page(
@@ -68,12 +64,22 @@ def signed_page(
     words, simulated = machine.vocabulary, any(each.simulated for _, each in inputs)
     own = ("Number", doc.Code(identity.number)), *facts
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
+    first, *later = (dict(_conditions(*each, machine.probes)) for each in inputs)
+    named = ((name.capitalize(), value) for name, value in first.items())
+    strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
+    if later:
+        strip = doc.Grid(
+            ("conditions", "before", "after"),
+            tuple((name, value, later[0][name]) for name, value in first.items()),
+            words=(0, 1, 2),
+            caption=f"{identity.software}; data with the first digits of SHA-256.",
+        )
     return doc.Page(
         kind="Practice report" if simulated else kind,
         title=machine.name,
         number=identity.number,
         facts=doc.Facts((*stated(machine, OWNER), *own, issued)),
-        sheet=(doc.Section(None, (_conditions(inputs, identity.software, machine.probes),)),),
+        sheet=(doc.Section(None, (strip,)),),
         scope=f"This report holds for the machine and the {words.instruments} that it names, as"
         f" they were when they were measured, and for the {words.positions} and conditions stated"
         " in it; for nothing else. It is valid only with all its pages: reproduce it only in full.",
@@ -93,49 +99,23 @@ def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
     )
 
 
-def _conditions(
-    inputs: Sequence[tuple[InputFile, Validity]], software: str, probing: bool
-) -> doc.Block:
-    """A machine that probes itself has neither gauges nor an operator."""
-    cells: list[tuple[str, list[doc.Blank]]] = [
-        ("measured", [moment(each.measured) for _, each in inputs])
-    ]
+def _conditions(of: InputFile, each: Validity, probing: bool) -> Iterator[tuple[str, doc.Blank]]:
+    """Those of one measurement; a machine that probes has neither gauges nor an operator."""
+    yield "measured", moment(each.measured)
     if not probing:
-        cells += [
-            ("gauges", [_gauges(each) for _, each in inputs]),
-            ("temperature", [_temperatures(each) for _, each in inputs]),
-            ("operator", [each.operator and doc.Given(each.operator) for _, each in inputs]),
-        ]
-    data = [(f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12])) for of, _ in inputs]
-    cells.append(("data", [*data]))
-    if len(inputs) == 1:
-        rows = [(name.capitalize(), values[0]) for name, values in cells]
-        return doc.Facts((*rows, ("Software", software)))
-    return doc.Grid(
-        ("conditions", "before", "after"),
-        tuple((name, *values) for name, values in cells),
-        words=(0, 1, 2),
-        caption=f"{software}; data with the first digits of SHA-256.",
-    )
-
-
-def _gauges(each: Validity) -> doc.Blank:
-    """Every gauge with certificate and due date; None without any."""
-    parts: list[doc.Inline] = []
-    for gauge in each.gauges:
-        parts += ["; " if parts else "", doc.Given(gauge.id)]
-        if gauge.certificate:
-            parts += [", certificate ", doc.Given(gauge.certificate)]
-        due = f"due {gauge.due}" if gauge.due else "due date not given"
-        parts += [", ", doc.Doubtful(f"overdue: {due}") if gauge.overdue else due]
-    return tuple(parts) or None
-
-
-def _temperatures(each: Validity) -> doc.Blank:
-    start, end = each.temperature_start_c, each.temperature_end_c
-    known = ((start, "at the start"), (end, "at the end"))
-    said = [f"{plain(value, 1)} °C {when}" for value, when in known if value is not None]
-    return ", ".join(said) or None
+        gauges: list[doc.Inline] = []
+        for gauge in each.gauges:
+            gauges += ["; " if gauges else "", doc.Given(gauge.id)]
+            if gauge.certificate:
+                gauges += [", certificate ", doc.Given(gauge.certificate)]
+            due = f"due {gauge.due}" if gauge.due else "due date not given"
+            gauges += [", ", doc.Doubtful(f"overdue: {due}") if gauge.overdue else due]
+        yield "gauges", tuple(gauges) or None
+        known = {"start": each.temperature_start_c, "end": each.temperature_end_c}
+        said = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
+        yield "temperature", ", ".join(said) or None
+        yield "operator", each.operator and doc.Given(each.operator)
+    yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12]))
 
 
 def moment(written: str | None) -> doc.Given | None:
@@ -146,5 +126,5 @@ def moment(written: str | None) -> doc.Given | None:
         time = datetime.fromisoformat(written)
     except ValueError:
         return doc.Given(written)
-    zone = f" {time:%z}" if time.tzinfo else ""
-    return doc.Given(f"{time:%Y-%m-%d %H:%M:%S}{zone[:4]}{':' if zone else ''}{zone[4:6]}")
+    zone = f" {str(time)[-6:]}" if time.tzinfo else ""
+    return doc.Given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")
