@@ -129,7 +129,8 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     if left is not None:
         return reserved(verification_notice(left), left.reservations)
     answer, notice = case.answer, decision_notice(case)
-    wrong = "" if answer.release.usable else _wrong(case)
+    release = answer.release
+    wrong = _wrong(case) if release.sound and answer.parameters and not release.usable else ""
     if wrong:
         notice = doc.Notice(notice.tone, wrong, (doc.Strong(f"{notice.title}."), *notice.lines))
     return reserved(notice, answer.validity.reservations)
@@ -138,26 +139,24 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
 def _wrong(case: Case) -> str:
     """What is wrong with the machine or the readings, as a title; "" where only numbers are."""
     answer = case.answer
-    if not answer.release.sound or not answer.parameters:
-        return ""
-    if answer.verdict is Verdict.NAMED:
-        if answer.shims:
-            size = max(shim.mm for shim in answer.shims)
-            return f"The rails miss each other by {plain(size, 2)} mm"
-        titles = []
-        for cause in answer.causes:
-            title = case.title_of(cause.id)
-            largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
-            if largest is not None and largest.std:
-                title += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
-            titles.append(title)
-        said = " and ".join(titles)
-        return said[0].upper() + said[1:]
+    if answer.verdict is Verdict.AMBIGUOUS:
+        return headline(case)[1].rstrip(".")
     if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
-        return (
-            f"{plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s. is left that no known cause explains"
-        )
-    return headline(case)[1].rstrip(".") if answer.verdict is Verdict.AMBIGUOUS else ""
+        left = plain(answer.lack_of_fit.left_mm, 3)
+        return f"{left} mm r.m.s. is left that no known cause explains"
+    if answer.verdict is not Verdict.NAMED:
+        return ""
+    if answer.shims:
+        size = max(shim.mm for shim in answer.shims)
+        return f"The rails miss each other by {plain(size, 2)} mm"
+    titles = []
+    for cause in answer.causes:
+        titles.append(case.title_of(cause.id))
+        largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
+        if largest is not None and largest.std:
+            titles[-1] += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
+    said = " and ".join(titles)
+    return said[0].upper() + said[1:]
 
 
 def _gap(answer: Answer) -> Iterator[doc.Section]:
@@ -165,24 +164,18 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
     if not answer.shims:
         return
     gaps = next(cause for cause in answer.causes if cause.id == "axis_gap").parameters
-    rows = tuple(
-        (
-            doc.Strong(gap.name),
-            f"{with_uncertainty(gap.value, gap.expanded)} mm",
-            f"move rail {shim.rail} by {plain(shim.mm, 2)} mm towards {shim.along}",
-        )
-        for gap, shim in zip(gaps, answer.shims, strict=True)
-    )
-    grid = doc.Grid(
-        ("rails", "gap ± U", "shim"), rows, words=(0, 1, 2),
-        caption="Shim all three, then measure again. xy: how far rail x lies above rail y, along"
-        " z; and so on. U: 95 %.",
-    )  # fmt: skip
+    rows = []
+    for gap, shim in zip(gaps, answer.shims, strict=True):
+        size = f"{with_uncertainty(gap.value, gap.expanded)} mm"
+        told = f"move rail {shim.rail} by {plain(shim.mm, 2)} mm towards {shim.along}"
+        rows.append((doc.Strong(gap.name), size, told))
+    caption = "Shim all three, then measure again. xy: how far rail x lies above rail y, along z;"
+    caption += " and so on. U: 95 %."
+    grid = doc.Grid(("rails", "gap ± U", "shim"), tuple(rows), (0, 1, 2), caption)
     picture = figures.rails_sketch({gap.name: gap.value for gap in gaps})
     key = "The rails where they really are, their gaps enlarged."
-    yield doc.Section(
-        "Where the rails pass each other", (grid, doc.Figure(None, "", (picture,), 0, key))
-    )
+    figure = doc.Figure(None, "", (picture,), columns=0, key=key)
+    yield doc.Section("Where the rails pass each other", (grid, figure))
 
 
 def _result(
@@ -218,10 +211,7 @@ def _differences(
         return (left_figure(left),) if left.differences else ()
     if not answer.deviations or answer.as_found is None or answer.expected is None:
         return ()
-    rows = [
-        (row.name, row.measured_mm, row.expected_mm, row.expanded_mm, None)
-        for row in answer.deviations
-    ]
+    rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]
     sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
     ends = answer.check is not None and answer.check.ends
     return (differences_figure(rows, sizes, ends, limit_mm),)
@@ -306,16 +296,14 @@ def _conditions(case: Case) -> doc.Section:
     sizes = f"resolution {short(gauge.resolution_mm, 6)} mm, repeatability"
     sizes += f" {short(gauge.repeatability_mm, 6)} mm (one standard deviation), as stated"
     rows.append((noise.capitalize(), sizes))
-    places = sorted(
-        {
-            (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
-            for row in answer.residuals
-            if row.leg and row.direction and row.gauge_at is not None
-        }
-    )
+    places = {
+        (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
+        for row in answer.residuals
+        if row.leg and row.direction and row.gauge_at is not None
+    }
     blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
     if places:
-        blocks.append(_sketch(case, places))
+        blocks.append(_sketch(case, sorted(places)))
     if given.notes and answer.parameters:
         notes = tuple((str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES])
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
@@ -326,9 +314,7 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
     """The machine with its gauges, and a ring around those whose readings a cause spoils."""
     machine = case.given.model.orthoglide
     series = {Series(leg, direction) for leg, direction, _ in places}
-    faults: set[tuple[int, int]] = set()
-    rails: set[int] = set()
-    marked = []
+    faults, rails, marked = set[tuple[int, int]](), set[int](), []
     for cause in case.answer.causes:
         # Parameters that stand clear of their uncertainty; of axes or of series.
         seen = [
@@ -342,9 +328,8 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
             faults |= {one for one in series if one.name in seen or one.words in cause.where}
         if cause.where or seen:
             marked.append(f"{cause.id}: {cause.where or ', '.join(seen)}")
-    drawn = figures.machine_sketch(
-        machine.leg_length_mm, machine.joint_limits_mm, places, faults, rails
-    )
+    limits = machine.joint_limits_mm
+    drawn = figures.machine_sketch(machine.leg_length_mm, limits, places, faults, rails)
     told = f"Marked: {'; '.join(marked)}." if marked else ""
     key = "○ dial: its reading grows when the leg moves towards it."
     return doc.Figure("Where the gauges stood", told, (drawn,), columns=0, key=key)

@@ -11,7 +11,7 @@ from functools import partial
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, Verdict
-from orthoglide_cal.diagnosis.result import CauseParameter, Explanation
+from orthoglide_cal.diagnosis.result import Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import weighing
 from orthoglide_cal.report import document as doc
@@ -107,15 +107,14 @@ def _notice(case: Case) -> doc.Notice:
 
 def _evidence(case: Case) -> Iterator[list[doc.Block]]:
     """The numbers that decide, one thought each."""
-    answer, many = case.answer, case.words.many
-    if answer.verdict is Verdict.AMBIGUOUS:
+    if case.answer.verdict is Verdict.AMBIGUOUS:
         yield [_open_grid(case)]
         yield [*_baselines(case)]
         return
     yield [*_sizes(case, offsets=True), *open_blocks(case)]
     yield [_rms_grid(case), *_baselines(case)]
-    if answer.verdict is Verdict.NAMED:
-        yield brief_residuals(answer, many)
+    if case.answer.verdict is Verdict.NAMED:
+        yield brief_residuals(case.answer, case.words.many)
 
 
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
@@ -123,37 +122,28 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     answer = case.answer
     lines: list[tuple[str, Sequence[str]]] = []
     for cause in answer.causes:
-        rows = [(each.name, each.value, each.expanded, each.unit) for each in cause.parameters]
+        shown = cause.parameters
+        if len(shown) > _MOST_SIZES and not cause.where:
+            largest = sorted(shown, key=lambda each: -abs(each.value) / (each.std or 1.0))
+            shown = tuple(largest[:_MOST_CELLS])
+        rows = [(each.name, each.value, each.expanded, each.unit) for each in shown]
         if cause.where:
-            named = [
-                text if len(rows) > 1 else text.partition(" ")[2] for text in sizes(rows, True)
-            ]
-            size = f": {', '.join(named)}" if named else ""
+            named = sizes(rows, True)
+            alone = [text.partition(" ")[2] for text in named]
+            size = f": {', '.join(named if len(rows) > 1 else alone)}" if named else ""
             yield doc.Paragraph(f"{cause.id} at {cause.where.removeprefix('at ')}{size}.")
         elif rows:
-            unit = unit_words(cause.parameters[0].unit)
-            lines.append((f"{cause.id}, {unit}", _cells(cause.parameters)))
+            left = len(cause.parameters) - len(rows)
+            cells = [*sizes(rows, False), *([f"and {left} smaller"] if left else [])]
+            lines.append((f"{cause.id}, {unit_words(shown[0].unit)}", cells))
     if offsets:
-        found = [
-            (each.name, each.found or 0.0, each.expanded, each.unit)
-            for each in answer.parameters
-            if each.determined
-        ]
+        known = (each for each in answer.parameters if each.determined)
+        found = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
         unit = f", {case.unit}" if case.unit else ""
         with_it = " with it" * bool(answer.named)
         lines.append((f"{case.words.many}{with_it}{unit}", sizes(found, not unit)))
     if lines:
         yield sizes_grid(lines, 3 if case.unit else 2)
-
-
-def _cells(parameters: Sequence[CauseParameter]) -> list[str]:
-    """Parameters of a cause, the largest in σ where they are many."""
-    many = len(parameters) > _MOST_SIZES
-    chosen = sorted(parameters, key=lambda each: -abs(each.value) / (each.std or 1.0))
-    rows = [(each.name, each.value, each.expanded, each.unit)
-            for each in (chosen[:_MOST_CELLS] if many else parameters)]  # fmt: skip
-    left = len(parameters) - len(rows)
-    return [*sizes(rows, False), *([f"and {left} smaller"] if left else [])]
 
 
 def _rms_grid(case: Case) -> doc.Grid:
