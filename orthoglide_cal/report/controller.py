@@ -208,12 +208,9 @@ def klipper(values: FirmwareValues) -> Iterator[str]:
     yield "#*# [printer]"
     yield f"#*# delta_radius = {_number(values.radius)}"
     for tower, *numbers in zip("abc", values.angles, values.arms, values.endstops, strict=True):
-        angle, arm, endstop = map(_number, numbers)
-        yield "#*#"
-        yield f"#*# [stepper_{tower}]"
-        yield f"#*# angle = {angle}"
-        yield f"#*# arm_length = {arm}"
-        yield f"#*# position_endstop = {endstop}"
+        yield from ("#*#", f"#*# [stepper_{tower}]")
+        named = zip(("angle", "arm_length", "position_endstop"), numbers, strict=True)
+        yield from (f"#*# {name} = {_number(value)}" for name, value in named)
 
 
 def reprapfirmware(values: FirmwareValues) -> Iterator[str]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from orthoglide_cal.model import AXES, Floats, Ints, Series
 from orthoglide_cal.model.plan import Bools
-from orthoglide_cal.model.workspace import Workspace, WorkspaceMaps
+from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.words import plain, signed
 
@@ -44,13 +44,11 @@ class Scale:
 
     def ticks(self, count: int) -> list[tuple[float, str, str]]:
         """Place, class and number of about so many grid lines at round numbers."""
-        values = [self.low]
-        if self.high > self.low:
-            rough = (self.high - self.low) / count
-            power = 10.0 ** math.floor(math.log10(rough))
-            step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * 0.999)
-            first = math.ceil(self.low / step - 1e-9)
-            values = [k * step for k in range(first, math.floor(self.high / step + 1e-9) + 1)]
+        rough = (self.high - self.low) / count
+        power = 10.0 ** math.floor(math.log10(rough))
+        step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * 0.999)
+        first = math.ceil(self.low / step - 1e-9)
+        values = [k * step for k in range(first, math.floor(self.high / step + 1e-9) + 1)]
         step = values[1] - values[0] if len(values) > 1 else 1.0
         kinds = ["zero" if abs(value) < step * 1e-6 else "grid" for value in values]
         return [(self(v), kind, tick_text(v, step)) for v, kind in zip(values, kinds, strict=True)]
@@ -361,12 +359,14 @@ def workspace_maps(
     Returns:
         The maps, and the legend of their one scale of colours, which begins at zero.
     """
-    before = _maps(found)
+    before = found.maps
+    assert before is not None
     pictures = [("as found", before.before_mm, found.worst_before_mm)]
     if after is None:
         pictures.append(("expected", before.after_mm, found.worst_after_mm))
     else:
-        pictures.append(("measured", _maps(after).before_mm, after.worst_before_mm))
+        assert after.maps is not None
+        pictures.append(("measured", after.maps.before_mm, after.worst_before_mm))
     limits = class_limits(0.0, max(float(error.max()) for _, error, _ in pictures))
     ends, panels = (float(before.axis_mm[0]), float(before.axis_mm[-1])), []
     for when, error, (x_mm, y_mm, z_mm) in pictures:
@@ -389,11 +389,6 @@ def workspace_maps(
     title, finding = "Colours of the maps", "From zero upwards, in mm."
     colours = _colours(14.0, 2.0, limits, "mm", "h")
     return tuple(panels), svg("workspace-colours", 260.0, 30.0, title, finding, colours, "map")
-
-
-def _maps(found: Workspace) -> WorkspaceMaps:
-    assert found.maps is not None
-    return found.maps
 
 
 def _cells(number: Ints) -> Iterator[Html]:
@@ -516,7 +511,21 @@ def machine_sketch(
     x, y = _CENTRE.tolist()
     parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
     dials: list[Floats] = []
-    parts += [_gauge(*gauge, (gauge[0], gauge[1]) in faults, dials) for gauge in gauges]
+    for leg, direction, place in gauges:
+        # A dial on the side towards which its direction points: that way its reading grows.
+        touch = _at(leg, 1.0 - place)
+        toward = _ON_PAPER[direction] / np.linalg.norm(_ON_PAPER[direction])
+        dial = touch + 33.0 * toward
+        while any(np.linalg.norm(dial - other) < 25.0 for other in dials):
+            dial = dial + 6.0 * toward
+        dials.append(dial)
+        x, y = dial.tolist()
+        drawn = [_straight(touch + 5.0 * toward, dial - 12.0 * toward, "plunger")]
+        if (leg, direction) in faults:
+            drawn.append(tag("circle", cx=x, cy=y, r=17.0, class_="fault"))
+        drawn.append(tag("circle", cx=x, cy=y, r=12.0, class_="dial"))
+        drawn.append(words(x, y + 4, f"+{AXES[direction]}", "middle"))
+        parts.append(tag("g", *drawn, class_=f"c-{AXES[leg]}"))
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
     spoilt = "; ".join(Series(*fault).words for fault in sorted(faults))
     bent = "; ".join(AXES[rail] for rail in sorted(rails))
@@ -532,28 +541,6 @@ def _at(leg: int, fraction: float) -> Floats:
 def _straight(start: Floats, stop: Floats, class_: str) -> Html:
     (x1, y1), (x2, y2) = start.tolist(), stop.tolist()
     return line(x1, y1, x2, y2, class_)
-
-
-def _gauge(leg: int, direction: int, place: float, faulty: bool, dials: list[Floats]) -> Html:
-    """A dial on the side towards which its direction points: that way its reading grows.
-
-    It keeps clear of the dials that are drawn already, and joins them.
-    """
-    touch = _at(leg, 1.0 - place)
-    toward = _ON_PAPER[direction] / np.linalg.norm(_ON_PAPER[direction])
-    dial = touch + 33.0 * toward
-    while any(np.linalg.norm(dial - other) < 25.0 for other in dials):
-        dial = dial + 6.0 * toward
-    dials.append(dial)
-    x, y = dial.tolist()
-    return tag(
-        "g",
-        _straight(touch + 5.0 * toward, dial - 12.0 * toward, "plunger"),
-        tag("circle", cx=x, cy=y, r=17.0, class_="fault") if faulty else None,
-        tag("circle", cx=x, cy=y, r=12.0, class_="dial"),
-        words(x, y + 4, f"+{AXES[direction]}", "middle"),
-        class_=f"c-{AXES[leg]}",
-    )
 
 
 _NEAR, _FAR = 72.0, 96.0  # size of the largest gap, and length of half a rail in the picture

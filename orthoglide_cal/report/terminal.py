@@ -140,9 +140,8 @@ class TerminalPage:
         space = self._width - last.cell_len - aside.cell_len
         fits = space >= len(_GAP)
         yield Text.assemble(last, " " * space, aside) if aside and fits else last
-        for line in ([] if fits else [notice.aside], notice.lines):
-            for each in line:
-                yield from _hung(self._flow(each, len(_GAP)), _GAP, _GAP)
+        for line in (*([] if fits else [notice.aside]), *notice.lines):
+            yield from _hung(self._flow(line, len(_GAP)), _GAP, _GAP)
 
     def _facts(self, facts: doc.Facts, indent: str = "") -> Iterator[Text]:
         names = [Text(visible(name), style="dim") for name, _ in facts.rows]
@@ -165,22 +164,21 @@ class TerminalPage:
             if less < over:
                 rows, widths, words, over = turned, narrower, (0,), less
             if over > 0:
-                yield from self._listed(given[0], given[1:])
                 rows = []
+                yield from self._listed(*given)
         for row in rows:
             cells = [self._wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
             yield from _hung(_row(cells, widths, words), _GAP, _GAP)
         if grid.caption:
             yield from _hung(self._flow(grid.caption, len(_GAP), "dim"), _GAP, _GAP)
 
-    def _listed(self, head: Sequence[Text], rows: Sequence[Sequence[Text]]) -> Iterator[Text]:
+    def _listed(self, head: Sequence[Text], *rows: Sequence[Text]) -> Iterator[Text]:
         """Each row as a sentence of titles and cells."""
         for name, *cells in rows:
             named = zip(head[1:], cells, strict=True)
             parts = (Text.assemble(title, " ", cell) for title, cell in named if cell)
             line = Text.assemble(name, ": ", Text(", ").join(parts))
-            lines = self._wrapped(line, self._width - 2 * len(_GAP))
-            yield from _hung(lines, _GAP, 2 * _GAP)
+            yield from _hung(self._wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
 
     def _widths(
         self, rows: Sequence[Sequence[Text]], words: Iterable[int]
@@ -198,12 +196,11 @@ class TerminalPage:
 def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
     text = Text(style=style)
     for part in parts:
-        marked = _TYPED if isinstance(part, doc.Typed) else "bold"
-        strong = isinstance(part, doc.Strong | doc.Code | doc.Typed | doc.Doubtful)
-        marked = marked if strong else ""
+        marked = _TYPED if isinstance(part, doc.Typed) else ""
+        if isinstance(part, doc.Strong | doc.Code | doc.Doubtful):
+            marked = "bold"
         content = part if isinstance(part, str) else part.text
-        shown = content if content.isprintable() else visible(content)
-        text.append(shown, style=marked)
+        text.append(content if content.isprintable() else visible(content), style=marked)
     return text
 
 
