@@ -61,8 +61,7 @@ class Template(Schema):
     Attributes:
         before, after: lines around the blocks.
         semicolon: comments are written "; …" instead of "(…)", as the marker is.
-        axes: axis words.
-        values: what the numbers behind them are.
+        axes, values: axis words, and what the numbers behind them are.
         pause: code that waits at each posture.
         feed, slow: speed between postures, and on arrival [mm/min].
     """
@@ -102,9 +101,8 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
             if name == "blocks" and not colon:
                 markers.append(ours[1] is None)
                 if len(markers) > 1:
-                    faults.add(
-                        "The place of the blocks is given twice.", "Take one out.", line=line
-                    )
+                    wrong = "The place of the blocks is given twice."
+                    faults.add(wrong, "Take one out.", line=line)
             elif name in settings:
                 faults.add("This setting is given twice.", "Take one out.", line=line, value=key)
             elif name in known:
@@ -116,8 +114,7 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
             continue
         parts[bool(markers)].append(text)
         code = _COMMENT.sub("", text)
-        number = _NUMBER.match(code)
-        if number and int(number[1]) in taken:
+        if (number := _NUMBER.match(code)) and int(number[1]) in taken:
             remedy = "Number your own lines otherwise, or not at all."
             wrong = "A posture has this block number."
             faults.add(wrong, remedy, line=line, value=f"N{number[1]}")

@@ -16,13 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, field_validator
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
@@ -68,11 +62,9 @@ class Identified(Schema):
     """An accepted cause as the file holds it; the context is the class of the machine.
 
     Attributes:
-        cause: its id.
         where: always the whole machine.
         parameters: by their names on this kind of machine.
-        date: of its acceptance.
-        data_sha256: digest of the readings that it was accepted from.
+        date, data_sha256: of its acceptance, and of the readings that it was accepted from.
         correlation: of the parameters, in their order; none for independent ones.
     """
 
@@ -109,21 +101,15 @@ class Identified(Schema):
         if given.keys() != set(names) and not (given and fewer):
             what = f"{id} has the parameters {', '.join(names)}."
             raise InputError(what, "Give each of them once.")
-        faults = [
-            InputError(
-                f"{id} is measured in {cause.unit or 'no unit'}, not {each.unit!r}.",
-                f"Convert the value and its std, and write unit: {cause.unit!r}.",
-                column=f"{name}.unit",
-            )
-            for name, each in given.items()
-            if each.unit != cause.unit
-        ] + [
-            InputError(
-                "The number must not be negative.", "Give zero or more.", column=f"{name}.value"
-            )
-            for name, each in given.items()
-            if cause.positive and each.value < 0.0
-        ]
+        faults = []
+        for name, each in given.items():
+            if each.unit != cause.unit:
+                what = f"{id} is measured in {cause.unit or 'no unit'}, not {each.unit!r}."
+                remedy = f"Convert the value and its std, and write unit: {cause.unit!r}."
+                faults.append(InputError(what, remedy, column=f"{name}.unit"))
+            if cause.positive and each.value < 0.0:
+                what, remedy = "The number must not be negative.", "Give zero or more."
+                faults.append(InputError(what, remedy, column=f"{name}.value"))
         if faults:
             raise InvalidFileError(faults)
         return given
@@ -135,20 +121,17 @@ class Identified(Schema):
     ) -> tuple[tuple[float, ...], ...]:
         size = len(info.data.get("parameters", rows))
         if rows and {len(rows), *map(len, rows)} != {size}:
-            raise InputError(
-                f"The correlations are not {size} rows of {size} numbers.",
-                "Give one row for each parameter, in their order, or remove them.",
-            )
+            what = f"The correlations are not {size} rows of {size} numbers."
+            remedy = "Give one row for each parameter, in their order, or remove them."
+            raise InputError(what, remedy)
         matrix = np.array(rows or np.eye(1))
         if (
             np.abs(matrix - matrix.T).max() > 1e-5
             or np.abs(np.diag(matrix) - 1.0).max() > 1e-5
             or np.linalg.eigvalsh(matrix)[0] < -1e-5
         ):
-            raise InputError(
-                "These numbers are not correlations.",
-                "They are symmetric, with ones on the diagonal, and of no negative variance.",
-            )
+            remedy = "They are symmetric, with ones on the diagonal, and of no negative variance."
+            raise InputError("These numbers are not correlations.", remedy)
         return rows
 
     def effect(self, machine: type[Machine]) -> Effect:
@@ -176,13 +159,7 @@ class _Around(Schema):
 
 @dataclass(frozen=True)
 class StoredMachine:
-    """A machine file as read.
-
-    Attributes:
-        model: the machine, with its accepted causes.
-        document: the text.
-        remarks: what the user should know although nothing is wrong.
-    """
+    """A machine file as read; `remarks` is what to know although nothing is wrong."""
 
     model: Model
     document: FileText
@@ -210,18 +187,11 @@ def machine_file_in(tree: Tree) -> StoredMachine:
     """The machine file that a parsed document is. Raises as `read_machine_file` does."""
     value, file = tree.value, tree.file
     if not isinstance(value, dict):
-        raise InputError(
-            "This is not a machine file.",
-            f"Copy configs/{DEFAULT_NAME} and change its values.",
-            file=file.path,
-            line=1,
-        )
+        remedy = f"Copy configs/{DEFAULT_NAME} and change its values."
+        raise InputError("This is not a machine file.", remedy, file=file.path, line=1)
     if "readings" in value and "machine" in value:
-        raise InputError(
-            "This is a session, not a machine file.",
-            "Give it as the input; the machine that it was measured on is inside.",
-            file=file.path,
-        )
+        remedy = "Give it as the input; the machine that it was measured on is inside."
+        raise InputError("This is a session, not a machine file.", remedy, file=file.path)
     model = machine_in(tree, ())
     if file.text.startswith(WRITTEN) and "complete" not in value:
         tree.faults.add(
@@ -285,16 +255,15 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     kind = value.get("kind", kind_of(value))
     made = MACHINES.get(kind) if isinstance(kind, str) else None
     own = made or MACHINES[kind_of(value)]
-    around = _Around.model_fields
     order = sorted(own.model_fields, key=lambda key: key in Machine.model_fields)
-    known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *around)))
+    known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *_Around.model_fields)))
     for key in value:
         if key not in known:
             near = "" if faults.full else nearest(key, known)
             note("The key is not known.", f"{near}Known here: {', '.join(known)}.", key)
     if made is None:
-        what, near = "This kind of machine is not known.", nearest(str(kind), MACHINES)
-        note(what, f"{near}Known: {', '.join(MACHINES)}.", "kind")
+        near = nearest(str(kind), MACHINES)
+        note("This kind of machine is not known.", f"{near}Known: {', '.join(MACHINES)}.", "kind")
     elif "kind" not in value and kind != kind_of({}):
         faults.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     found: list[Any] = []
@@ -351,13 +320,17 @@ def is_machine_file(tree: Tree) -> bool:
 
 def machine_values(model: Model) -> dict[str, Any]:
     """Plain values of the machine file, in the file's order; what nobody stated is left out."""
+
+    def digits(value: float) -> float:
+        """Twelve of them: a file read and written again says the same in its units."""
+        return float(f"{value:.12g}")
+
     machine = model.machine
     own = _stated(machine)
     common = {key: own.pop(key) for key in Machine.model_fields if key in own}
     return {
         "schema_version": 1,
-        "kind": common["kind"],
-        "name": common["name"],
+        **{key: common[key] for key in ("kind", "name")},
         **own,
         **{key: common[key] for key in ("homing_mm",) if key in common},
         "tolerances": common["tolerances"],
@@ -367,13 +340,8 @@ def machine_values(model: Model) -> dict[str, Any]:
             {
                 "cause": effect.cause.id,
                 "where": "",
-                # Twelve digits: a file read and written again says the same in its units.
                 "parameters": {
-                    name: {
-                        "value": float(f"{each.value:.12g}"),
-                        "std": float(f"{each.std:.12g}"),
-                        "unit": each.unit,
-                    }
+                    name: {"value": digits(each.value), "std": digits(each.std), "unit": each.unit}
                     for name, each in model.called(effect).items()
                 },
                 "date": effect.date,
@@ -416,9 +384,8 @@ def machine_text(model: Model) -> str:
 
 def new_machine_file(model: Model) -> StoredMachine:
     """A file for a machine that has none, not written yet: printer.yaml in this folder."""
-    return machine_file_in(
-        load_tree(document_from_bytes(machine_text(model).encode(), "printer.yaml"))
-    )
+    document = document_from_bytes(machine_text(model).encode(), "printer.yaml")
+    return machine_file_in(load_tree(document))
 
 
 def with_history(file: StoredMachine, offsets_mm: JointOffsets | None, *history: Entered) -> str:
@@ -431,12 +398,10 @@ def with_history(file: StoredMachine, offsets_mm: JointOffsets | None, *history:
     model = replace(file.model, machine=machine)
     values = machine_values(model)
     text = edited(file.document.text, {key: values[key] for key in (*held, "history")})
-    try:
-        same = machine_values(machine_from_text(text, file.document.path)) == values
-    except InputError:
-        same = False
-    # JSON and other rare forms of YAML have no comments to lose.
-    return text if same else machine_text(model)
+    with suppress(InputError):
+        if machine_values(machine_from_text(text, file.document.path)) == values:
+            return text
+    return machine_text(model)  # JSON and other rare forms of YAML have no comments to lose
 
 
 def new_machine(values: Mapping[str, object], path: str) -> str:

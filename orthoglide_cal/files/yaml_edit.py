@@ -7,19 +7,13 @@ because YAML has forms that nobody writes and this does not know.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
 import yaml
 
 from orthoglide_cal.files.yaml_tree import yaml_text
 
-
-class _Change(NamedTuple):
-    """Characters [start, end) of a text, and what takes their place."""
-
-    start: int
-    end: int
-    text: str
+# Characters [start, end) of a text, and what takes their place.
+_Change = tuple[int, int, str]
 
 
 def edited(text: str, values: Mapping[str, object]) -> str:
@@ -34,8 +28,16 @@ def edited(text: str, values: Mapping[str, object]) -> str:
     """
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     missing = {key: value for key, value in values.items() if _entry(root, key)[1] is None}
-    for change in sorted(_changes(root, values, text), reverse=True):
-        text = _with(text, change)
+    for start, end, new in sorted(_changes(root, values, text), reverse=True):
+        before, rest = text[:start], text[end:]
+        if before.endswith(":") and not new.startswith("\n"):
+            new = f" {new}"
+        blanks = len(rest) - len(rest.lstrip(" "))
+        if rest[blanks : blanks + 1] == "#" and "\n" not in new:
+            # A comment behind it stays in its column.
+            longer = len(new) - (end - start)
+            rest = " " * max(1, blanks - longer) + rest[blanks:]
+        text = before + new + rest
     if not missing:
         return text
     return text.rstrip("\n") + "\n" + yaml_text(missing)
@@ -53,10 +55,10 @@ def _changes(group: yaml.Node | None, values: Mapping[str, object], text: str) -
         elif _is_block(node) and not text[line:start].strip(" \n"):
             # A block below its key: the new value stands behind the key, whatever its form.
             colon = text.index(":", name.end_mark.index) + 1
-            yield _Change(colon, colon, _written(value))
-            yield _Change(line, _end(node), "")
+            yield colon, colon, _written(value)
+            yield line, _end(node), ""
         else:
-            yield _Change(start, _end(node), _written(value))
+            yield start, _end(node), _written(value)
 
 
 def _entry(group: yaml.Node | None, key: str) -> tuple[yaml.Node, yaml.Node] | tuple[None, None]:
@@ -82,15 +84,3 @@ def _written(value: object) -> str:
     # The list keeps the dumper from writing a group of nothing but scalars in braces.
     lines = yaml_text({"_": value, "__": []}).removeprefix("_:").removesuffix("\n__: []\n")
     return lines.removeprefix(" ")
-
-
-def _with(text: str, change: _Change) -> str:
-    """The text after one change; a comment behind it stays in its column."""
-    new, rest = change.text, text[change.end :]
-    if text[: change.start].endswith(":") and not new.startswith("\n"):
-        new = f" {new}"
-    blanks = len(rest) - len(rest.lstrip(" "))
-    if rest[blanks : blanks + 1] == "#" and "\n" not in new:
-        longer = len(new) - (change.end - change.start)
-        rest = " " * max(1, blanks - longer) + rest[blanks:]
-    return text[: change.start] + new + rest
