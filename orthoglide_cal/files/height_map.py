@@ -75,8 +75,13 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         faults.add(what, _AGAIN, line=4)
     faults.check()
     offset, lines_of = np.nan_to_num(settings.probe), range(4, 4 + len(y))
+    grid = StoredMesh.of_grid("heightmap", x, y, heights, lines_of, offset)
     remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
-    mesh = StoredMesh.of_grid("heightmap", x, y, heights, lines_of, offset, (remark,))
+    mesh = replace(grid, remarks=(remark,))
     return replace(
-        settings, probe=offset, mesh=mesh, source=document.source, firmware="reprapfirmware"
+        settings,
+        probe=offset,
+        mesh=mesh,
+        source=document.source,
+        firmware="reprapfirmware",
     )

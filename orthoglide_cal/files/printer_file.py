@@ -7,7 +7,6 @@ Of a linear delta only: sections [printer], [stepper_a … c], [probe], [delta_c
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -109,24 +108,15 @@ class StoredMesh(ReadOnly):
 
     @classmethod
     def of_grid(
-        cls,
-        profile: str,
-        x: Floats,
-        y: Floats,
-        height: Floats,
-        line: Sequence[int],
-        offset: Sequence[float] | Floats,
-        remarks: tuple[str, ...] = (),
+        cls, profile: str, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
     ) -> StoredMesh:
-        """From rows of heights.
+        """From rows of heights, shape (m, n) [mm]; NaN where nothing was probed.
 
         Args:
             profile: its name.
             x, y: places of the probe, shapes (n,) and (m,) [mm].
-            height: shape (m, n) [mm]; NaN where nothing was probed.
-            line: of each row, m of them.
+            height, line: of each row.
             offset: of the probe from the nozzle, in x and y [mm].
-            remarks: what to know about it.
         """
         probed = np.isfinite(height)
         turn = np.arange(probed.size).reshape(probed.shape)
@@ -134,9 +124,7 @@ class StoredMesh(ReadOnly):
         at, along = (place[probed] for place in np.meshgrid(x, y))
         order = np.argsort(np.argsort(turn[probed]))
         lines = np.repeat(line, len(x)).reshape(probed.shape)[probed]
-        return cls(
-            profile, at - offset[0], along - offset[1], height[probed], order, lines, remarks
-        )
+        return cls(profile, at - offset[0], along - offset[1], height[probed], order, lines)
 
 
 @dataclass(frozen=True)
@@ -191,19 +179,16 @@ def read_printer_file(
     ]
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
         given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
-        settings.faults.add(
-            TOWERS_TURN,
-            "Check the angles of [stepper_a], [stepper_b], [stepper_c]; they are usually near 210,"
-            " 330 and 90.",
-            line=max(value.line for value in given if value is not None),
-            column="angle",
-        )
+        towers = ", ".join(f"[{tower}]" for tower in _TOWERS)
+        remedy = f"Check the angles of {towers}; they are usually near 210, 330 and 90."
+        line = max(value.line for value in given if value is not None)
+        settings.faults.add(TOWERS_TURN, remedy, line=line, column="angle")
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
-    probe = [settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"]
+    probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
     home = endstops + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
     # A file that stores no steps need not say how long they are.
-    stored = any(key[0] == _CALIBRATION and _STORED.match(key[1]) for key in settings.options)
+    stored = any(map(_STORED.match, settings.options_of(_CALIBRATION)))
     step = np.array([_step(settings, tower) for tower in _TOWERS if stored])
     heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
     distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
@@ -212,7 +197,7 @@ def read_printer_file(
     scanning = _SCANNING.fullmatch(sensor) is not None
     return PrinterFile(
         delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning),
-        np.array(probe),
+        probe,
         document.source,
         heights,
         distances,
@@ -285,38 +270,35 @@ def _calibration(
 ) -> StoredCalibration | None:
     """What [delta_calibrate] stores under these names; None where it stores nothing."""
     pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
+    options = settings.options_of(_CALIBRATION)
     found: dict[tuple[int, int, str], int] = {}
-    for (section, option), value in settings.options.items():
-        match = pattern.fullmatch(option)
-        if section == _CALIBRATION and match:
+    for option, value in options.items():
+        if match := pattern.fullmatch(option):
             found.setdefault((names.index(match[2]), int(match[3]), match[1]), value.line)
-    for (*_, stem), line in found.items():
-        if (_CALIBRATION, stem) not in settings.options:
-            settings.missing(_CALIBRATION, stem, line)
-    stems = [stem for *_, stem in sorted(found)]
+    lines = {key[-1]: found[key] for key in sorted(found)}
     low = 0.0 if names == ("distance",) else -LARGEST_MM
-    values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in stems]
-    for stem, end in itertools.product(stems, dict.fromkeys(ends)):
-        if (_CALIBRATION, stem + end) not in settings.options and (
-            _CALIBRATION,
-            stem,
-        ) in settings.options:
-            what = f"{stem} has no stepper positions: {stem}{end} is missing."
-            remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
-            settings.note(_CALIBRATION, stem, what, remedy)
+    values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in lines]
+    for stem, line in lines.items():
+        if stem not in options:
+            settings.missing(_CALIBRATION, stem, line)
+            continue
+        for end in dict.fromkeys(ends):
+            if stem + end not in options:
+                what = f"{stem} has no stepper positions: {stem}{end} is missing."
+                remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
+                settings.note(_CALIBRATION, stem, what, remedy)
     nothing = [math.nan] * len(_TOWERS)
     steps = [
-        [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in stems]
+        [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in lines]
         for end in ends
     ]
-    if settings.faults or not stems:
+    if settings.faults or not lines:
         return None
     first, second = home - np.array(steps) * step
-    lines = np.array([found[key] for key in sorted(found)])
-    return StoredCalibration(first, second, np.array(values), lines)
+    return StoredCalibration(first, second, np.array(values), np.array(list(lines.values())))
 
 
-def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | None:
+def _mesh(settings: Settings, sensor: str, probe: Floats) -> StoredMesh | None:
     profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
     if not profiles:
         return None
@@ -335,10 +317,10 @@ def _mesh(settings: Settings, sensor: str, probe: list[float]) -> StoredMesh | N
         return None
     probed = _probed(*np.meshgrid(x, y), rows, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
-    offset = [0.0, 0.0] if (section, "x_offset") in settings.options else probe
+    offset = np.zeros(2) if (section, "x_offset") in settings.options else probe
     heights = np.where(probed, rows, math.nan)
-    mesh = StoredMesh.of_grid(profile, x, y, heights, lines, offset, tuple(remarks))
-    return replace(mesh, padded=int(np.sum(~probed)))
+    mesh = StoredMesh.of_grid(profile, x, y, heights, lines, offset)
+    return replace(mesh, remarks=tuple(remarks), padded=int(np.sum(~probed)))
 
 
 def _mesh_remarks(settings: Settings, sensor: str, section: str) -> Iterator[str]:
@@ -357,14 +339,11 @@ def _mesh_remarks(settings: Settings, sensor: str, section: str) -> Iterator[str
             )
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
     mesh = settings.options.get((section, "points"))
-    stored = [
-        value.line
-        for (name, option), value in settings.options.items()
-        if name == _CALIBRATION and _STORED.match(option)
-    ]
-    if mesh and stored and min(stored) > mesh.line:
+    stored = settings.options_of(_CALIBRATION).items()
+    first = min((value.line for option, value in stored if _STORED.match(option)), default=0)
+    if mesh and first > mesh.line:
         yield (
-            f"The calibration (line {min(stored)}) was stored after this mesh was saved first (line"
+            f"The calibration (line {first}) was stored after this mesh was saved first (line"
             f" {mesh.line}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
             " than the calibration in force: the result is wrong."
         )

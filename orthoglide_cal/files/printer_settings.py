@@ -109,6 +109,10 @@ class Settings:
                 self.faults.add(what, remedy, line=line, value=shortened(plain))
         return sections, options
 
+    def options_of(self, section: str) -> dict[str, Value]:
+        """Option → value of one section."""
+        return {option: value for (name, option), value in self.options.items() if name == section}
+
     def note(
         self, section: str, option: str, what: str, remedy: str, line: int = 0, text: str = ""
     ) -> None:
