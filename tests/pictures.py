@@ -8,7 +8,7 @@ import re
 from datetime import UTC, datetime
 from html import escape
 
-from orthoglide_cal.files.input import Input, input_from_document
+from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.calibration import calibration_document
@@ -33,7 +33,7 @@ def picture(width: float, height: float, content: str) -> str:
 def sample() -> Case:
     """The sample, with its path as one types it in the folder of the program."""
     data = (ROOT / SAMPLE).read_bytes()
-    given: Input = input_from_document(document_from_bytes(data, SAMPLE))
+    given: Input = read_input(document_from_bytes(data, SAMPLE))
     return Case(given, answer_to(given, details=True))
 
 

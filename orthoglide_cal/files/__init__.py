@@ -5,7 +5,6 @@ from orthoglide_cal.files.input import (
     FoundSession,
     Input,
     check_file,
-    input_from_document,
     latest_session,
     machine_in_folder,
     printer_settings,

@@ -72,11 +72,11 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
         faults.add(TOWERS_TURN, "Check X, Y and Z of M665; they are usually below one degree.")
     faults.check()
     if marlin:
-        probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
+        probe, bed = three("M851", math.nan) * (1.0, 1.0, -1.0), math.nan
         endstops = said["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
     else:
-        probe, endstops = three("G31", math.nan), said["M665H"][0] + three("M666")
-    bed = math.nan if marlin else said.get("M665B", (math.nan,))[0]
+        probe, bed = three("G31", math.nan), said.get("M665B", (math.nan,))[0]
+        endstops = said["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
     return PrinterFile(machine, probe, document.source)
 
@@ -95,13 +95,13 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
         return None
     names = " and ".join(PurePath(file.path).name for file in files)
     remarks = [f"The settings are those of {names} in the same folder."]
-    dates = [_DATE.search(file.text.split("\n", 1)[0]) for file in files[-1:]]
-    if measured:
-        dates.append(_DATE.search(measured.text.split("\n", 1)[0]))
-    if len(dates) == 2 and dates[0] and dates[1] and dates[1][0] < dates[0][0]:
+    both = (files[-1], measured) if measured else ()
+    found = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
+    dates = [date[0] for date in found if date]
+    if len(dates) == 2 and dates[1] < dates[0]:
         remarks.append(
-            f"The height map ({dates[1][0]}) is older than the calibration in force"
-            f" ({PurePath(files[-1].path).name}, {dates[0][0]}): the result is wrong. Probe the"
+            f"The height map ({dates[1]}) is older than the calibration in force"
+            f" ({PurePath(files[-1].path).name}, {dates[0]}): the result is wrong. Probe the"
             " bed again (G29)."
         )
     return replace(read_codes(*files), remarks=tuple(remarks))

@@ -22,7 +22,7 @@ from orthoglide_cal.files.text import FileText
 HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
 # Later versions name the axes, and number what earlier ones call x and y.
 _NAMES = {
-    f"{name}{number}": axis + name if name == "spacing" else ("x", "y")[number] + name
+    f"{name}{number}": axis + name
     for name in ("min", "max", "num", "spacing")
     for number, axis in enumerate("xy")
 }
@@ -40,7 +40,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     names = [_NAMES.get(name.strip(), name.strip()) for name in lines[1].lower().split(",")]
     numbers = {}
     for name, text in zip(names, lines[2].split(","), strict=False):
-        if name[1:] in ("num", "min", "spacing") or name == "spacing":
+        if name == "spacing" or name[1:] in ("num", "min", "spacing"):
             with faults.noting(3, text, name):
                 numbers[name] = within(text.strip(), -_FAR, _FAR)
     faults.check()
@@ -54,8 +54,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     except KeyError as error:
         what = f"The second line of the map has no {error}, or the third no number for it."
         raise InputError(what, _AGAIN, file=document.path, line=2) from error
-    heights = np.full((len(y), len(x)), np.nan)
-    rows = lines[3:]
+    heights, rows = np.full((len(y), len(x)), np.nan), lines[3:]
     if len(rows) != len(y):
         what = f"The map has {len(rows)} lines of heights, its header says {len(y)}."
         faults.add(what, f"Was it cut off? {_AGAIN}", line=3 + len(rows))

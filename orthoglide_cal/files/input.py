@@ -123,15 +123,15 @@ class FoundSession(NamedTuple):
 
 
 def read_input(
-    path: str,
+    source: str | FileText,
     model: Known | None = None,
     otherwise: Callable[[], Model] = default_machine,
     stored: str | None = None,
 ) -> Input:
-    """Readings or differences, from a CSV or a session file, each byte read once.
+    """Readings or differences, from a CSV, a session or a printer's file, each byte read once.
 
     Args:
-        path: as the user gave it; "-" is standard input.
+        source: path as the user gave it ("-" is standard input), or text that has been read.
         model: the machine that the user names, or the settings of its firmware; it gives the joint
             limits that postures refer to. None stands for the one in a session.
         otherwise: gives the machine for a table where the user names none.
@@ -142,23 +142,12 @@ def read_input(
         InvalidFileError: everything that is wrong with its content, each with its place.
         InputError: not readable, too large, or not text.
     """
-    return input_from_document(read_document(path), model, otherwise, stored)
-
-
-def input_from_document(
-    document: FileText,
-    model: Known | None = None,
-    otherwise: Callable[[], Model] = default_machine,
-    stored: str | None = None,
-) -> Input:
-    """As `read_input`, from text that has been read."""
-    file = None if _is_yaml(document) else _firmware_file(document, model, otherwise)
-    if file:
-        return _printer(file, model, stored)
-    judge = _as_model(model)
+    document = source if isinstance(source, FileText) else read_document(source)
     if _is_yaml(document):
-        return Input(*session_from_tree(load_tree(document), judge), is_session=True)
-    return _table(document, judge, otherwise)
+        return Input(*session_from_tree(load_tree(document), _as_model(model)), is_session=True)
+    if file := _firmware_file(document, model, otherwise):
+        return _printer(file, model, stored)
+    return _table(document, _as_model(model), otherwise)
 
 
 def check_file(
@@ -191,7 +180,7 @@ def check_file(
                 return Check(input=input, machine=name, remarks=held.remarks), None
             given = Input(*session_from_tree(tree, _as_model(model)), is_session=True)
         else:
-            given = input_from_document(file, model, otherwise, stored)
+            given = read_input(file, model, otherwise, stored)
     except UnreadableError:
         raise
     except InputError as error:
@@ -199,13 +188,10 @@ def check_file(
         return Check(input=input, valid=False, problems=faults), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
+    input = input.changed(kind=kind, readings=len(measured))
     doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
-    check = Check(
-        input=input.changed(kind=kind, readings=len(measured)),
-        machine=machine.name,
-        remarks=(*doubts, *measured.remarks),
-    )
-    return check, given
+    remarks = (*doubts, *measured.remarks)
+    return Check(input=input, machine=machine.name, remarks=remarks), given
 
 
 def sessions_in(folder: Path) -> list[FoundSession]:
@@ -232,11 +218,8 @@ def latest_session(folder: Path) -> Path:
     """The session that was finished last. Raises InputError if there is none."""
     found = sessions_in(folder)
     if not found:
-        raise InputError(
-            "There is no session in this folder.",
-            "Name a file of readings, or measure first: orthocal measure",
-            file=str(folder),
-        )
+        remedy = "Name a file of readings, or measure first: orthocal measure"
+        raise InputError("There is no session in this folder.", remedy, file=str(folder))
     return found[-1].path
 
 
@@ -258,19 +241,16 @@ def machine_in_folder(folder: Path) -> Path | None:
     found = [path for path, keys in files if own & keys.keys() and "readings" not in keys]
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
-        raise UsageError(
-            f"There are {len(found)} machine files in this folder: {names}.",
-            "Name the one to use: --machine FILE",
-        )
+        what = f"There are {len(found)} machine files in this folder: {names}."
+        raise UsageError(what, "Name the one to use: --machine FILE")
     return found[0] if found else None
 
 
 def _text_of(path: Path) -> str:
     """Empty if it cannot be read, or is larger than any session."""
-    try:
+    with suppress(InputError):
         return read_document(str(path), YAML_LIMIT).text
-    except InputError:
-        return ""
+    return ""
 
 
 def _files_in(folder: Path) -> dict[Path, dict[str, str]]:
@@ -285,13 +265,11 @@ def _is_yaml(document: FileText) -> bool:
         return False
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
         return True
-    for line in document.text.split("\n", 1000):
-        if line.strip() and not line.lstrip().startswith("#"):
-            # "Recv: …" of a console looks like a key.
-            printed = (KLIPPY_LOG, PROBED, MARLIN_OUTPUT, SETTINGS)
-            text = document.text
-            return bool(_YAML.match(line)) and not any(each.search(text) for each in printed)
-    return False
+    lines = (each for each in document.text.split("\n", 1000) if each.strip())
+    first = next((line for line in lines if not line.lstrip().startswith("#")), "")
+    # "Recv: …" of a console looks like a key.
+    printed = (KLIPPY_LOG, PROBED, MARLIN_OUTPUT, SETTINGS)
+    return bool(_YAML.match(first)) and not any(each.search(document.text) for each in printed)
 
 
 def _table(document: FileText, model: Model | None, otherwise: Callable[[], Model]) -> Input:
@@ -375,36 +353,27 @@ def _firmware_file(
         raise InputError(what, remedy, file=document.path)
     else:
         return None
-    settings = _settings(document, beside, known, otherwise)
+    # Those that the user names, else those beside the touches, else the numbers of a machine file,
+    # which do not tell where the probe is.
+    settings = beside
+    if isinstance(known, PrinterFile):
+        settings = replace(known, heights=None, distances=None, mesh=None, remarks=())
+    elif known or beside is None:
+        machine = (known or otherwise()).machine
+        if isinstance(machine, LinearDelta) and beside:
+            settings = _with_bed(beside, machine.bed_radius_mm)
+        elif isinstance(machine, LinearDelta):
+            remark = (
+                "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
+            )
+            settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
     if settings is None:
         what = "The file does not say which printer it is from."
         raise InputError(what, f"Name its settings: {named}", file=document.path)
     return read(document, settings)
 
 
-def _settings(
-    document: FileText,
-    beside: PrinterFile | None,
-    known: Known | None,
-    otherwise: Callable[[], Model],
-) -> PrinterFile | None:
-    """What touches are judged by: the settings that the user names, those beside the touches, or
-    the numbers of a machine file, which do not tell where the probe is."""
-    if isinstance(known, PrinterFile):
-        return replace(known, heights=None, distances=None, mesh=None, remarks=())
-    if beside and known is None:
-        return beside
-    machine = (known or otherwise()).machine
-    if not isinstance(machine, LinearDelta):
-        return beside
-    if beside:
-        return _with_bed(beside, machine.bed_radius_mm)
-    remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
-    nowhere = np.full(3, np.nan)
-    return PrinterFile(machine, nowhere, document.source, remarks=(remark,))
-
-
-def _printer(file: PrinterFile, known: Known | None, stored: str | None = None) -> Input:
+def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
     """What a printer's file stores, on the machine that it describes.
 
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
@@ -416,10 +385,9 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None = None) 
     model = _as_model(known) or Model(file.machine)
     delta = model.machine
     if not isinstance(delta, LinearDelta):
-        raise UsageError(
-            f"{file.source.path} is of a linear delta; the machine given is of kind {delta.kind}.",
-            "Leave --machine out, or give a file of kind linear_delta.",
-        )
+        path, remedy = file.source.path, "Leave --machine out, or give a file of kind linear_delta."
+        what = f"{path} is of a linear delta; the machine given is of kind {delta.kind}."
+        raise UsageError(what, remedy)
     machine, remarks = known_printer(file, delta)
     read = printer_readings(file, stored, machine)
     readings = replace(read, remarks=(*remarks, *read.remarks))

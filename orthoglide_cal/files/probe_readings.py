@@ -37,13 +37,11 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     table.check_split_numbers(("reading_mm",), PROBE_COLUMNS[:-1])
     faults.check()
     if table.rows and not any("reading_mm" in row.cells for row in table.rows):
-        faults.add(
-            "No reading was filled in.",
-            "Probe the places in this order, and write the height at which the probe triggers.",
-            line=table.rows[0].line,
-            column="reading_mm",
-        )
-        faults.check()  # the empty cells are no faults of their own
+        # The empty cells are no faults of their own.
+        remedy = "Probe the places in this order, and write the height at which the probe triggers."
+        line = table.rows[0].line
+        faults.add("No reading was filled in.", remedy, line=line, column="reading_mm")
+        faults.check()
     wide, high, arm = 2.0 * machine.bed_radius_mm, max(machine.arm_length_mm), "an arm is long"
     longest = {
         **dict.fromkeys(PLACE_COLUMNS, (wide, "coordinate", "the bed is wide")),
@@ -55,28 +53,22 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     for index, row in checking.sound:
         away = math.hypot(row.x_mm, row.y_mm)
         if away > BEYOND * machine.bed_radius_mm:
-            checking.note(
-                index,
-                "x_mm",
-                f"The place is {away:.0f} mm from the middle of the bed.",
-                f"Check it, or bed_radius_mm ({machine.bed_radius_mm:g}) in the machine file.",
-            )
+            what = f"The place is {away:.0f} mm from the middle of the bed."
+            remedy = f"Check it, or bed_radius_mm ({machine.bed_radius_mm:g}) in the machine file."
+            checking.note(index, "x_mm", what, remedy)
     rows = checking.checked()
     times = {row.minutes for row in rows}
     timed = None not in times and (len(rows) == 1 or len(times) > 1)
     if not timed and None not in times:
         remarks.append("All minutes are the same: they were not used.")
+    place = np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows])
+    surface = np.array([row.z_mm or 0.0 for row in rows])
     seq = [-1 if row.seq is None else row.seq for row in rows]
-    plan = _plan(
-        machine,
-        np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows]),
-        np.array([row.z_mm or 0.0 for row in rows]),
-        np.argsort(np.argsort(seq, kind="stable")),
-        np.array([row.minutes or 0.0 for row in rows]) if timed else None,
-    )
+    order = np.argsort(np.argsort(seq, kind="stable"))
+    minutes = np.array([row.minutes or 0.0 for row in rows]) if timed else None
     return Readings(
-        plan,
-        plan.place[:, 2] - plan.surface,
+        _plan(machine, place, surface, order, minutes),
+        place[:, 2] - surface,
         np.array([record.line for record in table.rows]),
         timed,
         table.file.source,
@@ -88,13 +80,8 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
 
 def places_csv(plan: ProbePlan) -> str:
     """The touches of a plan as a file to be filled in: their places, and no reading yet."""
-    rows = [
-        f"{x:g},{y:g},{high:g},"
-        for (x, y, _), high, apart in zip(
-            plan.place.tolist(), plan.surface.tolist(), plan.distance.tolist(), strict=True
-        )
-        if not apart
-    ]
+    touches = np.column_stack((plan.place[:, :2], plan.surface))[~plan.distance]
+    rows = [f"{x:g},{y:g},{high:g}," for x, y, high in touches.tolist()]
     return "\n".join((",".join((*PLACE_COLUMNS, "z_mm", "reading_mm")), *rows)) + "\n"
 
 
@@ -174,24 +161,21 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
 def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta) -> Readings:
     n = len(mesh.x)
     if n > 1 and np.ptp(mesh.height) == 0.0:
-        raise InputError(
-            f"All {n} heights of the mesh {mesh.profile!r} are {mesh.height[0]:g}: a placeholder,"
-            " not a measurement.",
-            "Probe the bed, and save the mesh.",
-            file=file.source.path,
-            line=int(mesh.line[0]),
-        )
+        what = f"All {n} heights of the mesh {mesh.profile!r} are {mesh.height[0]:g}"
+        what += ": a placeholder, not a measurement."
+        remedy, line = "Probe the bed, and save the mesh.", int(mesh.line[0])
+        raise InputError(what, remedy, file=file.source.path, line=line)
     remedy = "Check it, and probe the bed again."
     _check_stored(file, mesh.line, mesh.height, "A height of the mesh", remedy)
     away = np.hypot(mesh.x, mesh.y)
     if away.max() > BEYOND * machine.bed_radius_mm:
-        raise InputError(
-            f"The mesh {mesh.profile!r} reaches {away.max():.0f} mm from the middle of the bed.",
+        what = f"The mesh {mesh.profile!r} reaches {away.max():.0f} mm from the middle of the bed."
+        remedy = (
             f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
-            "print_radius of [printer], unless stated the delta_radius; or B of M665.",
-            file=file.source.path,
-            line=int(mesh.line[np.argmax(away)]),
+            "print_radius of [printer], unless stated the delta_radius; or B of M665."
         )
+        line = int(mesh.line[np.argmax(away)])
+        raise InputError(what, remedy, file=file.source.path, line=line)
     place = np.column_stack((mesh.x, mesh.y, mesh.height + file.probe[2]))
     plan = _plan(machine, place, np.full(n, file.probe[2]), mesh.order)
     remarks = [*file.remarks, *mesh.remarks]
@@ -212,14 +196,11 @@ def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearD
 
     other = place = reached(heights.first)
     value, line, remarks = place[:, 2] - heights.value, heights.line, file.remarks
-    _check_stored(
-        file,
-        line,
-        value,
-        "The stored height",
+    remedy = (
         "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length changed"
-        " after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again.",
+        " after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again."
     )
+    _check_stored(file, line, value, "The stored height", remedy)
     trimmed = float(np.mean(value))
     if abs(trimmed) > _TRIMMED_MM:
         remarks += (
@@ -249,12 +230,8 @@ def _check_stored(file: PrinterFile, line: Ints, apart: Floats, what: str, remed
     if far.size:
         size = abs(float(apart[far[0]]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
-        raise InputError(
-            f"{what} is {off} by the settings in force.",
-            remedy,
-            file=file.source.path,
-            line=int(line[far[0]]),
-        )
+        what = f"{what} is {off} by the settings in force."
+        raise InputError(what, remedy, file=file.source.path, line=int(line[far[0]]))
 
 
 def _plan(

@@ -27,7 +27,6 @@ class Tree:
     """One YAML file.
 
     Attributes:
-        file: where it came from.
         faults: duplicate keys found so far.
         value: dict, list, str or None, nested.
         lines: path of each node → its line, from 1.
@@ -59,9 +58,8 @@ def load_tree(file: FileText) -> Tree:
         InputError: not YAML, or something refused, with its line.
     """
     check_size(file.size, file.path, YAML_LIMIT)
-    events: Iterator[Any] = yaml.parse(
-        file.text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    )
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    events: Iterator[Any] = yaml.parse(file.text, Loader=loader)
     tree, nodes, documents = Tree(file, Faults(file.path)), count(1), 0
 
     def check(event: Any, path: Steps) -> None:
@@ -98,20 +96,15 @@ def load_tree(file: FileText) -> Tree:
             key = (*path, getattr(each, "value", ""))
             check(each, path)
             if not isinstance(each, yaml.ScalarEvent) or (not each.style and each.value in _NULLS):
-                raise InputError(
-                    "A key must be a word.", "Write `name: value`.", file=file.path, line=line
-                )
+                what, remedy = "A key must be a word.", "Write `name: value`."
+                raise InputError(what, remedy, file=file.path, line=line)
             if each.value not in content:
                 content[each.value] = read(tree, next(events), key, line)
                 continue
             value = read(Tree(file, Faults(file.path)), next(events), key, line)
-            tree.faults.add(
-                f"The key is given twice (first in line {tree.lines[key]}).",
-                "Remove one of them.",
-                line=line,
-                column=dotted(key),
-                value=value if isinstance(value, str) else None,
-            )
+            what = f"The key is given twice (first in line {tree.lines[key]})."
+            text = value if isinstance(value, str) else None
+            tree.faults.at(FaultPlace(line, dotted(key), text), what, "Remove one of them.")
         return content
 
     try:

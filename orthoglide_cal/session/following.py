@@ -15,7 +15,7 @@ from orthoglide_cal.errors import UsageError, visible
 from orthoglide_cal.files import (
     Conditions,
     ReadingRow,
-    input_from_document,
+    read_input,
     reading_rows,
 )
 from orthoglide_cal.files.yaml_tree import load_tree
@@ -120,7 +120,7 @@ def first_of(following: Following, model: Model) -> PriorReadings:
         InputError: it cannot be read.
         UsageError: these are no readings.
     """
-    given = input_from_document(following.data, model)
+    given = read_input(following.data, model)
     if not isinstance(given.measured, Readings):
         raise UsageError(
             f"{following.data.path} holds differences; new readings cannot be joined to them.",

@@ -18,11 +18,11 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
 from orthoglide_cal.files import (
     default_machine,
     differing,
-    input_from_document,
     machine_from_text,
     machine_text,
     machine_values,
     read_document,
+    read_input,
 )
 from orthoglide_cal.model import GaugePlan, Model
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
@@ -309,7 +309,7 @@ def _recommended(path: str, request: Request) -> Recommendation:
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
-    own = input_from_document(data, None, request.otherwise)
+    own = read_input(data, None, request.otherwise)
     names = differing(own.model, given) if given and own.is_session else []
     if names:
         raise UsageError(
@@ -317,7 +317,7 @@ def _recommended(path: str, request: Request) -> Recommendation:
             f" {', '.join(names)}.",
             "Leave out --machine to use the machine of the session.",
         )
-    model = input_from_document(data, given).model if given else own.model
+    model = read_input(data, given).model if given else own.model
     first = first_of(
         Following(data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED), model
     )

@@ -3,7 +3,7 @@
 from functools import cache
 
 from orthoglide_cal.files import machine_from_text
-from orthoglide_cal.files.input import input_from_document
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model import Model, Readings
 from tests import truth
@@ -18,7 +18,7 @@ def model_of(hidden: truth.Machine, gauge: truth.Gauge) -> Model:
 def read(text: str, model: Model) -> Readings:
     """The readings of a table."""
     document = document_from_bytes(text.encode(), "session.csv")
-    measured = input_from_document(document, model).measured
+    measured = read_input(document, model).measured
     assert isinstance(measured, Readings)
     return measured
 

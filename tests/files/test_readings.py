@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthoglide_cal.files import (
-    input_from_document,
+    read_input,
     readings_csv,
     session_of_readings,
     session_text,
@@ -318,7 +318,7 @@ def test_what_is_written_is_read_back_exactly(data):
         readings = some(readings, np.random.default_rng(draw(st.integers(0, 99))).permutation(n))
     session = session_text(session_of_readings(readings, Model(MACHINE), {}))
     for name, text in (("r.csv", readings_csv(readings)), ("s.yaml", session)):
-        read = input_from_document(document(text, name), Model(MACHINE)).measured
+        read = read_input(document(text, name), Model(MACHINE)).measured
         same = readings if name == "r.csv" else some(readings, readings.plan.in_time)
         for field in ("value", "cycle", "temperature"):
             np.testing.assert_array_equal(getattr(read, field), getattr(same, field), field)

@@ -10,7 +10,7 @@ from orthoglide_cal.diagnosis import Diagnosis, diagnose
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
-from orthoglide_cal.files.input import input_from_document
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model import (
     Effect,
@@ -274,7 +274,7 @@ def printed_u(session: truth.Session) -> Floats:
     """U of the offsets that `solve` gives out, shape (3,) [mm]."""
     document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
     model = model_of(session.machine, session.gauge)
-    answer = answer_to(input_from_document(document, model))
+    answer = answer_to(read_input(document, model))
     return np.array([each.expanded for each in answer.parameters])
 
 

@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from orthoglide_cal.files import Input
-from orthoglide_cal.files.input import input_from_document
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import document_from_bytes
 from tests import truth
 from tests.diagnosis.sessions import model_of
@@ -146,7 +146,7 @@ def measured(
     if active is not None and active.any():
         model = model.holding(tuple(active.tolist()))
     document = document_from_bytes(truth.readings_csv(session).encode(), name)
-    given = input_from_document(document, model)
+    given = read_input(document, model)
     return replace(given, conditions=given.conditions.changed(**conditions))
 
 
