@@ -88,26 +88,20 @@ def probabilities(
 
 @dataclass(frozen=True)
 class Posterior:
-    """Probabilities of every explanation tried.
+    """Probabilities of every explanation tried."""
 
-    Attributes:
-        listed: set of ids → probability.
-        unlisted: pattern in words → probability.
-        remedies: set of ids → what it asks of a technician, where it is not fixing these causes.
-        odds: how many times likelier something must be than nothing, or two causes than one.
-        shape: id of the cause that stands for any shape where nothing tells what makes it, or "".
-        doubted: ids of causes that the controller's own values make likely.
-        log_prior: set of ids → ln of its prior weight.
-        log_fit: set of ids → ln of the likelihood where it fits best, of those that were fitted.
-    """
-
-    listed: Mapping[Ids, float]
-    unlisted: Mapping[str, float]
+    listed: Mapping[Ids, float]  # set of ids → probability
+    unlisted: Mapping[str, float]  # pattern in words → probability
+    # Set of ids → what it asks of a technician, where it is not fixing these causes.
     remedies: Mapping[Ids, Hashable] = field(default_factory=dict)
+    # How many times likelier something must be than nothing, or two causes than one.
     odds: float = ODDS_TO_NAME
+    # Id of the cause that stands for any shape where nothing tells what makes it, or "".
     shape: str = ""
-    doubted: Ids = ()
+    doubted: Ids = ()  # ids of causes that the controller's own values make likely
+    # Set of ids → ln of its prior weight.
     log_prior: Mapping[Ids, float] = field(default_factory=dict)
+    # Set of ids → ln of the likelihood where it fits best, of those that were fitted.
     log_fit: Mapping[Ids, float] = field(default_factory=dict)
 
     @cached_property

@@ -31,19 +31,13 @@ def ids_of(*causes: Cause) -> Ids:
 
 @dataclass(frozen=True)
 class Candidates:
-    """The causes to be tried on one data set.
+    """The causes to be tried on one data set."""
 
-    Attributes:
-        broad: causes with machine-wide parameters.
-        pairs: of them, those that may act together.
-        extras: causes that add one pattern at one of many places, then those that relabel.
-        log_prior: ln prior weight of each set of ids.
-    """
-
-    broad: tuple[Cause, ...]
-    pairs: tuple[tuple[Cause, ...], ...]
+    broad: tuple[Cause, ...]  # causes with machine-wide parameters
+    pairs: tuple[tuple[Cause, ...], ...]  # of them, those that may act together
+    # Causes that add one pattern at one of many places, then those that relabel.
     extras: tuple[PatternCause | RelabelCause, ...]
-    log_prior: Mapping[Ids, float]
+    log_prior: Mapping[Ids, float]  # ln prior weight of each set of ids
 
     @classmethod
     @functools.lru_cache(maxsize=8)

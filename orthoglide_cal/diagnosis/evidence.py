@@ -34,20 +34,14 @@ _ROUGH = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
 
 @dataclass(frozen=True, eq=False)
 class NoiseGrid(ReadOnly):
-    """Plausible standard deviations of one reading and their log weights, shape (g,).
+    """Plausible standard deviations of one reading and their log weights, shape (g,)."""
 
-    Attributes:
-        sigma: of noise that no two readings share [mm].
-        log_weight: of each.
-        spectrum: additional variance of each datum, where neighbours share a local shape of
-            the size that is stated, (k,) [mm²]; the data are those in which it is independent.
-        scale_factor: how many times as large that shape is, (g,).
-    """
-
-    sigma: Floats
-    log_weight: Floats
+    sigma: Floats  # of noise that no two readings share [mm]
+    log_weight: Floats  # of each
+    # Additional variance of each datum, where neighbours share a local shape of the size that is
+    # stated, (k,) [mm²]; the data are those in which it is independent.
     spectrum: Floats | None = None
-    scale_factor: Floats | None = None
+    scale_factor: Floats | None = None  # how many times as large that shape is, (g,)
 
     @classmethod
     def around(

@@ -64,28 +64,19 @@ OFFSETS_MM = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Whitened(ReadOnly):
-    """Data and model in whitened form.
+    """Data and model in whitened form."""
 
-    Attributes:
-        problem: the model, the plan of n readings, and W, shape (k, n).
-        data: d, shape (k,) [mm].
-        root: un-whitens, shape (n, k); the identity (k, k) for readings of gauges.
-        raw: True for raw readings, whose order in time is known; False for differences.
-        in_file: where each entry of the file stands in the data as read, shape (m,).
-        unit_mm: the only other unit that the readings may be in [mm]; None without one.
-        spectrum: variance of each datum through a local shape that neighbours share, (k,) [mm²];
-            W makes the data independent in spite of it. None without one.
-        assumed: True if nobody stated how large that shape is.
-    """
-
-    problem: Problem
-    data: Floats
-    root: Floats
-    raw: bool
-    in_file: Ints
+    problem: Problem  # the model, the plan of n readings, and W, shape (k, n)
+    data: Floats  # d, shape (k,) [mm]
+    root: Floats  # un-whitens, shape (n, k); the identity (k, k) for readings of gauges
+    raw: bool  # readings, whose order in time is known; False for differences
+    in_file: Ints  # where each entry of the file stands in the data as read, shape (m,)
+    # The only other unit that the readings may be in [mm]; None without one.
     unit_mm: float | None = None
+    # Variance of each datum through a local shape that neighbours share, (k,) [mm²]; W makes the
+    # data independent in spite of it. None without one.
     spectrum: Floats | None = None
-    assumed: bool = False
+    assumed: bool = False  # nobody stated how large that shape is
 
     @classmethod
     def of(cls, measured: Measured, model: Model) -> Whitened:
@@ -250,35 +241,21 @@ def unit_of(effects: Sequence[Effect]) -> float:
 
 @dataclass(frozen=True)
 class Extra:
-    """One cause at one place, with a base.
-
-    Attributes:
-        cause: a pattern cause or a relabelling one.
-        place: the place.
-        number: its column of `Linearised.patterns`, or the version of the data to be fitted.
-        count: its size where that is a whole number; None for a size of any value.
-    """
+    """One cause at one place, with a base."""
 
     cause: PatternCause | RelabelCause
     place: Place
-    number: int
-    count: int | None = None
+    number: int  # its column of `Linearised.patterns`, or the version of the data to be fitted
+    count: int | None = None  # its size where that is a whole number; None for a size of any value
 
 
 class Placed(NamedTuple):
-    """An extra cause on these data.
-
-    Attributes:
-        cause: the cause.
-        tried: where it may act; of a relabelling only where the data can undo it.
-        own: their numbers, as in `Extra`.
-        log_weight: each place → ln of what the density of the data there is multiplied by.
-    """
+    """An extra cause on these data."""
 
     cause: PatternCause | RelabelCause
-    tried: tuple[Place, ...]
-    own: slice
-    log_weight: Mapping[Place, float]
+    tried: tuple[Place, ...]  # where it may act; of a relabelling only where the data can undo it
+    own: slice  # their numbers, as in `Extra`
+    log_weight: Mapping[Place, float]  # ln of what the density of the data is multiplied by
 
     def numbered(self, number: int) -> Extra:
         """One size and place, all places in turn for each size."""
@@ -328,33 +305,22 @@ class Linearised:
 
     A relabelling is undone in the data, which gives another version of them; version 0 is as
     recorded.
-
-    Attributes:
-        white: the data.
-        candidates: what is tried.
-        noise: grid of σ.
-        extras: by id, where each may act.
-        versions: the data as recorded and with each relabelling undone, shape (v, k) [mm].
-        offsets: fitted to each version, shape (v, 3) [mm].
-        residuals: what is left then, shape (v, k) [mm].
-        patterns: W·pattern of one unit at each place of each pattern cause, one after the other,
-            shape (k, P) [mm per unit].
-        jacobian: derivative of the data by the offsets at the fit to version 0, shape (k, 3).
-        jacobians: id of a broad cause → derivative by its parameters there, where it is absent,
-            shape (k, p).
-        uncertain: what is uncertain of the data in addition to noise and causes.
     """
 
     white: Whitened
     candidates: Candidates
     noise: NoiseGrid
-    extras: Mapping[str, Placed]
-    versions: Floats
-    offsets: Floats
-    residuals: Floats
+    extras: Mapping[str, Placed]  # by id, where each may act
+    versions: Floats  # the data as recorded and with each relabelling undone, shape (v, k) [mm]
+    offsets: Floats  # fitted to each version, shape (v, 3) [mm]
+    residuals: Floats  # what is left then, shape (v, k) [mm]
+    # W·pattern of one unit at each place of each pattern cause, one after the other, shape (k, P)
+    # [mm per unit].
     patterns: Floats
-    jacobian: Floats
+    jacobian: Floats  # derivative of the data by the offsets at the fit to version 0, shape (k, 3)
+    # Id of a broad cause → derivative by its parameters there, where it is absent, shape (k, p).
     jacobians: Mapping[str, Floats]
+    # What is uncertain of the data in addition to noise and causes.
     uncertain: tuple[Influence, ...]
 
     @classmethod

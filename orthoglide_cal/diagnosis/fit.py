@@ -55,46 +55,30 @@ class Fitted(ReadOnly):
 
     The unknowns are the offsets, the parameters of each effect in turn, and those of all that is
     uncertain of the data in addition to noise.
-
-    Attributes:
-        log_evidence: as of `Score`; how much likelier the data make it than the prior does that
-            widths are positive is part of it.
-        log_likelihood: ln p of the data at the fit, without its constant; the sizes of causes do
-            not count, but that widths are positive does.
-        square: what noise must have left, σ²·χ² [mm²]: residuals, and how far what is uncertain of
-            the data had to be stretched; of k − 3 degrees of freedom, of the offsets alone.
-        effects: its causes with their best parameters, each with its own covariance.
-        offsets: shape (3,) [mm].
-        covariance: of all unknowns, shape (q, q), internal units.
-        slots: of each effect, its unknowns; none for what has no size or a known one.
-        linear: whitened data minus the linearised model at zero unknowns, shape (k,) [mm].
-        residual: whitened data minus prediction, shape (k,) [mm].
-        local: what of it is attributed to a local shape, shape (k,) [mm].
-        columns: whitened derivatives by the unknowns, shape (k, q).
-        centre: what they are before there are data, shape (q,): zero but for widths.
-        sizes: their plausible sizes about that, shape (q,).
-        sigma: standard deviation of one reading under this explanation [mm].
-        scale_factor: how many times as large as stated a local shape is.
-        uncertain: what else is uncertain of the data; its unknowns come last.
-        remedy: what it asks of a technician.
     """
 
+    # As of `Score`; how much likelier the data make it than the prior does that widths are positive
+    # is part of it.
     log_evidence: float
+    # ln p of the data at the fit, without its constant; the sizes of causes do not count, but that
+    # widths are positive does.
     log_likelihood: float
+    # What noise must have left, σ²·χ² [mm²]: residuals, and how far what is uncertain of the data
+    # had to be stretched; of k − 3 degrees of freedom, of the offsets alone.
     square: float
-    effects: tuple[Effect, ...]
-    offsets: Floats
-    covariance: Floats
-    slots: tuple[slice, ...]
-    linear: Floats
-    residual: Floats
-    local: Floats
-    columns: Floats
-    centre: Floats
-    sizes: Floats
-    sigma: float
-    scale_factor: float
-    uncertain: tuple[Influence, ...]
+    effects: tuple[Effect, ...]  # causes with their best parameters and own covariance
+    offsets: Floats  # shape (3,) [mm]
+    covariance: Floats  # of all unknowns, shape (q, q), internal units
+    slots: tuple[slice, ...]  # unknowns of each effect; none without a size, or with a known one
+    linear: Floats  # whitened data minus the linearised model at zero unknowns, shape (k,) [mm]
+    residual: Floats  # whitened data minus prediction, shape (k,) [mm]
+    local: Floats  # what of it is attributed to a local shape, shape (k,) [mm]
+    columns: Floats  # whitened derivatives by the unknowns, shape (k, q)
+    centre: Floats  # what they are before there are data, shape (q,): zero but for widths
+    sizes: Floats  # their plausible sizes about that, shape (q,)
+    sigma: float  # standard deviation of one reading under this explanation [mm]
+    scale_factor: float  # how many times as large as stated a local shape is
+    uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
     remedy: Remedy
 
     def joint_covariance(self, effects: Sequence[Effect] = ()) -> Floats:
@@ -395,15 +379,10 @@ class _Search:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors of predicting what was not fitted.
+    """Errors of predicting what was not fitted."""
 
-    Attributes:
-        rms_mm: root mean square error, each weighed as in `Whitened.rms`.
-        ratio: errors divided by what the model itself states for them, root mean square.
-    """
-
-    rms_mm: float
-    ratio: float
+    rms_mm: float  # root mean square error, each weighed as in `Whitened.rms`
+    ratio: float  # errors divided by what the model itself states for them, root mean square
 
 
 def leave_out_cells(white: Whitened, fit: Fitted, judged: Fitted) -> HeldOut:

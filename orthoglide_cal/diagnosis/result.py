@@ -46,25 +46,18 @@ class Verdict(StrEnum):
 
 
 class NextMeasurement(Schema):
-    """A measurement that may decide what is open.
+    """A measurement that may decide what is open."""
 
-    Attributes:
-        what: to do, in words.
-        minutes: that it takes.
-        separates: of each of the two the first cause that the other lacks, or has as well.
-        between: of the two likeliest explanations that it distinguishes, the causes that the other
-            lacks, or all if one has no more; empty if nothing is open that readings tell.
-        session: what `measure` is told for it if it is a session of its own; None if it continues
-            what was read.
-        separation_sigma: expected distance between their predictions; 0 without them [standard
-            deviations].
-    """
-
-    what: str
-    minutes: Minutes
-    separates: Ids
+    what: str  # to do, in words
+    minutes: Minutes  # that it takes
+    separates: Ids  # of each of the two the first cause that the other lacks, or has as well
+    # Of the two likeliest explanations that it distinguishes, the causes that the other lacks, or
+    # all if one has no more; empty if nothing is open that readings tell.
     between: tuple[Ids, ...]
+    # Expected distance between their predictions; 0 without them [standard deviations].
     separation_sigma: float
+    # What `measure` is told for it if it is a session of its own; None if it continues what was
+    # read.
     session: str | None = None
 
 
@@ -187,52 +180,36 @@ class Otherwise(Schema):
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis(ReadOnly):
-    """What the simulation gets wrong for one file.
-
-    Attributes:
-        measured: the data.
-        model: the machine and its accepted causes that they were judged by.
-        verdict: in one word.
-        lack_of_fit: of the offsets-only model.
-        causes: accepted ones, best first; empty if none is.
-        baselines: of a printer, what the extension is compared with; None where it was not asked.
-        ambiguous_with: ids that these data cannot separate from the answer.
-        not_excluded: ids that may be there where nothing shows.
-        left_open: fits of the explanations that the data leave open, each after its share; the
-            accepted one comes first.
-        by_place: the same, each fault at every place where it may be if the verdict is ambiguous;
-            after a named answer, faults that would not show but matter.
-        offsets_mm: their mean, shape (3,).
-        covariance_mm2: of the offsets, shape (3, 3); carries the choice within an alias class.
-        alone_mm: offsets where the offsets-only model fits these data best, all readings alike,
-            shape (3,).
-        nominal_mm: prediction of the offsets-only model with fitted zeros, shape (n,).
-        explained_mm: prediction of the accepted model, shape (n,).
-        sensitivity: with all tolerances "halved" and "doubled"; empty if it was not asked for.
-        explanations: every one tried, best first, those that are left open with their parameters.
-        unshown: faults of the record that would not show besides the named causes.
-        beyond_tolerance: causes that would explain what is unexplained, far beyond their size.
-        notes: sentences for the user.
-    """
+    """What the simulation gets wrong for one file."""
 
     measured: Measured
-    model: Model
+    model: Model  # that they were judged by
     verdict: Verdict
-    lack_of_fit: LackOfFit
-    causes: tuple[FoundCause, ...]
+    lack_of_fit: LackOfFit  # of the offsets-only model
+    causes: tuple[FoundCause, ...]  # accepted ones, best first; empty if none is
+    # Of a printer, what the extension is compared with; None where it was not asked.
     baselines: Baselines | None
-    ambiguous_with: Ids
-    not_excluded: Ids
+    ambiguous_with: Ids  # ids that these data cannot separate from the answer
+    not_excluded: Ids  # ids that may be there where nothing shows
+    # Fits of the explanations that the data leave open, each after its share; the accepted one
+    # comes first.
     left_open: tuple[tuple[float, Fitted], ...]
+    # The same, each fault at every place where it may be if the verdict is ambiguous; after a named
+    # answer, faults that would not show but matter.
     by_place: tuple[tuple[float, Fitted], ...]
-    offsets_mm: Floats
-    covariance_mm2: Floats
+    offsets_mm: Floats  # their mean, shape (3,)
+    covariance_mm2: Floats  # of the offsets, shape (3, 3); carries the choice within an alias class
+    # Offsets where the offsets-only model fits these data best, all readings alike, shape (3,).
     alone_mm: Floats
-    nominal_mm: Floats
-    explained_mm: Floats
+    nominal_mm: Floats  # prediction of the offsets-only model with fitted zeros, shape (n,)
+    explained_mm: Floats  # prediction of the accepted model, shape (n,)
+    # With all tolerances "halved" and "doubled"; empty if it was not asked for.
     sensitivity: Mapping[str, Otherwise]
+    # Every one tried, best first, those that are left open with their parameters.
     explanations: tuple[Explanation, ...]
+    # Faults of the record that would not show besides the named causes.
     unshown: tuple[UnshownFault, ...] = ()
+    # Causes that would explain what is unexplained, far beyond their size.
     beyond_tolerance: tuple[TimesStated, ...] = ()
     notes: tuple[str, ...] = ()
 

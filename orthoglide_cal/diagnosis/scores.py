@@ -41,26 +41,18 @@ Remedy = tuple[Ids, tuple[int, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """A listed explanation with its extra at the best place.
+    """A listed explanation with its extra at the best place."""
 
-    Attributes:
-        at: the linear model that it was scored with.
-        log_evidence: with the prior of places, without that of the set of causes.
-        base: its causes with many parameters.
-        scale: of their sizes, the likeliest one.
-        extra: its cause at one place, if any.
-        replanned: where the extra is an exchange that the data cannot undo, the score of the base
-            under the plan of what was really read.
-        by_place: shares of the extra's sizes and places, in the order of `Placed.numbered`;
-            None without others.
-    """
-
-    at: Linearised
-    log_evidence: float
-    base: tuple[Cause, ...]
-    scale: float
-    extra: Extra | None = None
+    at: Linearised  # the linear model that it was scored with
+    log_evidence: float  # with the prior of places, without that of the set of causes
+    base: tuple[Cause, ...]  # its causes with many parameters
+    scale: float  # of their sizes, the likeliest one
+    extra: Extra | None = None  # its cause at one place, if any
+    # Where the extra is an exchange that the data cannot undo, the score of the base under the plan
+    # of what was really read.
     replanned: Score | None = None
+    # Shares of the extra's sizes and places, in the order of `Placed.numbered`; None without
+    # others.
     by_place: Floats | None = None
 
     def at_places(self, least: float, most: int) -> list[tuple[float, Score]]:
@@ -217,21 +209,13 @@ def density_of(
 
 
 class Acting(NamedTuple):
-    """A cause that may act with all its parameters, or with any one of them.
-
-    Attributes:
-        cause: the cause.
-        own: its columns, scaled by their plausible sizes, shape (k, p) [mm].
-        others: scaled columns of everything else, shape (k, r) [mm]; as many of each cause.
-        residual: data minus the model without the cause, shape (k,) [mm].
-        log_all: its log evidence if all its parameters act.
-    """
+    """A cause that may act with all its parameters, or with any one of them."""
 
     cause: Cause
-    own: Floats
-    others: Floats
-    residual: Floats
-    log_all: float
+    own: Floats  # its columns, scaled by their plausible sizes, shape (k, p) [mm]
+    others: Floats  # scaled columns of everything else, shape (k, r) [mm]; as many of each cause
+    residual: Floats  # data minus the model without the cause, shape (k,) [mm]
+    log_all: float  # its log evidence if all its parameters act
 
 
 def all_or_one(
@@ -381,20 +365,13 @@ class Unlisted:
 
     Where one of them wins, the data hold something real that no listed cause explains, and its
     size goes into the uncertainty.
-
-    Attributes:
-        what: description.
-        log_prior: ln prior weight.
-        log_evidence: averaged over its sizes.
-        columns: at its likeliest size, whitened, shape (k, q) [mm].
-        sigma: standard deviation of one reading at its likeliest size [mm].
     """
 
     what: str
-    log_prior: float
-    log_evidence: float
-    columns: Floats
-    sigma: float
+    log_prior: float  # ln prior weight
+    log_evidence: float  # averaged over its sizes
+    columns: Floats  # at its likeliest size, whitened, shape (k, q) [mm]
+    sigma: float  # standard deviation of one reading at its likeliest size [mm]
 
 
 def score_unlisted(at: Linearised) -> list[Unlisted]:

@@ -41,27 +41,16 @@ MINOR = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Contribution(ReadOnly):
-    """What one source adds to the uncertainty of the offsets.
+    """What one source adds to the uncertainty of the offsets."""
 
-    Attributes:
-        source: an `Origin` or a cause id.
-        evaluation: of its size.
-        size: its standard uncertainty, in `unit`; None where it has no single size.
-        unit: of the size; "" without one.
-        assumed: True if nobody stated its size: a default.
-        covariance_mm2: of the offsets, from this source alone, shape (3, 3).
-        dof: degrees of freedom; infinite for type B.
-        possible: True for what may be there or not, by the probability that the data leave it.
-    """
-
-    source: str
+    source: str  # an `Origin` or a cause id
     evaluation: Evaluation
-    size: float | None
-    unit: str
-    assumed: bool
-    covariance_mm2: Floats
-    dof: float = math.inf
-    possible: bool = False
+    size: float | None  # its standard uncertainty, in `unit`; None where it has no single size
+    unit: str  # of the size; "" without one
+    assumed: bool  # nobody stated its size: a default
+    covariance_mm2: Floats  # of the offsets, from this source alone, shape (3, 3)
+    dof: float = math.inf  # degrees of freedom; infinite for type B
+    possible: bool = False  # may be there or not, by the probability that the data leave it
 
     @classmethod
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Contribution:

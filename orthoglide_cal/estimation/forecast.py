@@ -43,17 +43,11 @@ PLACE = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "tur
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A mixture of normal distributions, one for each of T sizes of the misfit.
+    """A mixture of normal distributions, one for each of T sizes of the misfit."""
 
-    Attributes:
-        means: shape (..., T) [mm].
-        stds: shape (T,) [mm].
-        chances: of each size, shape (..., T).
-    """
-
-    means: Floats
-    stds: Floats
-    chances: Floats
+    means: Floats  # shape (..., T) [mm]
+    stds: Floats  # shape (T,) [mm]
+    chances: Floats  # of each size, shape (..., T)
 
     @property
     def mean(self) -> Floats:
@@ -74,21 +68,13 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """A Gaussian model of m readings, taken or to come.
+    """A Gaussian model of m readings, taken or to come."""
 
-    Attributes:
-        base: expected readings before any measurement, shape (m,) [mm].
-        common: their covariance but for the misfit, shape (m, m) [mm²].
-        cells: 1 where two readings share a cell with its own misfit, shape (m, m).
-        misfits: the T sizes of the misfit, shape (T,) [mm].
-        sigma_mm: standard deviation of one reading about all of this.
-    """
-
-    base: Floats
-    common: Floats
-    cells: Floats
-    misfits: Floats
-    sigma_mm: float
+    base: Floats  # expected readings before any measurement, shape (m,) [mm]
+    common: Floats  # their covariance but for the misfit, shape (m, m) [mm²]
+    cells: Floats  # 1 where two readings share a cell with its own misfit, shape (m, m)
+    misfits: Floats  # the T sizes of the misfit, shape (T,) [mm]
+    sigma_mm: float  # standard deviation of one reading about all of this
 
     def predict(self, values: Floats, past: Ints, new: int) -> Prediction:
         """What some readings say about one more.

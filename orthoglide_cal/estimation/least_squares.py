@@ -46,17 +46,11 @@ FIRST_DAMPING = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Problem(ReadOnly):
-    """One estimation problem; many data sets may share it.
-
-    Attributes:
-        model: the machine and its accepted causes.
-        plan: n readings.
-        matrix: R, shape (k, n).
-    """
+    """One estimation problem; many data sets may share it."""
 
     model: Model
-    plan: Plan
-    matrix: Floats
+    plan: Plan  # n readings
+    matrix: Floats  # R, shape (k, n)
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""

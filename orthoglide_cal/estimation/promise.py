@@ -31,17 +31,11 @@ class PromisedDifference(Schema):
 
 @dataclass(frozen=True, eq=False)
 class OffsetEstimate(ReadOnly):
-    """What is known of the machine when something is entered in its controller.
+    """What is known of the machine when something is entered in its controller."""
 
-    Attributes:
-        model: the machine and its accepted causes, with their uncertainty.
-        offsets_mm: Δρ that the controller does not know yet, shape (3,).
-        covariance_mm2: of these, shape (3, 3).
-    """
-
-    model: Model
-    offsets_mm: Floats
-    covariance_mm2: Floats
+    model: Model  # the machine and its accepted causes, with their uncertainty
+    offsets_mm: Floats  # Δρ that the controller does not know yet, shape (3,)
+    covariance_mm2: Floats  # of these, shape (3, 3)
 
 
 def promise(

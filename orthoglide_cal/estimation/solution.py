@@ -50,25 +50,15 @@ UNUSUAL = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Solution(ReadOnly):
-    """Joint offsets identified from one file.
-
-    Attributes:
-        measured: the data.
-        method: the estimator.
-        posed: the problem that was solved, with its model and what it compares with it.
-        offsets_mm: Δρ, shape (3,); true joint position = indicated + Δρ.
-        residuals_mm: what the solver left of the data it compared, shape (k,).
-        budget: where the offsets' uncertainty comes from.
-        scatter: of one reading, from the residuals; None without degrees of freedom.
-    """
+    """Joint offsets identified from one file."""
 
     measured: Measured
     method: Method
-    posed: Posed
-    offsets_mm: Floats
-    residuals_mm: Floats
-    budget: Budget
-    scatter: Scatter | None
+    posed: Posed  # the problem that was solved, with its model and what it compares with it
+    offsets_mm: Floats  # Δρ, shape (3,); true joint position = indicated + Δρ
+    residuals_mm: Floats  # what the solver left of the data it compared, shape (k,)
+    budget: Budget  # where the offsets' uncertainty comes from
+    scatter: Scatter | None  # of one reading, from the residuals; None without degrees of freedom
 
     @property
     def model(self) -> Model:
