@@ -391,7 +391,7 @@ class Assessment:
             except PostureError:  # no machine of any size is like that
                 continue
             square, spare = float(fit.residual @ fit.residual), len(white) - fit.unknowns
-            noise = fit.sigma if self.at.local.any() else self.at.noise.stated
+            noise = fit.sigma if self.at.local else self.at.noise.stated
             times = fit.effects[0].times(white.machine)
             if times > BEYOND and chance_of_residual(square, spare, noise) >= MISFIT:
                 found.append((square, cause.id, times))
@@ -490,7 +490,7 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
 
     posterior = weighed(ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
     # With a local shape that is found to be larger or smaller, the noise is found, too.
-    noise_found = bool(at.local.any())
+    noise_found = at.local
     if noise_found:
         # Of printers the causes are large against what linear scores can follow.
         again = [ids for ids in order if ids not in fits and posterior.nearly_dismissed(ids)]

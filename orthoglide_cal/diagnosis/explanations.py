@@ -49,7 +49,7 @@ from orthoglide_cal.model import (
     zero_free,
 )
 from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.plan import Bools, read_only
+from orthoglide_cal.model.plan import read_only
 
 # Between a quick session and a slow one: factor on the pace where no times were written down.
 UNKNOWN_PACE = 3.0
@@ -126,10 +126,6 @@ class Whitened(ReadOnly):
         """The same with all tolerances multiplied, to see how an answer depends on them."""
         model = _scaled(self.problem.model, factor, CAUSES.values())
         return replace(self, problem=replace(self.problem, model=model))
-
-    def under(self, plan: Plan) -> Whitened:
-        """The same data as readings of another plan."""
-        return replace(self, problem=replace(self.problem, plan=plan))
 
     def plain(self, residual: Floats) -> Floats:
         """A whitened residual (k,) in each reading, or difference, shape (m,) [mm]."""
@@ -393,16 +389,10 @@ class Linearised:
             uncertain=uncertain,
         )
 
-    @cached_property
-    def carried(self) -> Floats:
-        """What one standard deviation of each of their unknowns adds, shape (k, a) [mm]."""
-        return np.hstack([each.columns for each in self.uncertain])
-
-    @cached_property
-    def local(self) -> Bools:
-        """Which columns of `carried` are of a local shape, shape (a,)."""
-        each = [np.full(each.columns.shape[1], each.local) for each in self.uncertain]
-        return np.concatenate([np.zeros(0, dtype=np.bool_), *each])
+    @property
+    def local(self) -> bool:
+        """Whether a local shape is uncertain."""
+        return any(each.local for each in self.uncertain)
 
     @property
     def scales(self) -> Mapping[float, float]:
@@ -421,7 +411,7 @@ class Linearised:
 
     @cached_property
     def seen(self) -> Floats:
-        """The part of `carried` that shows, shape (k, b) [mm]."""
+        """What is uncertain of the data and shows, shape (k, b) [mm]."""
         return self.shown(self.uncertain, self.jacobian)
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:

@@ -19,12 +19,17 @@ from scipy.special import chdtrc, log_ndtr
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.candidates import ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
-from orthoglide_cal.diagnosis.explanations import Whitened, as_read, unit_of
+from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.scores import (
     BLUNDER_SCALES,
+    LOG_ALL,
+    Acting,
     Remedy,
     Score,
-    evidence_at_fits,
+    all_or_one,
+    density_of,
+    offsets_and_seen,
+    pattern_density,
 )
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
@@ -158,7 +163,8 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the next linear models of all; the second is enough but for large causes.
-    moving = [each for each in searches if each.moves]
+    # Not that of the offsets alone, which is that of the fit.
+    moving = [each for each in searches if each.base or each.version]
     for _ in range(ROUNDS):
         far: list[_Search] = []
         for white in dict.fromkeys(each.at.white for each in moving):
@@ -177,19 +183,47 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
         moving = far
     for each in searches:
         each.settle()
-    found: dict[int, Fitted] = {}
+    weighed: dict[_Search, tuple[Floats, float]] = {}
     for at in dict.fromkeys(each.at for each in searches):
-        group = [n for n, each in enumerate(searches) if each.at is at]
-        weighed = evidence_at_fits(
-            [searches[n].score for n in group],
-            [searches[n].own for n in group],
-            [searches[n].linear + searches[n].added for n in group],
-            [searches[n].seen for n in group],
-        )
-        found |= {
-            n: searches[n].fitted(scores[n], *own) for n, own in zip(group, weighed, strict=True)
-        }
-    return [found[n] for n in range(len(scores))]
+        weighed |= _weighed(at, [each for each in searches if each.at is at])
+    return [
+        each.fitted(score, *weighed[each]) for each, score in zip(searches, scores, strict=True)
+    ]
+
+
+def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Floats, float]]:
+    """Log density by scale and σ if all parameters act, (s, g), and log evidence, where they ended.
+
+    Of a relabelling only the place at which it was undone.
+    """
+    residuals = [each.linear + each.added for each in group]
+    columns, bases = [each.own for each in group], [each.base for each in group]
+    density = density_of(at, columns, bases, [each.seen for each in group])
+    every = density.log_density(np.stack(residuals)[:, None, :, None])[..., 0]
+    few, share = at.usual
+    found, acting = dict[_Search, Floats](), dict[_Search, Acting]()
+    for each, residual, by_noise in zip(group, residuals, every, strict=True):
+        base, extra, width = each.base, each.score.extra, each.width
+        if extra is not None or len(base) > 1:
+            by_noise = by_noise[:few] - share
+        if extra is not None:
+            placed = at.extras[extra.cause.id]
+            if isinstance(extra.cause, RelabelCause):
+                by_noise = by_noise + placed.log_weight[extra.place]
+            else:
+                alone = density_of(at, [each.own], [base], [each.seen]).first(*at.usual)
+                power, match = alone.against(at.patterns[:, placed.own], residual)
+                log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
+                by_noise = log_sum(log[0] + placed.weights, (-2, -1))
+        elif len(base) == 1:
+            mine, log = each.own[:, width:] * at.sizes(base)[width:], log_sum(by_noise)
+            others = offsets_and_seen(at, each.own[:, :width])
+            acting[each] = Acting(base[0], mine, others, residual, float(log))
+        found[each] = by_noise
+    logs = {each: float(log_sum(own)) + LOG_ALL * bool(each.base) for each, own in found.items()}
+    either = all_or_one(list(acting.values()), at.noise, at.scales)
+    logs |= zip(acting, either, strict=True)
+    return {each: (own, logs[each]) for each, own in found.items()}
 
 
 class _Search:
@@ -217,11 +251,10 @@ class _Search:
         # What is a cause of this explanation is not uncertain besides.
         ids = ids_of(*self.base)
         self.uncertain = tuple(each for each in at.uncertain if each.source not in ids)
-        kept = np.repeat(
-            [each.source not in ids for each in at.uncertain],
-            [each.columns.shape[1] for each in at.uncertain],
-        )
-        self.carried, local, self.seen = at.carried[:, kept], at.local[kept], at.seen
+        nothing = np.zeros((len(at.white), 0))
+        self.carried = np.hstack([nothing, *(each.columns for each in self.uncertain)])
+        widths = [each.columns.shape[1] for each in self.uncertain]
+        local, self.seen = np.repeat([each.local for each in self.uncertain], widths), at.seen
         self.width = width = at.offsets.shape[1]
         own_sizes = self._own_sizes(free_size)
         self.sizes = np.concatenate([own_sizes, free_size, np.ones(local.size)])
@@ -257,11 +290,6 @@ class _Search:
         residual = at.residuals[self.version] - self.added
         likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
         return np.asarray(sizes[likeliest])
-
-    @property
-    def moves(self) -> bool:
-        """Whether the linear model changes: that of the offsets alone is that of the fit."""
-        return bool(self.base or self.version)
 
     @property
     def columns(self) -> Floats:
@@ -319,7 +347,7 @@ class _Search:
 
         Args:
             score: that one, or its own.
-            by_noise, log_evidence: as `evidence_at_fits` gives them.
+            by_noise, log_evidence: as `_weighed` gives them.
         """
         at, columns, linear = self.at, self.columns, self.linear
         log = float(log_sum(by_noise))

@@ -156,7 +156,8 @@ def _replanned(at: Linearised) -> Iterator[tuple[Ids, Score]]:
         for place in placed.log_weight:
             if cause.reversible(plan, place):
                 continue
-            white = at.white.under(cause.really_read(plan, place))
+            problem = replace(at.white.problem, plan=cause.really_read(plan, place))
+            white = replace(at.white, problem=problem)
             try:
                 require_rank(white.problem)
                 under = Linearised.of(white, replace(at.candidates, extras=(), pairs=()))
@@ -277,52 +278,6 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     return scores
 
 
-def evidence_at_fits(
-    scores: Sequence[Score],
-    columns: Sequence[Floats],
-    residuals: Sequence[Floats],
-    seen: Sequence[Floats],
-) -> Iterator[tuple[Floats, float]]:
-    """Of explanations the log density by scale and σ if all parameters act, (s, g), and evidence.
-
-    Args:
-        scores: the explanations, of one linear model; of a relabelling only the place at which it
-            was undone.
-        columns: derivatives by the offsets and the parameters of each base, (k, 3 + p), wherever
-            it was linearised.
-        residuals: data (relabelling undone) minus each linearised base at zero parameters, (k,).
-        seen: what is uncertain of the data and shows, with each base, shape (k, b) [mm].
-    """
-    at, bases = scores[0].at, [score.base for score in scores]
-    density = density_of(at, columns, bases, seen)
-    every = density.log_density(np.stack(residuals)[:, None, :, None])[..., 0]
-    (few, share), first = at.usual, at.jacobian.shape[1]
-    densities, acting = [], dict[int, Acting]()
-    for number, (score, by_noise) in enumerate(zip(scores, every, strict=True)):
-        base, extra, own, residual = score.base, score.extra, columns[number], residuals[number]
-        if extra is not None or len(base) > 1:
-            by_noise = by_noise[:few] - share
-        if extra is not None:
-            placed = at.extras[extra.cause.id]
-            if isinstance(extra.cause, RelabelCause):
-                by_noise = by_noise + placed.log_weight[extra.place]
-            else:
-                alone = density_of(at, [own], [base], [seen[number]]).first(*at.usual)
-                power, match = alone.against(at.patterns[:, placed.own], residual)
-                log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
-                by_noise = log_sum(log[0] + placed.weights, (-2, -1))
-        elif len(base) == 1:
-            mine, others = own[:, first:] * at.sizes(base)[first:], own[:, :first]
-            log_all = float(log_sum(by_noise))
-            acting[number] = Acting(base[0], mine, offsets_and_seen(at, others), residual, log_all)
-        densities.append(by_noise)
-    either = all_or_one(list(acting.values()), at.noise, at.scales)
-    means = dict(zip(acting, either, strict=True))
-    for number, (score, by_noise) in enumerate(zip(scores, densities, strict=True)):
-        together = float(log_sum(by_noise)) + (LOG_ALL if score.base else 0.0)
-        yield by_noise, means.get(number, together)
-
-
 def pattern_density(
     machine: Machine, cause: PatternCause, power: Floats, match: Floats, without: Floats
 ) -> Floats:
@@ -410,7 +365,7 @@ def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Un
     misfit shows them. It takes nothing from the weight of the others, which are there on all data.
     """
     placed = at.extras.get("misread")
-    if placed is None or not isinstance(placed.cause, PatternCause) or not at.local.any():
+    if placed is None or not isinstance(placed.cause, PatternCause) or not at.local:
         return
     plan, machine, residual = at.white.plan, at.white.machine, at.residuals[0]
     patterns = at.patterns[:, placed.own]
