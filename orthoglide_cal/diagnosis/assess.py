@@ -353,7 +353,7 @@ class Assessment:
             open_ += self.posterior.rivals()
         elif verdict is Verdict.CONSISTENT:
             # What no reading shows is uncertain in each of them already.
-            machine = self.at.white.problem.model.machine
+            machine = self.at.white.machine
             hidden = (*machine.unobservable, *machine.fixed_parameters)
             unseen = [(id,) for id in self.posterior.unseen() if id not in hidden]
             open_ += [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
@@ -470,7 +470,7 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     order = sorted(weight, key=lambda ids: -weight[ids])
     remedies = {ids: score.remedy for ids, score in scores.items()}
     patterns = {found.what: found.log_evidence + found.log_prior for found in unlisted}
-    odds = ODDS_TO_NAME * white.problem.model.machine.caution
+    odds = ODDS_TO_NAME * white.machine.caution
     shape = white.machine.shape if white.plan.flat else ""
     doubted = tuple(white.machine.doubted)
     fits: dict[Ids, Fitted] = {}

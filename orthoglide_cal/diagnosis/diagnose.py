@@ -384,7 +384,7 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
     white, accepted = found.at.white, found.accepted
     if white.spectrum is None:
         return
-    companions = white.problem.model.machine.companions
+    companions = white.machine.companions
     yield from (companions[e.cause.id] for e in accepted.effects if e.cause.id in companions)
     unknowns = accepted.offsets.size + sum(e.cause.freedom for e in accepted.effects)
     if len(white) <= unknowns:
@@ -402,7 +402,7 @@ def _of_local_shape(found: Assessment) -> Iterator[str]:
 def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
     doubted = found.at.white.machine.doubted.values()
     notes, raw = [*measured.remarks, *(doubt.words for doubt in doubted)], found.at.white.raw
-    vocabulary = found.at.white.problem.model.machine.vocabulary
+    vocabulary = found.at.white.machine.vocabulary
     judgement, causes = found.judgement, [effect.cause for effect in found.accepted.effects]
     listed, unlisted = found.posterior.listed, found.posterior.unlisted
     if judgement.not_excluded:

@@ -265,34 +265,32 @@ class Placed(NamedTuple):
         return np.array([self.log_weight[place] for place in self.tried])
 
 
-def _weights(
-    cause: PatternCause | RelabelCause, places: Sequence[Place], white: Whitened
-) -> Mapping[Place, float]:
-    """ln of what the density of the data at each place is multiplied by.
-
-    That is the place's prior share; and where the data were put into another unit, the factor of
-    each number beyond the offsets: those are not judged by their size, in no unit.
-    """
-    if isinstance(cause, PatternCause):
-        return dict.fromkeys(places, -math.log(max(len(places), 1)))
-    total = sum(cause.share(place) for place in places)
-    spare = len(white) - len(white.problem.model.machine.parameter_names)
-    return {
-        place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
-        for place in places
-    }
-
-
 @functools.lru_cache(maxsize=4)
 def _places(
     problem: Problem, extras: tuple[PatternCause | RelabelCause, ...]
-) -> tuple[Mapping[PatternCause | RelabelCause, tuple[Place, ...]], Floats]:
-    """Where each extra may act, and W·pattern of all these places of the pattern causes."""
-    plan, machine = problem.plan, problem.model.machine
-    places = {cause: cause.places(plan, machine) for cause in extras}
+) -> tuple[Mapping[PatternCause | RelabelCause, Mapping[Place, float]], Floats]:
+    """Where each extra may act, and W·pattern of all these places of the pattern causes.
+
+    Each place with ln of what the density of the data there is multiplied by: its prior share; and
+    where the data were put into another unit, the factor of each number beyond the offsets: those
+    are not judged by their size, in no unit.
+    """
+    plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
     patterns = [np.zeros((len(plan), 0))]
-    patterns += [c.patterns(plan, own) for c, own in places.items() if isinstance(c, PatternCause)]
-    return MappingProxyType(places), read_only(problem.matrix @ np.hstack(patterns))
+    weights: dict[PatternCause | RelabelCause, Mapping[Place, float]] = {}
+    for cause in extras:
+        places = cause.places(plan, machine)
+        if isinstance(cause, PatternCause):
+            patterns.append(cause.patterns(plan, places))
+            weights[cause] = dict.fromkeys(places, -math.log(max(len(places), 1)))
+        else:
+            total = sum(map(cause.share, places))
+            spare = len(matrix) - len(machine.parameter_names)
+            weights[cause] = {
+                place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
+                for place in places
+            }
+    return MappingProxyType(weights), read_only(matrix @ np.hstack(patterns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,7 +343,7 @@ class Linearised:
         fit = fit_offsets(problem, precision * versions)
         if not fit.converged[0]:
             require_determined(white.problem)
-            many = white.problem.model.machine.vocabulary.many
+            many = white.machine.vocabulary.many
             raise NotConvergedError(
                 f"No {many} fit these data: the search does not settle.",
                 "Check the machine file and the readings; validate names every fault.",
@@ -354,27 +352,27 @@ class Linearised:
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
         extras: dict[str, Placed] = {}
         width, version = 0, 1
-        for cause, own in places.items():
-            weight = _weights(cause, own, white)
+        for cause, weights in places.items():
             if isinstance(cause, PatternCause):
+                own = tuple(weights)
                 start, width = width, width + len(own)
             else:
-                own = tuple(place for place in own if (cause, place) in possible)
+                own = tuple(place for place in weights if (cause, place) in possible)
                 start, version = version, version + len(own)
-            extras[cause.id] = Placed(cause, own, slice(start, start + len(own)), weight)
+            extras[cause.id] = Placed(cause, own, slice(start, start + len(own)), weights)
         offsets, broad = fit.offsets_mm[0], candidates.broad
         absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
         ((_, columns),) = white.linearised((offsets, absent))
         ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
-        uncertain = white.uncertain(offsets)
-        weighed, bound = {cause.id for cause in broad}, machine.instrument.noise_mm
-        for number, each in enumerate(uncertain):
-            shown = unexplained(jacobian, each.columns) if each.source in weighed else 0.0
-            if np.linalg.norm(shown) > bound:
-                # It has a name of its own for what shows: only what the offsets imitate is carried.
-                hidden = replace(each, columns=each.columns - shown)
-                uncertain = (*uncertain[:number], hidden, *uncertain[number + 1 :])
+        weighed, uncertain = {cause.id for cause in broad}, list[Influence]()
+        for each in white.uncertain(offsets):
+            if each.source in weighed:
+                shown = unexplained(jacobian, each.columns)
+                if np.linalg.norm(shown) > machine.instrument.noise_mm:
+                    # It has a name of its own for what shows: what offsets imitate is carried.
+                    each = replace(each, columns=each.columns - shown)
+            uncertain.append(each)
         return cls(
             white=white,
             candidates=candidates,
@@ -386,7 +384,7 @@ class Linearised:
             patterns=patterns,
             jacobian=jacobian,
             jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
-            uncertain=uncertain,
+            uncertain=tuple(uncertain),
         )
 
     @property
@@ -397,8 +395,7 @@ class Linearised:
     @property
     def scales(self) -> Mapping[float, float]:
         """Of the sizes of a base, as multiples of its tolerances, and the share of each."""
-        scales: Mapping[float, float] = self.white.problem.model.machine.tolerance_scales
-        return scales
+        return self.white.machine.tolerance_scales
 
     @cached_property
     def usual(self) -> tuple[int, float]:
@@ -411,20 +408,14 @@ class Linearised:
 
     @cached_property
     def seen(self) -> Floats:
-        """What is uncertain of the data and shows, shape (k, b) [mm]."""
+        """`shown` where the offsets-only model fits best."""
         return self.shown(self.uncertain, self.jacobian)
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
         """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].
 
-        A local shape is part of the noise.
-
-        What the offsets imitate changes no evidence, and what stays far below the noise none
-        that matters.
-
-        Args:
-            uncertain: what is uncertain.
-            jacobian: derivative by the offsets, shape (k, 3).
+        A local shape is part of the noise. What the offsets, of derivatives (k, 3), imitate changes
+        no evidence, and what stays far below the noise none that matters.
         """
         few = [each.columns for each in uncertain if not each.local]
         carried = np.hstack([np.zeros((len(self.white), 0)), *few])
