@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis.candidates import Candidates, Ids, ids_of
+from orthoglide_cal.diagnosis.candidates import Candidates, Ids
 from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations
@@ -387,7 +387,7 @@ class Assessment:
         found = []
         for cause in broad:
             try:
-                (fit,) = fit_explanations([replace(self.scores[ids_of(cause)], scale=ANY_SIZE)])
+                (fit,) = fit_explanations([replace(self.scores[(cause.id,)], scale=ANY_SIZE)])
             except PostureError:  # no machine of any size is like that
                 continue
             square, spare = float(fit.residual @ fit.residual), len(white) - fit.unknowns
@@ -404,10 +404,8 @@ class Assessment:
             return self.left_open
         found = []
         for share, fit in self.left_open:
-            ids = ids_of(*(effect.cause for effect in fit.effects))
-            best, *others = self.scores[ids].at_places(
-                PLACE_COUNTS / max(share, PLACE_COUNTS), PLACES
-            )
+            least = PLACE_COUNTS / max(share, PLACE_COUNTS)
+            best, *others = self.scores[tuple(sorted(fit.ids))].at_places(least, PLACES)
             found.append((share * best[0], fit))
             fits = fit_explanations([score for _, score in others])
             found += [(share * own, fit) for (own, _), fit in zip(others, fits, strict=True)]

@@ -13,7 +13,7 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import BEYOND, DISMISSED, Assessment, assess
 from orthoglide_cal.diagnosis.baselines import REPEATS, baselines, repeats
-from orthoglide_cal.diagnosis.candidates import Ids, ids_of
+from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import HeldOut, leave_out_cells, moved_origin, predict_later
 from orthoglide_cal.diagnosis.result import (
@@ -241,7 +241,7 @@ def _doubtful(found: Assessment, id: str) -> list[str]:
 def _explanations(found: Assessment) -> tuple[Explanation, ...]:
     """All that were tried, best first, with the parameters of those that are left open."""
     names = found.at.white.machine.parameter_names
-    fits = {ids_of(*(effect.cause for effect in fit.effects)): fit for _, fit in found.left_open}
+    fits = {tuple(sorted(fit.ids)): fit for _, fit in found.left_open}
 
     def told(ids: Ids, probability: float) -> Explanation:
         fit = fits.get(ids)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
-from orthoglide_cal.diagnosis.candidates import ids_of
+from orthoglide_cal.diagnosis.candidates import Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.scores import (
@@ -85,6 +85,11 @@ class Fitted(ReadOnly):
     scale_factor: float  # how many times as large as stated a local shape is
     uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
     remedy: Remedy
+
+    @property
+    def ids(self) -> Ids:
+        """Of its causes, in the order of its effects."""
+        return tuple(effect.cause.id for effect in self.effects)
 
     def joint_covariance(self, effects: Sequence[Effect] = ()) -> Floats:
         """Of the offsets and the parameters of some of its effects in turn, internal units."""

@@ -279,8 +279,7 @@ class Diagnosis(ReadOnly):
         for share, fit in fits:
             apart = fit.offsets - solution.offsets_mm
             spread = share * (fit.joint_covariance() - least + np.outer(apart, apart))
-            ids = " and ".join(effect.cause.id for effect in fit.effects)
-            found.append(Contribution.beyond(ids, spread, possible=consistent))
+            found.append(Contribution.beyond(" and ".join(fit.ids), spread, possible=consistent))
         return tuple(found)
 
     @property
@@ -302,10 +301,7 @@ class Diagnosis(ReadOnly):
         Causes that act together are one, unless each of them is open alone, too.
         """
         (_, answer), *others = self.left_open
-        ours = {effect.cause.id for effect in answer.effects}
-        found = [
-            tuple(e.cause.id for e in fit.effects if e.cause.id not in ours) for _, fit in others
-        ]
+        found = [tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others]
         order, alone = self.ambiguous_with, {ids for ids in found if len(ids) == 1}
         kept = {
             ids

@@ -75,10 +75,7 @@ class Score:
 
     @property
     def remedy(self) -> Remedy:
-        """What it asks of a technician.
-
-        Explanations that ask for the same are one answer.
-        """
+        """What it asks of a technician: explanations that ask for the same are one answer."""
         base, extra = _mended(*self.base), self.extra
         if extra is None:
             return base, ()
@@ -98,11 +95,31 @@ def _mended(*causes: Cause) -> Ids:
 
 
 def score_all(at: Linearised) -> dict[Ids, Score]:
-    """The score of every set of listed causes."""
-    scores = _listed(at)
-    for ids, score in _replanned(at):
-        if ids not in scores or score.log_evidence > scores[ids].log_evidence:
-            scores[ids] = score
+    """The score of every set of listed causes.
+
+    Where a reading lacks its counterpart, an exchange cannot be undone in the data. Then the same
+    data are read under another plan instead, with a linear model of its own.
+    """
+    scores, plan = _listed(at), at.white.plan
+    for placed in at.extras.values():
+        cause = placed.cause
+        if not isinstance(cause, RelabelCause):
+            continue
+        for place in (each for each in placed.log_weight if not cause.reversible(plan, each)):
+            problem = replace(at.white.problem, plan=cause.really_read(plan, place))
+            try:
+                require_rank(problem)
+                fewer = replace(at.candidates, extras=(), pairs=())
+                under = Linearised.of(replace(at.white, problem=problem), fewer)
+            except UnusableResultError:  # what no offsets fit did not happen
+                continue
+            for score in _listed(under).values():
+                ids = ids_of(*score.base, cause)
+                log, extra = score.log_evidence + placed.log_weight[place], Extra(cause, place, 0)
+                if ids not in scores or log > scores[ids].log_evidence:
+                    scores[ids] = replace(
+                        score, at=at, log_evidence=log, extra=extra, replanned=score
+                    )
     return scores
 
 
@@ -116,14 +133,9 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
     if broad:
         others = offsets_and_seen(at, at.jacobian)
         acting = [
-            Acting(
-                cause,
-                at.jacobians[cause.id] * cause.prior_std(machine),
-                others,
-                residual,
-                scores[(cause.id,)].log_evidence,
-            )
+            Acting(cause, own, others, residual, scores[(cause.id,)].log_evidence)
             for cause in broad
+            for own in (at.jacobians[cause.id] * cause.prior_std(machine),)
         ]
         for cause, mean in zip(broad, all_or_one(acting, at.noise, at.scales), strict=True):
             scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
@@ -141,33 +153,6 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         both = density_of(at, [at.columns(pair) for pair in pairs], pairs).first(*at.usual)
         scores |= _alone(at, pairs, both.by_noise(residual) + LOG_ALL)
     return scores
-
-
-def _replanned(at: Linearised) -> Iterator[tuple[Ids, Score]]:
-    """Faults of the record that cannot be undone in the data, with bases of at most one cause.
-
-    Where a reading lacks its counterpart, the same data are read under another plan instead, with
-    a linear model of its own.
-    """
-    for placed in at.extras.values():
-        if not isinstance(placed.cause, RelabelCause):
-            continue
-        plan, cause = at.white.plan, placed.cause
-        for place in placed.log_weight:
-            if cause.reversible(plan, place):
-                continue
-            problem = replace(at.white.problem, plan=cause.really_read(plan, place))
-            white = replace(at.white, problem=problem)
-            try:
-                require_rank(white.problem)
-                under = Linearised.of(white, replace(at.candidates, extras=(), pairs=()))
-            except UnusableResultError:  # what no offsets fit did not happen
-                continue
-            for score in _listed(under).values():
-                log = score.log_evidence + placed.log_weight[place]
-                extra = Extra(cause, place, 0)
-                both = replace(score, at=at, log_evidence=log, extra=extra, replanned=score)
-                yield ids_of(*score.base, extra.cause), both
 
 
 def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Score]:
