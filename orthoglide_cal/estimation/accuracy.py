@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 from scipy.special import chdtrc, stdtrit
@@ -33,15 +33,12 @@ CONFIDENCE = 0.95
 NEGLIGIBLE = 1e-6
 
 
-def unit_covariance(problem: Problem, jacobian: Floats, estimator: Floats | None = None) -> Floats:
-    """V(Δρ)/σ² = M G Mᵀ with G = R Rᵀ (eqs. 26, 29, 32), shape (..., 3, 3).
+def unit_covariance(problem: Problem, jacobian: Floats) -> Floats:
+    """V(Δρ)/σ² = M G Mᵀ with M = (JᵀJ)⁻¹Jᵀ, G = R Rᵀ (eqs. 26, 29, 32), shape (..., 3, 3).
 
-    Args:
-        problem: gives G.
-        jacobian: J at the solution, shape (..., k, 3).
-        estimator: M, shape (..., 3, k); (JᵀJ)⁻¹Jᵀ if None.
+    `jacobian` is J at the solution, shape (..., k, 3).
     """
-    matrix = np.linalg.pinv(jacobian) if estimator is None else estimator
+    matrix = np.linalg.pinv(jacobian)
     return np.asarray(matrix @ problem.covariance() @ matrix.swapaxes(-1, -2))
 
 
@@ -80,13 +77,9 @@ def sum_of_squares(problem: Problem, jacobian: Floats, residual: Floats, ratio: 
 
 
 def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
-    """σ from readings that repeat each other exactly; None without repeats.
+    """σ from readings (n,) [mm] that repeat each other exactly; None without repeats.
 
     They share a gauge set-up, or a spot of the bed, so this may understate the real scatter.
-
-    Args:
-        plan: n readings.
-        values: shape (n,) [mm].
     """
     cell = plan.repeats
     count = np.bincount(cell)
@@ -109,14 +102,8 @@ def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> fl
 
 
 def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
-    """Which parameters are known well enough to be told.
-
-    Args:
-        model: the machine.
-        expanded: expanded uncertainties of what is calibrated, shape (p,).
-    """
-    limits = np.array(model.machine.max_reportable_u)
-    return tuple((expanded < limits).tolist())
+    """Which parameters are known well enough to be told; their expanded uncertainties are (p,)."""
+    return tuple((expanded < np.array(model.machine.max_reportable_u)).tolist())
 
 
 def _free_directions(matrix: Floats, scale: float) -> Floats:
@@ -141,12 +128,7 @@ def require_rank(problem: Problem) -> None:
     free = _free_directions(matrix, scale)
     if not len(free):
         return
-    axes = [
-        axis
-        for i, axis in enumerate(problem.model.machine.parameter_names)
-        if np.abs(free[:, i]).max() > NEGLIGIBLE
-    ]
-    raise _undetermined(problem, axes)
+    _refuse(problem, np.abs(free).max(axis=0) > NEGLIGIBLE)
 
 
 def require_determined(problem: Problem) -> None:
@@ -159,17 +141,16 @@ def require_determined(problem: Problem) -> None:
     """
     model, jacobian = problem.model, problem.at_zero[1]
     std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))
-    known = determined(model, half_width(math.inf) * std)
-    if not all(known):
-        pairs = zip(model.machine.parameter_names, known, strict=True)
-        raise _undetermined(problem, [name for name, told in pairs if not told])
+    free = ~np.array(determined(model, half_width(math.inf) * std))
+    if free.any():
+        _refuse(problem, free)
 
 
-def _undetermined(problem: Problem, names: Sequence[str]) -> RankDeficientError:
+def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
     machine = problem.model.machine
-    symbols = dict(zip(machine.parameter_names, machine.parameter_symbols, strict=True))
-    listed = " and ".join(symbols[name] for name in names)
-    return RankDeficientError(
+    names = [machine.parameter_names[i] for i in np.flatnonzero(free)]
+    listed = " and ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
+    raise RankDeficientError(
         f"These readings do not determine {listed}.",
         machine.vocabulary.fewest or f"Add readings of {_mend(problem, problem.at_zero[1])}.",
         names,

@@ -71,11 +71,9 @@ class Budget:
     contributions: tuple[Contribution, ...]
 
     def without(self, sources: Container[str]) -> Budget:
-        """Without what these sources add."""
         return Budget(tuple(each for each in self.contributions if each.source not in sources))
 
     def extended(self, more: Iterable[Contribution]) -> Budget:
-        """With further contributions."""
         return replace(self, contributions=(*self.contributions, *more))
 
     @cached_property
@@ -148,14 +146,10 @@ REFERENCE_C = 20.0  # ISO 1
 
 
 def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
-    """What readings taken away from the reference temperature leave open; nothing if unknown.
+    """What readings at a mean temperature off the reference [°C] leave open; nothing if unknown.
 
-    The legs L grow by α·L per kelvin and so do the rails; how much of it is left over between the
-    two is not known: anything up to all of it (rectangular).
-
-    Args:
-        mean_c: mean temperature of the readings [°C].
-        length_mm: L.
+    The legs L [mm] grow by α·L per kelvin and so do the rails; how much of it is left over between
+    the two is not known: anything up to all of it (rectangular).
     """
     if mean_c is None:
         return ()
@@ -170,12 +164,9 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
 
 
 def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
-    """All that act on these readings.
+    """All that act on n readings, at offsets Δρ (3,) [mm].
 
-    Args:
-        model: its machine and gauge give the sizes, its accepted causes their own uncertainty.
-        offsets: Δρ, shape (3,) [mm].
-        plan: n readings.
+    Machine and gauge give the sizes, accepted causes their own uncertainty.
     """
     return _influences(model, tuple(offsets.tolist()), plan)
 
@@ -205,7 +196,7 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
     unsure as it is, whatever they say. Arguments as of `influences`.
     """
     if not model.machine.fixed_parameters:
-        return ()
+        return ()  # without a simulation
     return tuple(_of_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 
 

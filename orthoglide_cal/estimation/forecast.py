@@ -77,13 +77,7 @@ class Forecast:
     sigma_mm: float  # standard deviation of one reading about all of this
 
     def predict(self, values: Floats, past: Ints, new: int) -> Prediction:
-        """What some readings say about one more.
-
-        Args:
-            values: readings, shape (..., k) [mm].
-            past: which ones they are, shape (k,).
-            new: the reading to predict.
-        """
+        """What readings (..., k) [mm] of some rows (k,) say about one more."""
         one, covariance = np.array([new]), self._covariance(past, past)
         off = (values - self.base[past]).reshape(-1, len(past)).T
         prior = self._covariance(one, one)
@@ -123,11 +117,8 @@ class PlanForecast:
     """
 
     def __init__(self, model: Model, plan: GaugePlan) -> None:
-        """
-        Args:
-            model: its machine's gauge and the sizes of its causes give the standard deviations.
-            plan: n readings; their set-ups and times are those that a forecast names.
-        """
+        """The gauge of its machine and the sizes of its causes give the standard deviations;
+        set-ups and times are those that a forecast names."""
         self._model, self._plan, machine = model, plan, model.machine
         self._zero = np.zeros(len(model.machine.parameter_names))
         self._base, jacobian = simulate_with_jacobian(Model(machine), self._zero, plan)

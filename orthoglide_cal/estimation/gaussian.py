@@ -43,14 +43,9 @@ def whiten(covariance: Floats, *values: Floats) -> tuple[Floats, ...]:
 
 
 def log_density(covariance: Floats, residuals: Floats) -> Floats:
-    """ln N(r; 0, S) without its constant, −½ (rᵀ S⁻¹ r + ln det S).
+    """ln N(r; 0, S) without its constant, −½ (rᵀ S⁻¹ r + ln det S), shape (..., q).
 
-    Args:
-        covariance: S, shape (..., k, k).
-        residuals: columns r, shape (..., k, q).
-
-    Returns:
-        Shape (..., q).
+    S is of shape (..., k, k), columns r of shape (..., k, q).
     """
     root = np.linalg.cholesky(covariance)
     log_scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
@@ -78,9 +73,7 @@ def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tup
 def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen: Ints) -> float:
     """The likeliest size that some unknowns have in common (expectation and maximisation).
 
-    Args:
-        columns, data, sizes, sigma: as of `condition`; of the chosen ones the first size is 1.
-        chosen: indices of these unknowns.
+    Arguments as of `condition`; of those with the `chosen` indices the first size is 1.
     """
     others = np.delete(np.arange(len(sizes)), chosen)
     precision, pull = columns.T @ columns / sigma**2, columns.T @ data / sigma**2
@@ -121,23 +114,17 @@ def predict(
 
 
 def unexplained(columns: Floats, values: Floats) -> Floats:
-    """v − C C⁺ v: what free unknowns, of any size, leave of white values, shape of v.
+    """v − C C⁺ v: what free unknowns, of any size, leave of white values.
 
-    Args:
-        columns: C, shape (k, q).
-        values: shape (k,) or (k, m).
+    C is of shape (k, q), v and what is left of it (k,) or (k, m).
     """
     return np.asarray(values - columns @ (np.linalg.pinv(columns) @ values))
 
 
 def root_of(covariance: Floats) -> Floats:
-    """R with R Rᵀ = P for any P without negative variances; what rounding makes negative is zero.
+    """R with R Rᵀ = P for any P (q, q) without negative variances, columns by growing size.
 
-    Args:
-        covariance: P, symmetric, shape (q, q).
-
-    Returns:
-        Shape (q, q), columns by growing size.
+    What rounding makes negative is zero.
     """
     size2, directions = np.linalg.eigh(covariance)
     return np.asarray(directions * np.sqrt(np.maximum(size2, 0.0)))

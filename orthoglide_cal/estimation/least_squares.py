@@ -67,11 +67,9 @@ class Problem(ReadOnly):
         return _reduce(matrix, readings, -1), _reduce(matrix, jacobian, -2)
 
     def change(self, offsets: Floats, entered: Floats) -> Floats:
-        """How entering offsets in the controller changes the data, shape (k,) [mm].
+        """How entering offsets (3,) [mm] in the controller changes the data, shape (k,) [mm].
 
-        Args:
-            offsets: Δρ before, shape (3,) [mm]; what remains of it is Δρ − entered.
-            entered: shape (3,) [mm].
+        What remains of the offsets Δρ (3,) [mm] before is Δρ − entered.
         """
         return self.predict(offsets - entered) - self.predict(offsets)
 
@@ -107,14 +105,9 @@ class Problem(ReadOnly):
 
         |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
         noise σ: no offset would move by more than as many of its standard deviations. Zero at a
-        stationary point of eq. (25).
+        stationary point of eq. (25), NaN where the model cannot be evaluated.
 
-        Args:
-            data: d, shape (..., k) [mm].
-            offsets: shape (..., 3) [mm].
-
-        Returns:
-            Shape (...) [standard deviations]; NaN where the model cannot be evaluated.
+        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
         """
         predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
         return self.length(jacobian, normal_step(jacobian, data - predicted))

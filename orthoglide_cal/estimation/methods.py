@@ -121,8 +121,7 @@ class Posed(ReadOnly):
     def weighted(self, ratio: Floats) -> Posed:
         """The same, with data whose covariance is σ² (G + C Cᵀ/σ²) made independent.
 
-        Args:
-            ratio: C/σ, what else is uncertain of the data, shape (k, p).
+        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
         """
         problem = self.problem
         covariance = problem.covariance() + ratio @ ratio.T
@@ -134,9 +133,8 @@ def pose(measured: Measured, model: Model, method: Method, *, folded: bool = Fal
     """Reduce the data to what the method compares with the model.
 
     Args:
-        measured: readings or differences.
-        model: the machine and its accepted causes.
-        method: the estimator; one that can use these data.
+        measured, model: the data, and what they are of.
+        method: one that can use these data.
         folded: of raw readings that repeat each other keep the mean only, where no accepted cause
             can distinguish them; their scatter is not in the data then.
     """

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from orthoglide_cal.estimation.accuracy import Scatter, half_width, rms
+from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.methods import pose_differences, table_kind
 from orthoglide_cal.model import DataKind, Floats, Measured, Model, ReadOnly
@@ -101,7 +101,5 @@ def promise(
 
 def stays(promised: Sequence[PromisedDifference]) -> bool:
     """Whether more is left after the correction than its uncertainty allows for."""
-    if not promised:
-        return False
-    left = rms(np.array([row.expected_mm for row in promised]))
-    return left > rms(np.array([row.expanded_mm for row in promised]))
+    left = sum(row.expected_mm**2 for row in promised)
+    return left > sum(row.expanded_mm**2 for row in promised)
