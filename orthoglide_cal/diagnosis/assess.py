@@ -92,23 +92,27 @@ class Posterior:
 
     listed: Mapping[Ids, float]  # set of ids → probability
     unlisted: Mapping[str, float]  # pattern in words → probability
-    # Set of ids → what it asks of a technician, where it is not fixing these causes.
+    # What a set asks of a technician, where it is not fixing these causes.
     remedies: Mapping[Ids, Hashable] = field(default_factory=dict)
     # How many times likelier something must be than nothing, or two causes than one.
     odds: float = ODDS_TO_NAME
     # Id of the cause that stands for any shape where nothing tells what makes it, or "".
     shape: str = ""
     doubted: Ids = ()  # ids of causes that the controller's own values make likely
-    # Set of ids → ln of its prior weight.
     log_prior: Mapping[Ids, float] = field(default_factory=dict)
-    # Set of ids → ln of the likelihood where it fits best, of those that were fitted.
+    # ln of the likelihood of a set where it fits best, of those that were fitted.
     log_fit: Mapping[Ids, float] = field(default_factory=dict)
+
+    @cached_property
+    def _sets(self) -> list[Ids]:
+        """All that were tried, the most probable first."""
+        return sorted(self.listed, key=lambda ids: -self.listed[ids])
 
     @cached_property
     def _answers(self) -> Mapping[Hashable, tuple[Ids, ...]]:
         """Sets of causes by what they ask of a technician, the most probable first."""
         found: dict[Hashable, tuple[Ids, ...]] = {}
-        for ids in sorted((ids for ids in self.listed if ids), key=lambda ids: -self.listed[ids]):
+        for ids in filter(None, self._sets):
             remedy = self.remedies.get(ids, ids)
             found[remedy] = (*found.get(remedy, ()), ids)
         return found
@@ -161,23 +165,19 @@ class Posterior:
         if self.shape and any(CAUSES[id].repeats for id in best):
             # It leaves open what makes the shape: the likeliest with each cause that is doubted.
             for doubted in set(self.doubted) - set(best):
-                sets = (ids for ids in self.listed if doubted in ids)
-                held |= set(sorted(sets, key=self.listed.__getitem__)[-1:])
-
+                held.update([ids for ids in self._sets if doubted in ids][:1])
         found = [
             ids
-            for ids, value in self.listed.items()
-            if ids not in ((), best, *same) and (ids in held or value >= bound(ids, best) * share)
+            for ids in self._sets
+            if ids not in ((), best, *same)
+            and (ids in held or self.listed[ids] >= bound(ids, best) * share)
         ]
-        kept = [
-            ids
-            for ids in found
-            if ids in held
-            or not any(
-                set(other) < set(ids) and self._adds_little(ids, other) for other in (*found, *same)
-            )
-        ]
-        return tuple(sorted(kept, key=lambda ids: -self.listed[ids]))
+
+        def adds(ids: Ids) -> bool:
+            parts = (other for other in (*found, *same) if set(other) < set(ids))
+            return not any(self._adds_little(ids, part) for part in parts)
+
+        return tuple(ids for ids in found if ids in held or adds(ids))
 
     def silent(self, ids: Ids, part: Ids) -> bool:
         """Whether the data say nothing of what a set adds to a part of it.
@@ -222,12 +222,8 @@ class Posterior:
         table, which the opposite offsets give, too, and which nobody could ever rule out.
         """
         floor = WOULD_BE_SEEN * self.listed[()]
-        found = [
-            ids
-            for ids, value in self.listed.items()
-            if len(ids) == 1 and value >= floor and CAUSES[ids[0]].names
-        ]
-        return tuple(id for (id,) in sorted(found, key=lambda ids: -self.listed[ids]))
+        likely = (ids for ids in self._sets if len(ids) == 1 and self.listed[ids] >= floor)
+        return tuple(id for (id,) in likely if CAUSES[id].names)
 
 
 @dataclass(frozen=True)

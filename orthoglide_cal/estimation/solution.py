@@ -82,19 +82,10 @@ class Solution(ReadOnly):
     @property
     def sigma_mm(self) -> float:
         """Standard deviation of one reading that the uncertainty rests on [mm]."""
+        gauge = self.model.machine.instrument
         if self.scatter is None:
-            return self.sigma_stated_mm
-        return max(self.scatter.sigma_mm, self.sigma_floor_mm)
-
-    @property
-    def sigma_floor_mm(self) -> float:
-        """q/√12 of the gauge's resolution q [mm]."""
-        return self.model.machine.instrument.rounding_mm
-
-    @property
-    def sigma_stated_mm(self) -> float:
-        """What the machine file states for the gauge (repeatability, rounding) [mm]."""
-        return self.model.machine.instrument.noise_mm
+            return gauge.noise_mm
+        return max(self.scatter.sigma_mm, gauge.rounding_mm)
 
     @property
     def sigma_residuals_mm(self) -> float | None:
@@ -120,7 +111,8 @@ class Solution(ReadOnly):
         if self.scatter is None:
             return None
         sum_of_squares = self.scatter.dof * self.scatter.sigma_mm**2
-        return chance_of_residual(sum_of_squares, self.scatter.dof, self.sigma_stated_mm)
+        noise_mm = self.model.machine.instrument.noise_mm
+        return chance_of_residual(sum_of_squares, self.scatter.dof, noise_mm)
 
     @property
     def noise(self) -> Scatter:
@@ -182,7 +174,7 @@ class Solution(ReadOnly):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
-        found, floor = self.sigma_residuals_mm, self.sigma_floor_mm
+        found, floor = self.sigma_residuals_mm, self.model.machine.instrument.rounding_mm
         said = (*(str(doubt) for doubt in self.doubts), *self.measured.remarks)
         if found is None or found >= floor:
             return said
@@ -225,16 +217,15 @@ class Solution(ReadOnly):
     @property
     def judgement(self) -> str:
         """One sentence: are the residuals what this gauge's noise would give?"""
-        noise, beside = self.model.machine.vocabulary.noise, self.model.machine.vocabulary.also
+        machine = self.model.machine
+        noise, beside = machine.vocabulary.noise, machine.vocabulary.also
+        stated = f"{machine.instrument.noise_mm:.2g} mm"
         if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
             return (
                 "There are no spare readings: these data cannot show whether the model fits, and"
-                f" U rests on the {noise}'s stated noise ({self.sigma_stated_mm:.2g} mm)."
+                f" U rests on the {noise}'s stated noise ({stated})."
             )
-        sizes = (
-            f"one reading scatters by {self.sigma_residuals_mm:.2g} mm against"
-            f" {self.sigma_stated_mm:.2g} mm"
-        )
+        sizes = f"one reading scatters by {self.sigma_residuals_mm:.2g} mm against {stated}"
         if self.suspicious:
             return (
                 f"The residuals are larger than the {noise}'s noise{beside} ({sizes}): the model"
@@ -259,14 +250,10 @@ def solve(
     along its leg each gauge stands; the paper's methods are as the paper has them.
 
     Args:
-        measured: readings or differences.
-        model: the machine, its gauge and its accepted causes.
+        measured, model: the data, and what they are of.
         method: name of an estimator; the default for this kind of data if None.
         start: where its search begins, such as what a diagnosis found of these data, shape (3,)
             [mm]; at zero if None.
-
-    Returns:
-        Offsets with their uncertainty budget, and residuals.
 
     Raises:
         UsageError: the method does not exist or cannot use these data.
@@ -297,8 +284,8 @@ def solve(
         for effect in model.accepted
         if effect.data_sha256 == measured.source.sha256
     }
-    ratios = [(each, each.columns / gauge.noise_mm) for each in uncertain]
-    ratios = [(each, ratio) for each, ratio in ratios if each.source not in here]
+    left = [each for each in uncertain if each.source not in here]
+    ratios = [(each.source, each.columns / gauge.noise_mm) for each in left]
     if chosen is Method.READINGS:
         posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         found = _search(posed, start=offsets)
@@ -308,9 +295,8 @@ def solve(
         residuals = found.residuals_mm
         estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
     # What a cause of the machine would explain is no noise.
-    known_causes = {effect.cause.id for effect in model.accepted}
-    hidden = set(model.machine.unobservable) - known_causes
-    ratio = np.hstack([ratio for each, ratio in ratios if each.source not in hidden])
+    hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}
+    ratio = np.hstack([ratio for source, ratio in ratios if source not in hidden])
     # What was fitted to these very readings took its part of their noise away.
     known = len(offsets) + sum(here.values())
     scatter = _scatter(measured, plain, readings, jacobian, ratio, known)

@@ -156,7 +156,7 @@ def test_readings_are_weighed_as_a_fit_of_every_unknown_does(seed: int) -> None:
     session = drawn(seed)
     readings, model = known(session)
     solution = solve(readings, model)
-    offsets, estimator, columns = every_unknown(session, solution.sigma_stated_mm)
+    offsets, estimator, columns = every_unknown(session, model.machine.instrument.noise_mm)
     # The program weighs once, at plain least squares; the rest is of second order.
     assert solution.offsets_mm == pytest.approx(offsets, abs=5e-5)
     plain = solve(readings, sure(model))

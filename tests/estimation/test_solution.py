@@ -110,7 +110,9 @@ def test_what_is_passed_in_stays_writable_and_apart() -> None:
 )
 def test_the_judgement_goes_by_the_chance(chance: float, suspicious: bool, words: str) -> None:
     solution = solve(DOUBLE_SESSION, NOMINAL)
-    sigma = solution.sigma_stated_mm * np.sqrt(chdtri(solution.dof, chance) / solution.dof)
+    sigma = NOMINAL.machine.instrument.noise_mm * np.sqrt(
+        chdtri(solution.dof, chance) / solution.dof
+    )
     solution = replace(solution, scatter=Scatter(float(sigma), solution.dof))
     assert solution.suspicious is suspicious
     assert words in solution.judgement
