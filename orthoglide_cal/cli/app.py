@@ -17,7 +17,7 @@ from typer.exceptions import TyperException
 from orthoglide_cal import __version__
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.apply import apply
-from orthoglide_cal.cli.common import PlainCommand, leave_closed
+from orthoglide_cal.cli.common import PlainCommand, flag, leave_closed, switch_colour_off
 from orthoglide_cal.cli.diagnose import diagnose, solve
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.guide import guide
@@ -75,32 +75,17 @@ app = typer.Typer(
 )
 
 
-def _switch_colour_off(chosen: bool) -> None:
-    # The environment is where rich and every child process look for it.
-    if chosen:
-        os.environ["NO_COLOR"] = "1"
-
-
-def _show_version(chosen: bool) -> None:
-    if chosen:
-        print(f"orthocal {__version__}")
-        raise typer.Exit
-
-
 @app.callback(invoke_without_command=True)
 def _orthocal(
     context: typer.Context,
-    version: Annotated[
-        bool,
-        typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
-    ] = False,
-    no_colour: Annotated[
-        bool,
-        typer.Option(
-            "--no-color", help="No colours; NO_COLOR does the same.", callback=_switch_colour_off
-        ),
-    ] = False,
+    version: Annotated[bool, flag("--version", "Show the version.")] = False,
+    no_colour: Annotated[bool, flag("--no-color", "No colours; NO_COLOR does the same.")] = False,
 ) -> None:
+    if no_colour:
+        switch_colour_off()
+    if version:
+        print(f"orthocal {__version__}")
+        raise typer.Exit
     if context.invoked_subcommand is None:
         start()
 

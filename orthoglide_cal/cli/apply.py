@@ -35,9 +35,7 @@ def apply(
     ] = None,
     machine: Annotated[
         File,
-        option(
-            "FILE", "Machine file to record it in. Default: the one in this folder.", "--machine"
-        ),
+        option("FILE", "Machine file to record it in. Default: the one in this folder."),
     ] = None,
     to: Annotated[
         Text,

@@ -59,7 +59,8 @@ class PlainCommand(TyperCommand):
         return parameters
 
     def invoke(self, ctx: Any) -> Any:
-        ctx.params.pop(NO_COLOUR)
+        if ctx.params.pop(NO_COLOUR):
+            switch_colour_off()
         ctx.find_root().obj = ctx.params
         for parameter in self.params:
             given = ctx.params.get(parameter.name or "")
@@ -70,12 +71,13 @@ class PlainCommand(TyperCommand):
         return super().invoke(ctx)
 
 
+def switch_colour_off() -> None:
+    """The environment is where rich and every child process look for it."""
+    os.environ["NO_COLOR"] = "1"
+
+
 def option(
-    metavar: str | None,
-    help: str,
-    *names: str,
-    min: float | None = None,
-    max: float | None = None,
+    metavar: str | None, help: str, *names: str, min: float | None = None, max: float | None = None
 ) -> object:
     """An option with a value; its help says what holds without it. Its name is the parameter's."""
     return typer.Option(*names, metavar=metavar, help=help, show_default=False, min=min, max=max)
@@ -234,9 +236,9 @@ def read_input(
         return given  # nothing can be recorded; what was measured stands for itself
 
 
-def require_printer(source: Source | None, data: Stored | None) -> None:
+def require_printer(source: Source, data: Stored | None) -> None:
     """Refuse --data for a file that stores one measurement only. Raises UsageError."""
-    if data is not None and source is not None and source.excerpt is None:
+    if data is not None and source.excerpt is None:
         raise UsageError(
             f"--data is for a printer's file; {file_words(source.path)} is not one.",
             "Leave it out.",
@@ -271,10 +273,9 @@ def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware."""
     from orthoglide_cal.files import printer_settings
 
-    settings = None
-    if machine_file is not None and str(machine_file) != "-":
-        settings = printer_settings(machine_file)
-    return settings or given_machine(machine_file)
+    if machine_file is None or str(machine_file) == "-":
+        return given_machine(machine_file)
+    return printer_settings(machine_file) or given_machine(machine_file)
 
 
 def given_machine(machine_file: Path | None) -> Model | None:

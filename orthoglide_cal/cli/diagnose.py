@@ -28,9 +28,8 @@ def solve(
     def judge(path: str) -> int:
         given = common.read_input(path, machine, data, rule_out)
         found = answer_to(given, method, details=details or json)
-        common.deliver(
-            solution_document(Case(given, found, machine)), as_json=json, details=details
-        )
+        document = solution_document(Case(given, found, machine))
+        common.deliver(document, as_json=json, details=details)
         return 0 if found.release.usable else UnusableResultError.exit_code
 
     common.for_each(files, judge, as_json=json)
@@ -62,13 +61,9 @@ def diagnose(
     accept: Annotated[
         Text, option("CAUSE", "Make this cause part of the machine and write a new machine file.")
     ] = None,
-    to: Annotated[
+    output: Annotated[
         File,
-        option(
-            "FILE",
-            "New machine file of --accept. An existing file is never overwritten.",
-            "--output",
-        ),
+        option("FILE", "New machine file of --accept. An existing file is never overwritten."),
     ] = None,
     details: common.WithDetails = False,
     json: common.AsJson = False,
@@ -83,17 +78,16 @@ def diagnose(
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
     from orthoglide_cal.results import answer_to, with_dates
 
-    if recalibrated and holdout is None:
-        raise UsageError("--recalibrated goes with --holdout.", "Name the later readings.")
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
-    if applied is not None and holdout is None:
-        raise UsageError("--applied goes with --holdout.", "Name the later readings.")
+    for name, told in (("--recalibrated", recalibrated), ("--applied", applied)):
+        if told and holdout is None:
+            raise UsageError(f"{name} goes with --holdout.", "Name the later readings.")
     if [*files, holdout].count("-") > 1 or (holdout == "-" and len(files) > 1):
         raise UsageError("Standard input can be read only once.", "Name a file instead.")
     if accept is not None and len(files) != 1 and not together:
         raise UsageError("--accept goes with one file.", "Name the readings to identify it from.")
-    if to is not None and accept is None:
+    if output is not None and accept is None:
         raise UsageError("--output goes with --accept.", "Name the cause to accept.")
     if accept is not None and accept not in CAUSES:
         raise UsageError(f"There is no cause {accept!r}.", f"Choose one of {', '.join(CAUSES)}.")
@@ -118,13 +112,11 @@ def diagnose(
         found = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full)
         if together:
             found = with_dates(found, diagnosed, dates)
-        common.deliver(
-            diagnosis_document(Case(given, found, machine)), as_json=json, details=details
-        )
+        document = diagnosis_document(Case(given, found, machine))
+        common.deliver(document, as_json=json, details=details)
         if accept is None:
             return 0
-        stem = machine.stem if machine else "machine"
-        target = to or Path(f"{stem}-{accept}.yaml")
+        target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
             diagnosed.require_recommended(accept)
             extended = diagnosis.extend(given.measured, given.model, accept, date.today())

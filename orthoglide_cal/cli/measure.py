@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -116,6 +116,9 @@ def measure(
     from orthoglide_cal.cli.keyboard import StandardInput
     from orthoglide_cal.files import machine_in_folder
     from orthoglide_cal.planning.steps import Order
+    from orthoglide_cal.report.case import Case
+    from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.results import answer_to
     from orthoglide_cal.session.standing import Standing
 
     if until is not None and until <= 0.0:
@@ -166,22 +169,13 @@ def measure(
             if resume:
                 dialogue.offer_again(yes)
             dialogue.run()
-        _finish(dialogue, show, as_json=json)
-
-
-def _finish(dialogue: Dialogue, show: Show, *, as_json: bool) -> None:
-    """Write the session file, then show what `solve` makes of it and what to do next."""
-    from orthoglide_cal.report.case import Case
-    from orthoglide_cal.report.documents.solution import solution_document
-    from orthoglide_cal.results import answer_to
-
-    dialogue.publish()
-    given = common.read_input(str(dialogue.path))
-    found = answer_to(given, details=as_json)
-    common.deliver(solution_document(Case(given, found)), as_json=as_json, details=False)
-    dialogue.reveal(found.parameters)
-    if not found.release.usable:
-        raise typer.Exit(UnusableResultError.exit_code)
+        dialogue.publish()
+        given = common.read_input(str(dialogue.path))
+        found = answer_to(given, details=json)
+        common.deliver(solution_document(Case(given, found)), as_json=json, details=False)
+        dialogue.reveal(found.parameters)
+        if not found.release.usable:
+            raise typer.Exit(UnusableResultError.exit_code)
 
 
 @contextmanager
@@ -199,24 +193,23 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
     caught = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, interrupt) for number in caught}
     running: list[Dialogue] = []
+    message = ""
     try:
         yield running
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
-        if not running:
-            _leave("\nNo session was started.")
-        said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-        again = command("measure", str(running[0].path), options="--resume")
-        _leave(f"{said} Continue with:\n  {again}")
+        message = "\nNo session was started."
+        if running:
+            said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
+            again = command("measure", str(running[0].path), options="--resume")
+            message = f"{said} Continue with:\n  {again}"
     except OSError as error:
-        if error.errno != errno.EIO:
+        if error.errno != errno.EIO:  # the terminal was closed
             raise
-        _leave("")  # the terminal was closed
+    else:
+        return
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _leave(message: str) -> NoReturn:
     try:
         if message:
             common.tell(message)

@@ -10,9 +10,7 @@ from orthoglide_cal.cli.common import MEASURED, File, Number, Text, argument, op
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
-    from orthoglide_cal.model import Model
     from orthoglide_cal.planning.forecast import SessionForecast
-    from orthoglide_cal.planning.plan import Wanted
     from orthoglide_cal.planning.program import PostureProgram
 
 _GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")
@@ -66,7 +64,10 @@ def plan(
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.diagnosis import diagnose
     from orthoglide_cal.planning import ranked
-    from orthoglide_cal.planning.plan import Wanted, measurement_plan
+    from orthoglide_cal.planning.bar import require_on_bar
+    from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
+    from orthoglide_cal.planning.program import APPROACH_MM, posture_program
+    from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence, sequence_options
     from orthoglide_cal.report.documents.plan import plan_document
     from orthoglide_cal.results import answer_to
 
@@ -90,7 +91,23 @@ def plan(
                 "--program writes nothing but the posture program.",
                 "Leave out --json, --html, --overwrite and FILE.",
             )
-        _write_plan(model, wanted, machine, program, *moves)
+        chosen = chosen_session(model, wanted)
+        if model.machine.layouts():
+            if moves != (None,) * 4:
+                raise UsageError(
+                    "A printer's places are written as a table.", "Leave these options out."
+                )
+            write_places(chosen, program)
+            return
+        careful = require_on_bar(chosen.plan, model.orthoglide)
+        if careful is not None:
+            common.tell(" ".join(careful.lines))
+        turn = Order(order or "paper")
+        session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
+        told = command("measure", machine=machine, options=sequence_options(*session))
+        length = APPROACH_MM if approach is None else approach
+        steps = sequence(model.orthoglide, *session)
+        write_program(posture_program(model, steps, told, length, travel), program, template)
         return
     diagnosis = diagnose(given.measured, model) if given else None
     found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else ())
@@ -98,41 +115,6 @@ def plan(
     source = given.measured.source if given else None
     document = plan_document(found, machine, begun, source)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
-
-
-def _write_plan(
-    model: Model,
-    wanted: Wanted,
-    machine: Path | None,
-    program: Path,
-    template: Path | None,
-    order: str | None,
-    approach: float | None,
-    travel: tuple[float, float] | None,
-) -> None:
-    """Write the postures of a session, or the places of a layout."""
-    from orthoglide_cal.planning.bar import require_on_bar
-    from orthoglide_cal.planning.plan import chosen_session
-    from orthoglide_cal.planning.program import APPROACH_MM, posture_program
-    from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence, sequence_options
-
-    chosen = chosen_session(model, wanted)
-    if model.machine.layouts():
-        if (template, order, approach, travel) != (None,) * 4:
-            raise UsageError(
-                "A printer's places are written as a table.", "Leave these options out."
-            )
-        write_places(chosen, program)
-        return
-    careful = require_on_bar(chosen.plan, model.orthoglide)
-    if careful is not None:
-        common.tell(" ".join(careful.lines))
-    turn = Order(order or "paper")
-    session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
-    told = command("measure", machine=machine, options=sequence_options(*session))
-    length = APPROACH_MM if approach is None else approach
-    steps = sequence(model.orthoglide, *session)
-    write_program(posture_program(model, steps, told, length, travel), program, template)
 
 
 def write_program(program: PostureProgram, target: Path, template: Path | None = None) -> None:

@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 def simulate(
     protocol: common.Protocol = None,
-    offsets: Annotated[Offsets, option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0.")] = (
-        0.0,
-        0.0,
-        0.0,
-    ),
+    offsets: Annotated[
+        Offsets | None, option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0.")
+    ] = None,
     noise: Annotated[
         Number,
         option("MM", "Standard deviation of a reading. Default: that of the machine's gauge."),
@@ -53,13 +51,12 @@ def simulate(
         list[float] | None,
         option("MM", "Linear delta: height of the block under the probe. Give it again for more."),
     ] = None,
-    more: Annotated[
+    radius_angles: Annotated[
         Offsets | None,
         option(
             "DR DA DB",
             "Linear delta: errors of its radius, mm, and of the angles of towers a and b, deg."
             " --offsets are the errors of its endstops.",
-            "--radius-angles",
         ),
     ] = None,
     cause: Annotated[
@@ -103,7 +100,7 @@ def simulate(
         """The machine with all that is wrong with it, or with these readings."""
         return known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
 
-    record = None
+    record, true = None, np.array(offsets or (0.0, 0.0, 0.0))
     if nominal.probes:
         if protocol or gauge_at is not None:
             raise UsageError(
@@ -113,11 +110,11 @@ def simulate(
         if json or yaml:
             raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
         bed = bed_plan(LinearDelta.require(nominal), places or 41, height or (0.0,), cycles or 1)
-        true = np.array((*offsets, *(more or (0.0, 0.0, 0.0))))
+        true = np.array((*true, *(radius_angles or (0.0, 0.0, 0.0))))
         made = synthetic_probe_points(wrong(bed), bed, true, rng, gauge)
         text, what = files.probe_points_csv(made), "touches"
     else:
-        if places or height or more:
+        if places or height or radius_angles:
             options = "--places, --height and --radius-angles"
             raise UsageError(f"{options} are for a linear delta.", "Leave them out.")
         if protocol == "single":
@@ -125,7 +122,7 @@ def simulate(
         else:
             at = 0.5 if gauge_at is None else gauge_at
             plan = double_posture(known.orthoglide, cycles or 3, gauge_at=at)
-        made = synthetic_session(wrong(plan), plan, np.array(offsets), rng, gauge)
+        made = synthetic_session(wrong(plan), plan, true, rng, gauge)
         text, what = files.readings_csv(made), "readings"
         record = files.session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target or not json:

@@ -111,6 +111,7 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
                 raise HTTPException("the answer was cut off")
             return data
     except HTTPError as error:
+        error.close()
         what, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
         if error.code in (401, 403):
             what = f"The server wants a key ({error.code})."
