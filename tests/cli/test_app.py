@@ -51,7 +51,7 @@ def test_every_command_has_help(command: str) -> None:
     """Which calls nothing by a type of the language."""
     shown = done(*command.split(), "--help")
     assert shown.startswith("Usage: ")
-    assert not re.search(r"<(str|int|float|path|list)\b", shown)
+    assert not re.search(r"<[a-z]", shown)
     assert shown == done(*command.split(), "-h")
 
 
@@ -95,7 +95,6 @@ def test_version_is_one_line_and_quick() -> None:
         (("simulate", "--cycles", "0"), 2),
         (("paper", "--table", "2"), 2),
         (("plan", "--target", "0"), 2),
-        (("plan", "--target", "-0.01"), 2),
         (("plan", "--target", "0.02", "--cycles", "3"), 2),
         (("plan", "--cycles", "0"), 2),
         (("plan", "--protocol", "triple"), 2),
@@ -103,7 +102,6 @@ def test_version_is_one_line_and_quick() -> None:
         (("plan", "--machine", SIX), 3),
         (("solve", "no such file.csv"), 3),
         (("solve", "--machine", "no such machine.yaml", SIX), 3),
-        (("solve", "--machine", SIX, SIX), 3),
         (("simulate", "--offsets", "400", "400", "400", "--seed", "1"), 3),
     ],
 )
@@ -136,17 +134,6 @@ def test_options_are_plain_numbers(arguments: tuple[str, ...]) -> None:
     assert any(name in said for name in arguments if name.startswith("--"))
 
 
-@pytest.mark.parametrize("content", [None, b"", b"\xff\xfe", b"{", b"[1]", b"name: x\n"])
-def test_a_machine_file_that_cannot_be_used_is_bad_input(
-    tmp_path: Path, content: bytes | None
-) -> None:
-    path = tmp_path / "m.yaml"
-    if content is not None:
-        path.write_bytes(content)
-    assert str(path) in refused(3, "solve", SIX, "--machine", str(path))
-    refused(3, "solve", SIX, "--machine", str(tmp_path))
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 @pytest.mark.parametrize(
     "arguments", [("solve", SIX), ("solve", SIX, "--json"), ("template", "machine")]
@@ -177,12 +164,6 @@ def test_long_messages_break_between_words_in_a_terminal(tmp_path: Path) -> None
     assert shown[-1] == "  orthocal machine new"
     with contextlib.chdir(tmp_path):
         assert " ".join(shown).split() == run("apply", "x.csv", "--yes").stderr.split()
-
-
-def test_a_result_that_must_not_be_used_is_exit_code_4() -> None:
-    said = refused(4, "solve", "-", text=UNDETERMINED)
-    assert "standard input: These readings do not determine Δρ_z." in said
-    assert "Add readings of leg" in said
 
 
 @pytest.mark.parametrize("form", [(), ("--json",)])

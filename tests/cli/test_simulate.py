@@ -152,12 +152,6 @@ def test_readings_that_do_not_pair_up_cannot_be_exchanged() -> None:
             said="exchanged_columns cannot act in this session")  # fmt: skip
 
 
-@pytest.mark.parametrize("option", ["--noise", "--resolution"])
-@pytest.mark.parametrize("size", ["-0.1", "nan", "inf"])
-def test_gauges_that_do_not_exist(option: str, size: str) -> None:
-    refused(option, size, said=f"{option} cannot be")
-
-
 def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:
     target = tmp_path / "made.csv"
     shown = run("simulate", "--seed", "3", "--output", str(target))

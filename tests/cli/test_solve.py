@@ -120,16 +120,6 @@ def test_text_puts_the_sigmas_side_by_side() -> None:
     assert [float(number) for number in numbers] == pytest.approx(expected, abs=5e-5)
 
 
-@pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])
-def test_text_fits_80_columns(file: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    shown = run("solve", file).stdout
-    # What is to be typed stays on one line.
-    assert max(len(line) for line in shown.splitlines() if "orthocal " not in line) <= 80
-    healthy = "The residuals agree with the gauge's noise" in " ".join(shown.split())
-    assert healthy is (file in (DOUBLE, SINGLE))
-
-
 def test_what_must_not_be_entered_stands_without_an_order(tmp_path: Path) -> None:
     """A named cause: first why not, then the command to run next; not released, so 4."""
     copy = tmp_path / "my session.yaml"
@@ -146,21 +136,6 @@ def test_what_must_not_be_entered_stands_without_an_order(tmp_path: Path) -> Non
     machine = Path("configs") / "orthoglide_prototype.yaml"
     shown = run("solve", "--machine", str(machine), str(copy)).stdout
     assert f"orthocal diagnose {shlex.quote(str(copy))} --machine {machine}\n" in shown
-
-
-@pytest.mark.parametrize("depth", [1, 4, 9, 14])
-def test_the_command_to_run_next_stays_on_one_line_in_any_folder(
-    tmp_path: Path, depth: int
-) -> None:
-    folder = tmp_path / "/".join(["a folder"] * depth)
-    folder.mkdir(parents=True)
-    copy, machine = folder / "my session.yaml", folder / "my machine.yaml"
-    copy.write_bytes(Path(SESSION).read_bytes())
-    machine.write_text(machine_text(default_machine()), encoding="utf-8")
-    given = f"'{copy}' --machine '{machine}'"
-    for command in ("solve", "diagnose"):
-        shown = run(command, str(copy), "--machine", str(machine)).stdout.splitlines()
-        assert any(f"orthocal diagnose {given}" in line for line in shown)
 
 
 def test_standard_input_is_a_file_like_others() -> None:
@@ -183,31 +158,3 @@ def test_methods_by_name(method: str) -> None:
 def test_a_method_that_cannot_use_a_file_says_which_can() -> None:
     said = refused(2, "solve", "--method", "readings", SIX)
     assert "Choose one of six-linear, six." in said
-
-
-def test_a_session_is_judged_by_its_own_machine_unless_told_otherwise() -> None:
-    assert answer("solve", SESSION)["machine"]["name"] == "Orthoglide prototype"
-    other = answer("solve", "--machine", "configs/orthoglide_large.yaml", SESSION)
-    assert other["machine"]["name"] == "Orthoglide large"
-    assert any("differs from the machine given" in warning for warning in other["warnings"])
-
-
-def test_known_causes_of_the_machine_are_used(tmp_path: Path) -> None:
-    """The session's hidden axis gap, accepted in the machine file, makes the residuals healthy."""
-    text = machine_text(default_machine())
-    accepted = (
-        "identified:\n"
-        "- cause: axis_gap\n"
-        "  date: '2026-01-01'\n"
-        f"  data_sha256: '{'0' * 64}'\n"
-        "  parameters:\n"
-        "    xy: {value: 0.30, std: 0.01, unit: mm}\n"
-        "    yz: {value: -0.25, std: 0.01, unit: mm}\n"
-        "    zx: {value: 0.35, std: 0.01, unit: mm}\n"
-    )
-    machine = tmp_path / "known.yaml"
-    machine.write_text(text.replace("identified: []\n", accepted), encoding="utf-8")
-    found = answer("solve", "--machine", str(machine), SESSION)
-    assert found["lack_of_fit"]["p_value"] > 0.001
-    for each, value in zip(found["parameters"], (-0.18, 0.55, 0.26), strict=True):
-        assert abs(each["found"] - value) < 3.5 * each["std"]

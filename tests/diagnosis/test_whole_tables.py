@@ -93,15 +93,6 @@ def test_differences_with_leg_and_direction_exchanged(kind: DataKind) -> None:
     assert "exchanged_columns" in {cause.id for cause in found.causes} | set(found.ambiguous_with)
 
 
-def test_exchanged_columns_are_not_released() -> None:
-    session = truth.make_session(3, truth.PROTOTYPE, truth.DIAL)
-    readings, model = known(session)
-    wrong = exchanged(readings, session)
-    decision = release(solve(wrong, model), diagnose(wrong, model))
-    assert not decision.usable
-    assert any("headings" in remedy.sentence for remedy in decision.remedies)
-
-
 # --- units ------------------------------------------------------------------------------------
 
 

@@ -174,9 +174,3 @@ def test_the_folder_never_asks_to_apply_what_is_refused(
     write(session(TRUE, 4), NOMINAL, Path("later.yaml"), finished="2099-01-01T00:00:00+00:00")
     assert "orthocal apply later.yaml" in done()
     assert len(said.splitlines()) <= MOST["solve"]
-
-
-@pytest.mark.parametrize("command", ["solve", "plan", "measure", "export"])
-def test_help_names_values_plainly(command: str) -> None:
-    said = done(command, "--help")
-    assert not re.search("<[a-z]", said)

@@ -33,13 +33,6 @@ from tests.truth.delta import V400, Layout, Truth, probe_bed
 from tests.truth.plan import frozen
 
 GAPED = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
-NOT_USABLE = (
-    cases.named_in_machine,
-    cases.named_in_measurement,
-    cases.ambiguous,
-    cases.unexplained,
-    cases.failed,
-)
 
 
 def diagnosis_of(case: Case) -> Diagnosis:
@@ -189,19 +182,6 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     solution = solve(measured, case.given.model)
     plain = next(row for row in solution.promised() if row.name == check.what)
     assert abs(plain.expected_mm - check.expected_mm) > 0.02
-
-
-def test_release_follows_the_diagnosis() -> None:
-    healthy = cases.healthy().answer
-    assert healthy.release.usable
-    assert all(each.enter is not None for each in healthy.parameters)
-    for make in NOT_USABLE:
-        answer = make().answer
-        assert not answer.release.usable
-        assert answer.release.reasons
-        assert answer.release.remedies
-        assert all(each.enter is None for each in answer.parameters)
-    assert cases.few().answer.release.cautions
 
 
 def test_a_solution_that_did_not_converge_is_not_released() -> None:

@@ -87,11 +87,6 @@ def test_records_of_another_shape_are_refused(record: object) -> None:
         RECORD.validate_json(json.dumps(record))
 
 
-def test_a_journal_comes_back_as_it_was() -> None:
-    data, _ = written(eventful())
-    assert list(decode(data, "j").events) == eventful()
-
-
 def test_the_format_on_the_disk_is_that_of_version_1() -> None:
     """Byte for byte: every program that knows this version reads what another one wrote."""
     data = Path(__file__).with_name("version_1.journal").read_bytes()
