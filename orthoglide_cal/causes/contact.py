@@ -1,7 +1,8 @@
-"""What can be wrong with what the gauges touch, and with their stands."""
+"""What can be wrong with what gauges and probes touch, with their stands, and with a bed."""
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 
 import numpy as np
@@ -15,9 +16,11 @@ from orthoglide_cal.causes.base import (
     words_of,
 )
 from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
+from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
@@ -114,4 +117,127 @@ class StandShift(PatternCause):
         return plan.onwards[:, [place[0] for place in places]]
 
 
-CAUSES = (BarSkew(), GaugeDrift(), StandShift())
+def _zernike(name: str) -> dict[tuple[int, int], float]:
+    """Powers of x and y → coefficient, of Zernike's polynomial "z4_-2": degree 4, angle −2.
+
+    Terms below the second degree are left out: height and tilt are the endstops'.
+    """
+    n, m = map(int, name[1:].split("_"))
+    found: dict[tuple[int, int], float] = {}
+    for k in range((n - abs(m)) // 2 + 1):
+        below = (k, (n + abs(m)) // 2 - k, (n - abs(m)) // 2 - k)
+        radial = (-1) ** k * math.factorial(n - k) / math.prod(map(math.factorial, below))
+        rest = (n - 2 * k - abs(m)) // 2  # r^(n−2k) cos mφ = (x² + y²)^rest · Re (x + iy)^m
+        for p in range(rest + 1):
+            for q in range(m < 0, abs(m) + 1, 2):
+                sign = math.comb(rest, p) * math.comb(abs(m), q) * (-1) ** (q // 2)
+                powers = 2 * (rest - p) + abs(m) - q, 2 * p + q
+                found[powers] = found.get(powers, 0.0) + radial * sign
+    return {powers: value for powers, value in found.items() if sum(powers) > 1}
+
+
+class _Surface(Cause):
+    """What rises and falls smoothly over the bed; one unit of each term at its edge.
+
+    A term's name is its formula: "xxy" is x²y, "z4_2" Zernike's polynomial of degree 4.
+    """
+
+    stage = Stage.CONTACT
+    unit = "mm"
+    lasting = True
+
+    def __init__(self) -> None:
+        terms = [
+            _zernike(name) if name[0] == "z" else {(name.count("x"), name.count("y")): 1.0}
+            for name in self.names
+        ]
+        self._powers = sorted({powers for each in terms for powers in each})
+        self._terms = np.array([[each.get(p, 0.0) for p in self._powers] for each in terms])
+
+    def contact(
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
+    ) -> Numbers:
+        """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
+        x, y, _ = np.moveaxis(where / LinearDelta.require(machine).bed_radius_mm, -1, 0)
+        # The first terms alone where fewer are given, as files of old have them.
+        sizes = effect.theta @ self._terms[: effect.theta.shape[-1]]
+        shape = sum(
+            sizes[..., k, None] * x**across * y**along
+            for k, (across, along) in enumerate(self._powers)
+        )
+        return np.asarray(heights + ~ProbePlan.require(plan).distance * shape)
+
+
+_TERMS = (
+    *("xx", "xy", "yy", "xxx", "xxy", "xyy", "yyy"),
+    *(f"z{n}_{m}" for n in (4, 5, 6) for m in range(-n, n + 1, 2)),
+)
+
+
+def _falling(share: float, above: int = 2) -> tuple[float, ...]:
+    """Plausible size of each term, in those of low degrees: less by a share per degree above."""
+    degrees = (int(name[1]) if name[0] == "z" else len(name) for name in _TERMS)
+    return tuple(share ** max(degree - above, 0) for degree in degrees)
+
+
+class BedShape(_Surface):
+    """A smooth shape; tilt and height are the endstops'.
+
+    A Gaussian process of fixed rank: independent terms that are the smaller the finer they are. The
+    data choose by how much, which is its length scale.
+    """
+
+    id = "bed_shape"
+    title = "the heights follow a smooth shape over the bed"
+    sizes = MappingProxyType({LinearDelta: 0.1})
+    size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
+    names = _TERMS
+    shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
+    instrument = "a straight edge and feeler gauges on the bed"
+    advice = (
+        "A bed mesh follows it. Touches of one height do not show what makes it (the bed, leaning"
+        " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"
+        " third and probe again (what turns with it is its own shape), or probe on blocks."
+    )
+
+
+class ProbeTilt(_Surface):
+    """The effector tilts as it moves, and a probe next to the nozzle rises or falls with it."""
+
+    id = "probe_tilt"
+    title = "the probe tilts with the effector"
+    sizes = MappingProxyType({LinearDelta: 0.05})
+    size_reason = "arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle"
+    names = ("xx", "xy", "yy")
+    instrument = "the same touches with the nozzle itself"
+    advice = (
+        "Probe with the nozzle itself, or turn the probe to the other side of the effector and"
+        " probe again: what changes sign is its tilt. Compare the two arms of each pair."
+    )
+
+
+class ProbeDrift(Cause):
+    """The height at which the probe triggers drifts while it warms up or cools."""
+
+    id = "probe_drift"
+    title = "the probe drifts"
+    stage = Stage.CONTACT
+    unit = "mm/h"
+    sizes = MappingProxyType({LinearDelta: 0.05})
+    size_reason = "an inductive probe or its mount cooling by some degrees"
+    names = ("rate",)
+    timed = True
+    same_remedy_as = "thermal_drift"
+    instrument = "the same touch again after ten minutes"
+    advice = "Let bed and probe reach their temperature, wait ten minutes, and probe again."
+
+    def contact(
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
+    ) -> Numbers:
+        """Reading += rate · hours; theta (..., 1) [mm/h]."""
+        return heights + ~ProbePlan.require(plan).distance * effect.theta * plan.hours
+
+
+CAUSES = (
+    BarSkew(), GaugeDrift(), StandShift(), BedShape(), ProbeTilt(), ProbeDrift(),
+)  # fmt: skip

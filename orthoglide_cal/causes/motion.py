@@ -7,10 +7,10 @@ from types import MappingProxyType
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers
-from orthoglide_cal.model.real import Command
 
 
 class EncoderScale(Cause):

@@ -48,7 +48,7 @@ from orthoglide_cal.model import (
     simulate,
     zero_free,
 )
-from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.plan import read_only
 
 # Between a quick session and a slow one: factor on the pace where no times were written down.

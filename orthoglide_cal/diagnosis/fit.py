@@ -37,8 +37,7 @@ from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import condition, fit_size, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.model import Effect, Floats, Ints, Machine, ReadOnly, differentiate
-from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.instrument import Instrument
+from orthoglide_cal.model.machine import Influence, Instrument, Origin
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)

@@ -27,7 +27,7 @@ from orthoglide_cal.model import (
     Model,
     ReadOnly,
 )
-from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.schema import Minutes, Schema
 
 # Probability from which it is told that nothing may be wrong at all.

@@ -29,8 +29,7 @@ from orthoglide_cal.model import (
     differentiate,
     simulate,
 )
-from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.instrument import Instrument
+from orthoglide_cal.model.machine import Influence, Instrument, Origin
 from orthoglide_cal.schema import Schema
 
 # How the size of a source is known (GUM 4): from the scatter of these readings, or otherwise.

@@ -38,8 +38,7 @@ from orthoglide_cal.model import (
     without_zeros,
 )
 from orthoglide_cal.model.gauge_doubts import GaugeDoubt
-from orthoglide_cal.model.influence import Influence
-from orthoglide_cal.model.instrument import Instrument
+from orthoglide_cal.model.machine import Influence, Instrument
 from orthoglide_cal.model.plan import read_only
 
 # Below this chance the residuals are called larger than the gauge's noise.

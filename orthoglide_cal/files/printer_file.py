@@ -19,11 +19,11 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.printer_settings import LARGEST_MM, Settings, Value, within
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats, Source
-from orthoglide_cal.model.instrument import Probe
 from orthoglide_cal.model.linear_delta import (
     TOWERS_TURN,
     Endstops,
     LinearDelta,
+    Probe,
     counter_clockwise,
 )
 from orthoglide_cal.model.plan import Bools, Ints, ReadOnly

@@ -7,7 +7,6 @@ from orthoglide_cal.model.gauge_doubts import (
     other_unit,
     too_steady,
 )
-from orthoglide_cal.model.instrument import Gauge
 from orthoglide_cal.model.machine import Details, Entered, Machine
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
@@ -28,6 +27,7 @@ from orthoglide_cal.model.model import (
     simulate,
     simulate_with_jacobian,
 )
+from orthoglide_cal.model.orthoglide import Gauge
 from orthoglide_cal.model.plan import (
     Floats,
     Ints,

@@ -17,10 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.kinematics import Command, Geometry
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, ReadOnly
-from orthoglide_cal.model.real import Command
 
 
 class Stage(StrEnum):

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.instrument import Instrument
+from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Floats, Ints, read_only
 from orthoglide_cal.model.readings import GaugePlan

@@ -30,10 +30,24 @@ from pydantic import (
 )
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.instrument import Probe
-from orthoglide_cal.model.kinematics import Geometry, Points, behind_batch
-from orthoglide_cal.model.machine import DoubtedValue, Length, Machine, Named
+from orthoglide_cal.model.kinematics import (
+    Command,
+    GaugeResponse,
+    Geometry,
+    Points,
+    RealMachine,
+    behind_batch,
+)
+from orthoglide_cal.model.machine import (
+    DoubtedValue,
+    Influence,
+    Instrument,
+    Length,
+    Machine,
+    Named,
+    Origin,
+    Vocabulary,
+)
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
 from orthoglide_cal.model.probe_plan import (
     BLOCKS_MM,
@@ -44,8 +58,6 @@ from orthoglide_cal.model.probe_plan import (
     compared,
     telling,
 )
-from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
-from orthoglide_cal.model.vocabulary import FIRMWARE
 from orthoglide_cal.schema import Number, told
 
 TOWERS = ("a", "b", "c")
@@ -85,6 +97,34 @@ def _of_each(given: object, check: ValidatorFunctionWrapHandler) -> object:
 
 
 _ONE_ARM: TypeAdapter[float] = TypeAdapter(Length)
+
+
+# Where the machine file says nothing of a calliper: it shows hundredths, but is put to edges that
+# were printed; of a bed: foil, glue and magnets under a plate.
+CALLIPER_MM, TEXTURE_MM = 0.06, 0.02
+Step = Annotated[Number, Field(ge=0.0, le=10.0)]
+
+
+class Probe(Instrument):
+    """The probe of a printer, its bed, and the calliper for what it printed."""
+
+    resolution_mm: Annotated[Step, told("Probe: resolution", "the smallest step that it resolves")]
+    repeatability_mm: Annotated[
+        Annotated[Number, Field(ge=1e-6, le=10.0)],
+        told("Probe: repeatability", "standard deviation of one touch"),
+    ]
+    calliper_mm: Annotated[
+        Annotated[Number, Field(ge=1e-6, le=10.0)],
+        told("Calliper", "standard deviation of a distance on a printed object"),
+    ] = CALLIPER_MM
+    # Standard deviation of the local shape of the bed; None if nobody stated it.
+    texture_mm: Step | None = None
+    scanning: bool = False  # it reads while it moves
+
+    @property
+    def texture_std_mm(self) -> float:
+        """`texture_mm`, or its default."""
+        return TEXTURE_MM if self.texture_mm is None else self.texture_mm
 
 
 class Endstops(NamedTuple):
@@ -134,7 +174,40 @@ class LinearDelta(Machine):
     decimals = 4
     has_cube = False
     controller_formats = ("klipper", "reprapfirmware", "marlin")
-    vocabulary = FIRMWARE
+    vocabulary = Vocabulary(
+        one="parameter",
+        many="parameters",
+        title="Parameters",
+        found="found",
+        relation="real value = the controller's + found",
+        enter="Enter the new parameters in the firmware:",
+        restart="Restart the firmware, home the printer, and make a new bed mesh.",
+        entering="Enter the parameters, restart the firmware, home, make a new mesh",
+        beyond="no printer is that far off (up to {limit} is plausible).",
+        recheck="Check the unit of the readings and the numbers of the machine: arm lengths,"
+        " radius, endstops.",
+        more="Probe more places, spread over the whole bed; if that does not do, the same places"
+        " again on blocks of two known heights, or measure distances on a printed object.",
+        fewest="Touch at least seven places spread over the whole bed: the middle and six near the"
+        " edge, evenly around. More places, or heights, show how sure that is. A series at one"
+        " place says how the probe scatters and drifts once it stands with them in one file.",
+        noise="probe",
+        repeats="They are touches of the same spots: the bed's local shape is not in them.",
+        again="Clean bed and nozzle and probe again: more places, spread over the whole bed. Few"
+        " places fit nearly anything, and cannot show what is wrong.",
+        probing="Klipper: DELTA_CALIBRATE or BED_MESH_CALIBRATE, then SAVE_CONFIG, and bring"
+        " printer.cfg. Others: probe with G30 at places all over the bed, bed mesh off, and write"
+        " x, y and the height at which it triggers in a CSV: orthocal template touches. Then:"
+        " orthocal diagnose FILE",
+        also=" and the bed's local shape",
+        positions="places",
+        instruments="probe",
+        repeat="Probe more places",
+        finer="a probe with finer steps",
+        compare="Probe again, and compare",
+        further="more places, and on blocks of two known heights",
+        axes={"a": "tower a", "b": "tower b", "c": "tower c"},
+    )
     geometry_keys = ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm")
 
     kind: Literal["linear_delta"] = "linear_delta"

@@ -8,21 +8,20 @@ The rest of the program does not ask which kind it has.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from types import MappingProxyType
-from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.model.influence import Influence
-from orthoglide_cal.model.instrument import Instrument
-from orthoglide_cal.model.kinematics import Geometry
-from orthoglide_cal.model.plan import Floats, Numbers, Plan
+from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, RealMachine
+from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
-from orthoglide_cal.model.vocabulary import Vocabulary
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
 
 # Nobody enters more [mm].
@@ -109,6 +108,89 @@ class DoubtedValue(NamedTuple):
 
     size: float  # how far they may be off, one standard deviation, in the unit of the cause
     words: str  # why, in a sentence
+
+
+class Instrument(Schema):
+    """What is known of any gauge or probe; each declares it in the order of the machine file."""
+
+    if TYPE_CHECKING:
+        resolution_mm: float
+        repeatability_mm: float
+
+    @property
+    def travel_mm(self) -> float:
+        """The largest difference of two of its readings [mm]."""
+        return math.inf
+
+    @property
+    def rounding_mm(self) -> float:
+        """Standard deviation q/√12 that the resolution q alone gives to a reading [mm]."""
+        return self.resolution_mm / math.sqrt(12.0)
+
+    @property
+    def noise_mm(self) -> float:
+        """Standard deviation to expect of one reading: repeatability and rounding [mm]."""
+        return math.hypot(self.repeatability_mm, self.rounding_mm)
+
+
+class Origin(StrEnum):
+    """Sources that are no causes; those are named by their cause id."""
+
+    NOISE = "noise"
+    RESOLUTION = "resolution"
+    GAUGE_SCALE = "gauge_scale"
+    GAUGE_PLACEMENT = "gauge_placement"
+    BED_TEXTURE = "bed_texture"
+    TEMPERATURE = "temperature"
+    EXPLANATIONS = "explanations"  # that the data leave open
+
+
+@dataclass(frozen=True, eq=False)
+class Influence(ReadOnly):
+    """Unknowns of one source."""
+
+    source: str  # an `Origin` or a cause id
+    size: float | None  # one standard deviation, in `unit`; None where the unknowns differ
+    unit: str  # "" without one
+    assumed: bool  # nobody stated the size: a default
+    columns: Floats  # what one standard deviation of each adds to the data, shape (n, p) [mm]
+    # As many unknowns as readings, shared by neighbours: what is put down to them is not explained.
+    local: bool = False
+
+    def reduced(self, matrix: Floats) -> Influence:
+        """The same in data R·readings, R of shape (k, n)."""
+        return replace(self, columns=matrix @ self.columns)
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """Words of one kind of machine; every page takes them from here."""
+
+    one: str  # what is calibrated: "offset"
+    many: str
+    title: str  # its full name, as a heading: "Joint offsets"
+    found: str  # what was found of it, as a column's head: "Δρ"
+    relation: str  # how the found value belongs to the real one
+    enter: str  # how the new values are entered; they follow, or the command that shows them
+    restart: str  # what makes the controller use them
+    entering: str  # both in a few words
+    beyond: str  # why a value is impossible; "{limit}" stands for the largest plausible ones
+    recheck: str  # what to look at where a value is impossible
+    more: str  # which readings would determine more
+    fewest: str | None  # which determine all of it; None where the missing ones can be named
+    noise: str  # whose noise the readings have: "gauge"
+    repeats: str  # what the scatter of repeated readings does not hold
+    again: str  # what to do where nothing explains the readings
+    positions: str  # at what readings are taken: "postures"
+    instruments: str  # what reads, as a page names it: "gauges"
+    repeat: str  # how to reduce noise
+    finer: str  # what shows smaller steps
+    compare: str  # what to do once the new values are used
+    further: str  # what besides the usual readings would distinguish causes
+    probing: str = ""  # how such a machine measures itself; empty where somebody reads gauges
+    going_on: str = ""  # what to type to go on from readings; empty where one starts anew
+    also: str = ""  # what belongs to that noise, too
+    axes: Mapping[str, str] = field(default_factory=dict)  # parameters of its rails → in words
 
 
 class Machine(Schema):

@@ -22,10 +22,10 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
+from orthoglide_cal.model.kinematics import RealMachine
 from orthoglide_cal.model.machine import JointOffsets, Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
-from orthoglide_cal.model.real import RealMachine
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,20 +17,29 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UnreachableError
-from orthoglide_cal.model.influence import Influence, Origin
-from orthoglide_cal.model.instrument import Gauge
 from orthoglide_cal.model.kinematics import (
+    Command,
+    GaugeResponse,
     Geometry,
     Points,
+    RealMachine,
     behind_batch,
     column,
     tool_derivative,
 )
-from orthoglide_cal.model.machine import JointOffsets, Length, Machine, Named, empty
+from orthoglide_cal.model.machine import (
+    Influence,
+    Instrument,
+    JointOffsets,
+    Length,
+    Machine,
+    Named,
+    Origin,
+    Vocabulary,
+    empty,
+)
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, part_words
-from orthoglide_cal.model.real import Command, GaugeResponse, RealMachine
-from orthoglide_cal.model.vocabulary import OFFSETS
 from orthoglide_cal.schema import Number, told
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
@@ -39,6 +48,46 @@ _ZERO = dict.fromkeys(AXES, 0.0)
 # Which of the machine's moments belong to n readings: when each was taken, and when its gauge was
 # set up, at the isotropic posture; indices, each of shape (n,).
 _Moments = tuple[Ints, Ints]
+
+
+# Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
+# millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
+# reads 0.06 % short.
+PLACEMENT_MM, SCALE_U = 1.0, 0.001
+Fine = Annotated[Number, Field(ge=1e-6, le=100.0)]
+Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
+
+
+class Gauge(Instrument):
+    """A dial indicator."""
+
+    resolution_mm: Annotated[Fine, told("Gauge: one division", "the smallest step that it shows")]
+    range_mm: Annotated[Travel, told("Gauge: range", "travel of its plunger")]
+    revolution_mm: Annotated[
+        Travel | None,
+        told("Gauge: one turn", "travel of one turn; 0 without a dial"),
+    ] = None
+    repeatability_mm: Annotated[
+        Fine, told("Gauge: repeatability", "standard deviation of one reading")
+    ]
+    # How well its stand is put at its place along the leg, one standard deviation, and standard
+    # uncertainty of its scale (1); None if nobody stated it.
+    placement_mm: Annotated[Number, Field(ge=0.0, le=1e3)] | None = None
+    scale_u: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
+
+    @property
+    def travel_mm(self) -> float:
+        return self.range_mm
+
+    @property
+    def placement_std_mm(self) -> float:
+        """`placement_mm`, or its default."""
+        return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
+
+    @property
+    def scale_std(self) -> float:
+        """`scale_u`, or its default."""
+        return SCALE_U if self.scale_u is None else self.scale_u
 
 
 class Orthoglide(Machine):
@@ -54,7 +103,32 @@ class Orthoglide(Machine):
     may_be_settled = False
     has_cube = True
     controller_formats = ("linuxcnc", "table")
-    vocabulary = OFFSETS
+    vocabulary = Vocabulary(
+        one="offset",
+        many="offsets",
+        title="Joint offsets",
+        found="Δρ",
+        relation="true position = indicated + Δρ",
+        enter="Enter the new joint offsets in the controller, in mm: ",
+        restart="Re-home all three axes.",
+        entering="Enter the offsets, home all axes",
+        beyond="no home switch is that far off (up to {limit} is plausible).",
+        recheck="Check the unit of the readings, their legs and directions, and the leg length in"
+        " the machine file. If a carriage really is that far off, move its home switch,"
+        " or state homing_mm in the machine file.",
+        more="Measure again with more postures.",
+        fewest=None,
+        noise="gauge",
+        repeats="They share one gauge set-up, so they understate the real scatter.",
+        again="Check the set-up, measure again, and compare the two sessions.",
+        positions="postures",
+        instruments="gauges",
+        repeat="Take more cycles",
+        finer="a gauge with finer divisions",
+        compare="Compare",
+        going_on="measure --then",
+        further="two more postures of each leg between the isotropic one and its limits",
+    )
     geometry_keys = (
         "leg_length_mm",
         "parallelogram_width_mm",

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.model.instrument import Instrument
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats

@@ -18,9 +18,9 @@ from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from orthoglide_cal.errors import UsageError
+from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
-from orthoglide_cal.model.real import Command
 from orthoglide_cal.schema import Schema
 
 SAMPLES = 17  # along each edge of the cube

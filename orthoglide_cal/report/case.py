@@ -14,7 +14,7 @@ from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import command
 from orthoglide_cal.files import Conditions, Input
 from orthoglide_cal.model import AXES, Cause, Machine, Source
-from orthoglide_cal.model.vocabulary import Vocabulary
+from orthoglide_cal.model.machine import Vocabulary
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.results import Answer, CheckReading, Recording, Remedy, recording

@@ -9,7 +9,6 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model import Cause, Stage
-from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.machines import ROOT
 from tests.subjects import SUBJECTS, Subject, every_cause, every_subject
 
@@ -147,11 +146,6 @@ def test_what_a_table_can_compensate_does_not_change_with_time_or_approach() -> 
 
 @alone
 def test_each_is_in_the_file_of_its_stage(cause: Cause) -> None:
-    """Or in the file of a part that one kind alone has; that, too, holds one stage."""
     path = inspect.getsourcefile(type(cause))
     assert path is not None
-    assert Path(path).stem == (
-        cause.stage
-        if Orthoglide in cause.sizes
-        else {Stage.GEOMETRY: "towers", Stage.CONTACT: "probing"}[cause.stage]
-    )
+    assert Path(path).stem == cause.stage

@@ -9,7 +9,7 @@ from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of, warmth
 from orthoglide_cal.files import Conditions, read_input
 from orthoglide_cal.model import Floats, double_posture
-from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.machine import Influence, Origin
 from tests.estimation.sessions import OFFSETS, readings
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure
 

@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model import Effect, Floats, Gauge, Model, single_posture, without_zeros
-from orthoglide_cal.model.influence import Influence, Origin
+from orthoglide_cal.model.machine import Influence, Origin
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, sure

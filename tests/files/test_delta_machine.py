@@ -7,8 +7,7 @@ import yaml
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import machine_from_text, machine_text, machine_values
 from orthoglide_cal.model import Model
-from orthoglide_cal.model.instrument import CALLIPER_MM
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.linear_delta import CALLIPER_MM, LinearDelta
 from tests.printers import CONFIG, UNEVEN
 from tests.truth.delta import TOLERANCES, delta_yaml
 

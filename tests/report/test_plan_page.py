@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines
 from orthoglide_cal.model import Model
-from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.plan import plan_document

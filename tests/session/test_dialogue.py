@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.files import read_input, session_json
-from orthoglide_cal.model.influence import Origin
+from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
 from orthoglide_cal.results import answer_to
 from orthoglide_cal.session import Dialogue, Quit, Style
