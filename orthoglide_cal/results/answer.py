@@ -7,7 +7,7 @@ the parameters has one entry for each of `parameters`, in their order.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import Field
 
@@ -27,6 +27,7 @@ from orthoglide_cal.diagnosis import (
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import PromisedDifference
 from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
+from orthoglide_cal.files import Input
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.validity import Validity
 from orthoglide_cal.schema import Schema
@@ -42,6 +43,14 @@ class InputFile(Schema):
     kind: str = Field(description="readings, six, twelve or single")
     readings: int = Field(description="readings, or differences")
     data: str | None = Field(None, description="which measurement of a printer.cfg")
+
+    @classmethod
+    def of(cls, given: Input, **more: object) -> Self:
+        """Of an input; `more` are other values, and those of further fields."""
+        measured, source = given.measured, given.measured.source
+        known = {"path": source.path, "sha256": source.sha256, "kind": measured.kind}
+        data = source.excerpt.data if source.excerpt else None
+        return cls.model_validate({**known, "readings": len(measured), "data": data, **more})
 
 
 class MachineName(Schema):

@@ -13,7 +13,7 @@ and with a method that was asked for always the parameters alone, as the paper h
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -111,7 +111,7 @@ def answer_to(
             answer says so.
     """
     measured, model = given.measured, given.model
-    file = _file(given)
+    file = schema.InputFile.of(given)
     machine = schema.MachineName(name=model.machine.name, kind=model.machine.kind)
     try:
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
@@ -207,8 +207,8 @@ def answer_to(
             p_value=solution.lack_of_fit_p,
         ),
         deviations=rows,
-        as_found=_spread({row.name: row.measured_mm for row in rows}),
-        expected=_spread({row.name: row.expected_mm for row in rows}),
+        as_found=spread({row.name: row.measured_mm for row in rows}) if rows else None,
+        expected=spread({row.name: row.expected_mm for row in rows}) if rows else None,
         budget=lines,
         total=total,
         remains=stays(rows),
@@ -240,17 +240,6 @@ def _variance(
             yield schema.VarianceShare.model_validate({"source": source, "mean_square_mm2": share})
 
 
-def _file(given: Input) -> schema.InputFile:
-    measured, source = given.measured, given.measured.source
-    return schema.InputFile(
-        path=source.path,
-        sha256=source.sha256,
-        kind=measured.kind,
-        readings=len(measured),
-        data=source.excerpt.data if source.excerpt else None,
-    )
-
-
 def with_dates(
     answer: schema.Answer, diagnosis: Diagnosis, inputs: Sequence[Input]
 ) -> schema.Answer:
@@ -274,7 +263,7 @@ def with_dates(
                 parameters=tuple(_parameters(model, found, answer.decimals, enter=False)),
             )
         )
-    return answer.changed(inputs=tuple(map(_file, inputs)), dates=tuple(dates))
+    return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
 
 
 def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Found:
@@ -368,13 +357,11 @@ def _parameters(
         yield one.changed(enter=one.new(decimals)) if enter else one
 
 
-def _spread(values: dict[str, float]) -> schema.Spread | None:
-    if not values:
-        return None
+def spread(values: Mapping[str, float]) -> schema.Spread:
+    """Size of named deviations, one at least, all together."""
     largest = max(values, key=lambda name: abs(values[name]))
-    return schema.Spread(
-        rms_mm=rms(np.array(list(values.values()))), largest_mm=values[largest], largest=largest
-    )
+    size = rms(np.array([*values.values()]))
+    return schema.Spread(rms_mm=size, largest_mm=values[largest], largest=largest)
 
 
 def _residuals(

@@ -31,6 +31,7 @@ from scipy.special import fdtrc
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import (
+    Posed,
     Problem,
     PromisedDifference,
     Solution,
@@ -56,7 +57,7 @@ from orthoglide_cal.model import (
 from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
-from orthoglide_cal.results.making import remainder
+from orthoglide_cal.results.making import remainder, spread
 from orthoglide_cal.results.validity import Validity, compared_reservations, validity
 from orthoglide_cal.schema import Schema
 
@@ -269,23 +270,22 @@ def verify(
     first, right = _solved(before, model)
     second, _ = _solved(after, model)
     shared = shared_contrasts(before.measured, after.measured, model)
-    promise = first.promised(applied, right)
-    rows = _differences(promise, after, model, table_kind(before.measured))
-    names = {row.difference for row in rows}
-    largest = max(rows, key=lambda row: abs(row.after_mm))
+    later = pose_differences(after.measured, model, table_kind(before.measured))
+    held = {each.name for each in later.which}
+    promise = [row for row in first.promised(applied, right) if row.name in held]
+    rows = _differences(promise, later)
+    as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, first.offsets_mm, applied)
-    promised = rms(np.array([row.promised_mm for row in rows]))
-    after_rms = rms(np.array([row.after_mm for row in rows]))
     return Verification(
         **_common((before, after), (first, second), applied.tolist()),
         kind=shared.kind,
         compared=len(shared.before),
         kept=response["answer"] is Behaviour.AS_MODELLED,
         rms_before_mm=rms(np.array([row.before_mm for row in rows])),
-        rms_promised_mm=promised,
-        rms_after_mm=after_rms,
-        as_left=Spread(rms_mm=after_rms, largest_mm=largest.after_mm, largest=largest.difference),
-        remains=remainder([row for row in promise if row.name in names], model),
+        rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
+        rms_after_mm=as_left.rms_mm,
+        as_left=as_left,
+        remains=remainder(promise, model),
         applied_mm=_by_axis(applied),
         differences=rows,
         **response,
@@ -376,11 +376,9 @@ def _common(
 ) -> dict[str, Any]:
     """What is said of any kind of machine: both inputs, and each parameter."""
     before, after = (
-        ComparedInput(
-            path=each.measured.source.path,
-            sha256=each.measured.source.sha256,
-            kind=each.measured.kind,
-            readings=len(each.measured),
+        ComparedInput.of(
+            each,
+            data=None,
             started=each.conditions.started,
             finished=each.conditions.finished,
             operator=each.conditions.operator,
@@ -390,10 +388,13 @@ def _common(
     )
     first, second = solutions
     machine = first.model.machine
-    columns = (first.offsets_mm, first.expanded_mm, second.offsets_mm, second.expanded_mm)
-    rows = zip(machine.active, entered, *(column.tolist() for column in columns), strict=True)
-    parameters = [
-        VerifiedParameter(
+    columns = (
+        *(machine.parameter_names, machine.parameter_units, machine.active, entered),
+        *(first.offsets_mm.tolist(), first.expanded_mm.tolist()),
+        *(second.offsets_mm.tolist(), second.expanded_mm.tolist()),
+    )
+    parameters = {
+        name: VerifiedParameter(
             unit=unit,
             before=active,
             found=found,
@@ -403,17 +404,15 @@ def _common(
             left=left,
             left_expanded=left_reach,
         )
-        for unit, (active, change, found, reach, left, left_reach) in zip(
-            machine.parameter_units, rows, strict=True
-        )
-    ]
+        for name, unit, active, change, found, reach, left, left_reach in zip(*columns, strict=True)
+    }
     return {
         "inputs": tuple((each.measured.source, each.model) for each in solutions),
         "before": before,
         "after": after,
         "machine": machine.name,
         "reservations": compared_reservations(before.validity, after.validity),
-        "parameters": dict(zip(machine.parameter_names, parameters, strict=True)),
+        "parameters": parameters,
     }
 
 
@@ -433,32 +432,29 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
 
 
 def _differences(
-    promise: Sequence[PromisedDifference], after: Input, model: Model, kind: DataKind
+    promise: Sequence[PromisedDifference], later: Posed
 ) -> tuple[ComparedDifference, ...]:
-    """The differences of Table 4 before, promised and after, where both sessions hold them."""
-    later = pose_differences(after.measured, model, kind)
-    noise = model.machine.instrument.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
-    reach = half_width(np.inf) * noise
-    values = zip(later.data.tolist(), reach.tolist(), strict=True)
-    came_true = dict(zip([each.name for each in later.which], values, strict=True))
-    rows = tuple(
+    """The differences of Table 4 before, promised and after; `later` holds at least those."""
+    if not promise:
+        raise UsageError(
+            "The two files share no difference between the ends of a leg's travel.",
+            "Measure the postures max and min before and after.",
+        )
+    gauge = later.problem.model.machine.instrument
+    noise = gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    reach = (half_width(np.inf) * noise).tolist()
+    rank = {each.name: k for k, each in enumerate(later.which)}
+    return tuple(
         ComparedDifference(
             difference=row.name,
             before_mm=row.measured_mm,
             promised_mm=row.expected_mm,
             promised_expanded_mm=row.expanded_mm,
-            after_mm=came_true[row.name][0],
-            expanded_mm=came_true[row.name][1],
+            after_mm=float(later.data[rank[row.name]]),
+            expanded_mm=reach[rank[row.name]],
         )
         for row in promise
-        if row.name in came_true
     )
-    if not rows:
-        raise UsageError(
-            "The two files share no difference between the ends of a leg's travel.",
-            "Measure the postures max and min before and after.",
-        )
-    return rows
 
 
 def _recorded(before: Input, after: Input) -> Floats:
@@ -635,9 +631,7 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
         "response_dof": dof,
         "axes": axes,
         "answer": _behaviour(response, dof, acted_as, applied, axes),
-        "acted_as_mm": None
-        if acted_as is None
-        else dict(zip(AXES, acted_as.tolist(), strict=True)),
+        "acted_as_mm": None if acted_as is None else _by_axis(acted_as),
         "other_change": OtherChange(
             rms_mm=typical * float(np.sqrt(left / spare)),
             noise_mm=typical * gauge.noise_mm,
@@ -698,17 +692,13 @@ def _better_order(
     if behind[0] <= np.log(len(hypotheses) * ODDS):
         return None
 
-    def rank(k: int) -> tuple[int, float]:
-        order, signs = hypotheses[k]
-        if behind[k] > np.log(ODDS):
-            simple = 3
-        elif order == (0, 1, 2) and set(signs) == {-1}:
-            simple = 0
-        else:
-            simple = 1 if set(signs) == {1} else 2
-        return simple, float(behind[k])
+    opposite = ((0, 1, 2), (-1, -1, -1))
 
-    return np.asarray(orders[min(range(len(hypotheses)), key=rank)])
+    def rank(k: int) -> tuple[bool, bool, float]:
+        return hypotheses[k] != opposite, set(hypotheses[k][1]) != {1}, float(behind[k])
+
+    likely: list[int] = np.flatnonzero(behind <= np.log(ODDS)).tolist()
+    return np.asarray(orders[min(likely, key=rank)])
 
 
 def _behaviour(
