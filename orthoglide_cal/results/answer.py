@@ -22,8 +22,8 @@ from orthoglide_cal.diagnosis import (
     TimesStated,
     UnshownFault,
     Verdict,
-    nothing_wrong,
 )
+from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import PromisedDifference
 from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
@@ -31,8 +31,6 @@ from orthoglide_cal.files import Input
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.validity import Validity
 from orthoglide_cal.schema import Schema
-
-Ids = tuple[str, ...]
 
 
 class InputFile(Schema):
@@ -286,11 +284,6 @@ class Answer(Schema):
     def named(self) -> Ids:
         """The causes that the parameters take into account."""
         return tuple(cause.id for cause in self.causes) if self.alone else ()
-
-    @property
-    def nothing_wrong(self) -> float | None:
-        """Probability of a sound machine, soundly measured; None where it is not worth saying."""
-        return nothing_wrong(self.explanations)
 
     def require_result(self) -> None:
         """Refuse to go on without parameters.

@@ -48,7 +48,7 @@ from orthoglide_cal.estimation.accuracy import (
     half_width,
     rms,
 )
-from orthoglide_cal.estimation.budget import Budget, budget_lines, warmth
+from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
 from orthoglide_cal.files import Input
 from orthoglide_cal.model import (
     AXES,
@@ -111,8 +111,8 @@ def answer_to(
             answer says so.
     """
     measured, model = given.measured, given.model
-    file = schema.InputFile.of(given)
-    machine = schema.MachineName(name=model.machine.name, kind=model.machine.kind)
+    file, conditions, machine = schema.InputFile.of(given), validity(given), model.machine
+    name = schema.MachineName(name=machine.name, kind=machine.kind)
     try:
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
     except UnusableResultError:
@@ -123,7 +123,7 @@ def answer_to(
     except UnusableResultError as error:
         remedies = (schema.Remedy(sentence=error.remedy),) if error.remedy else ()
         refused = schema.Release(reasons=(error.what,), remedies=remedies, sound=False)
-        return schema.Answer(input=file, machine=machine, release=refused, validity=validity(given))
+        return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
     following = None
     if diagnosis is not None and diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
@@ -142,52 +142,43 @@ def answer_to(
     if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
         found = _as_diagnosed(given, solution, diagnosis)
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
-    if found is None:
-        chosen, known = alone, solution.budget
-    else:
-        chosen, known = found, found.budget
-    settled = decision.usable and _settled(model, chosen, known)
-    decision = decision.changed(settled=settled)
-    active = model.machine.active
-    decimals = model.machine.decimals or entered_decimals(
-        chosen.budget.expanded_mm.tolist(), active
-    )
+    chosen, known = found or alone, found.budget if found else solution.budget
+    budget, std = chosen.budget, chosen.budget.std_mm
+    decision = decision.changed(settled=decision.usable and _settled(model, chosen, known))
+    decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
     parameters = tuple(_parameters(model, chosen, decimals, enter=decision.usable))
     entered = np.array([each.change(decimals) for each in parameters])
     right = diagnosis.put_right if diagnosis else None
     rows = promise(measured, chosen.real, entered, chosen.noise, right) if promised else ()
-    dof = chosen.budget.dof
     after = solution.rms_after_mm
     if diagnosis is not None and named and found is not None:
         after = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     if decision.usable:
         left = remainder(rows, chosen.real.model)
-        told = (*((left,) if left else ()), *decision.cautions)
-        decision = decision.changed(cautions=told)
+        decision = decision.changed(cautions=(*filter(None, (left,)), *decision.cautions))
     shift = np.abs(alone.values - chosen.values)
-    lines, total = budget_lines(chosen.budget)
-    std = chosen.budget.std_mm
-    correlation = chosen.budget.covariance_mm2 / np.outer(std, std)
+    lines, total = budget_lines(budget)
+    correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
     found_alone = schema.Answer(
         input=file,
-        machine=machine,
+        machine=name,
         method=solution.method,
         judgement=solution.judgement,
         release=decision,
-        validity=validity(given),
+        validity=conditions,
         parameters=parameters,
         decimals=decimals,
-        k=chosen.budget.k,
+        k=budget.k,
         confidence=CONFIDENCE,
-        dof=None if dof >= NORMAL_DOF else round(dof),
+        dof=None if budget.dof >= NORMAL_DOF else round(budget.dof),
         correlation=tuple(map(tuple, correlation.tolist())),
-        sigma_rho_mm=rms(std) if set(model.machine.parameter_units) == {"mm"} else None,
+        sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(
             parameters=tuple(_parameters(model, alone, decimals, enter=False)),
             rms_after_mm=solution.rms_after_mm,
             wrong_by=float(shift.max()),
-            unit=model.machine.parameter_units[int(np.argmax(shift))],
+            unit=machine.parameter_units[int(np.argmax(shift))],
         )
         if named and found is not None
         else None,
@@ -215,7 +206,7 @@ def answer_to(
         converged=solution.converged,
         residuals=tuple(_residuals(measured, solution, diagnosis)),
         undetermined=tuple(_undetermined(model, parameters)),
-        check=_check(given, solution, rows, chosen.budget.k),
+        check=_check(given, solution, rows, budget.k),
         ruled_out=model.ruled_out,
         workspace=_workspace(chosen, model) if details else None,
         holdout=holdout,
@@ -268,18 +259,11 @@ def with_dates(
 
 def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Found:
     """The solution's own parameters; what they leave takes named causes into account."""
-    model = given.model
+    named = diagnosis if diagnosis and diagnosis.verdict is Verdict.NAMED else None
     budget = solution.budget.extended(diagnosis.adds_to(solution) if diagnosis else ())
-    budget = budget.extended(
-        warmth(given.conditions.mean_temperature_c, model.machine.expanding_mm)
-    )
-    if diagnosis is not None and diagnosis.verdict is Verdict.NAMED:
-        real = OffsetEstimate(
-            with_causes(model, diagnosis), diagnosis.offsets_mm, diagnosis.covariance_mm2
-        )
-    else:
-        real = OffsetEstimate(model, solution.offsets_mm, solution.covariance_mm2)
-    return _Found(solution.offsets_mm, budget, solution.noise, real)
+    model, known = with_causes(given.model, named) if named else given.model, named or solution
+    real = OffsetEstimate(model, known.offsets_mm, known.covariance_mm2)
+    return _Found(solution.offsets_mm, budget.extended(_warmth(given)), solution.noise, real)
 
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Found:
@@ -287,12 +271,14 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Fo
     model = with_causes(given.model, diagnosis)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [each for each in solution.budget.contributions if each.source in held]
-    budget = diagnosis.budget.extended(taken).extended(
-        warmth(given.conditions.mean_temperature_c, model.machine.expanding_mm)
-    )
+    budget = diagnosis.budget.extended([*taken, *_warmth(given)])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
     real = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
     return _Found(diagnosis.offsets_mm, budget, noise, real)
+
+
+def _warmth(given: Input) -> tuple[Contribution, ...]:
+    return warmth(given.conditions.mean_temperature_c, given.model.machine.expanding_mm)
 
 
 def with_causes(model: Model, diagnosis: Diagnosis) -> Model:

@@ -69,33 +69,21 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
 
 def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[str, Remedy]]:
     """What the solution's own check has against it, each with what to do."""
-    if not solution.converged:
-        many = solution.model.machine.vocabulary.many
-        yield (
-            f"The search for the {many} did not converge.",
-            Remedy(sentence="Check the file:", verb="validate"),
-        )
-        return
     machine, vocabulary = solution.model.machine, solution.model.machine.vocabulary
-    limits = machine.plausible
-    columns = (
-        machine.parameter_names,
-        machine.parameter_units,
-        solution.offsets_mm.tolist(),
-        limits,
-    )
-    parameters = tuple(zip(*columns, strict=True))
+    if not solution.converged:
+        what = f"The search for the {vocabulary.many} did not converge."
+        yield what, Remedy(sentence="Check the file:", verb="validate")
+        return
+    columns = machine.parameter_names, machine.parameter_units, solution.offsets_mm.tolist()
+    parameters = zip(*columns, machine.plausible, strict=True)
     beyond = [each for each in parameters if abs(each[2]) > each[3]]
     if beyond:
         listed = ", ".join(f"{name} {value:+.1f} {unit}" for name, unit, value, _ in beyond)
         limit = ", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in beyond))
         why = vocabulary.beyond.format(limit=limit)
         yield f"{vocabulary.one.capitalize()} {listed}: {why}", Remedy(sentence=vocabulary.recheck)
-    open_ = [
-        name
-        for name, known in zip(machine.parameter_names, solution.determined, strict=True)
-        if not known
-    ]
+    pairs = zip(machine.parameter_names, solution.determined, strict=True)
+    open_ = [name for name, known in pairs if not known]
     if open_:
         yield (
             f"These readings do not determine {' and '.join(open_)}: no better than what is known"

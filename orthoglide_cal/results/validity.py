@@ -84,25 +84,18 @@ def _reservations(given: Input, found: Validity) -> Iterator[str]:
     known = given.conditions.temperatures_c
     if known and max(known) - min(known) > STEP_K:
         yield f"The temperature changed by {plain(max(known) - min(known), 1)} K while measuring."
-    if not (found.simulated or given.model.machine.probes):
-        missing = tuple(_missing(given, found))
-        if missing:
-            yield f"Not recorded: {', '.join(missing)}."
-
-
-def _missing(given: Input, found: Validity) -> Iterator[str]:
-    stated = (
-        ("date", found.measured),
-        ("operator", found.operator),
-        ("temperature", found.temperature_start_c is not None),
-        ("gauges", found.gauges),
-    )
-    yield from (name for name, value in stated if not value)
+    stated = {
+        "date": found.measured,
+        "operator": found.operator,
+        "temperature": found.temperature_start_c is not None,
+        "gauges": found.gauges,
+    }
+    missing = [name for name, value in stated.items() if not value]
     for gauge in found.gauges:
-        if not gauge.certificate:
-            yield f"certificate of gauge {gauge.id}"
-        if not gauge.due:
-            yield f"due date of gauge {gauge.id}"
+        missing += [] if gauge.certificate else [f"certificate of gauge {gauge.id}"]
+        missing += [] if gauge.due else [f"due date of gauge {gauge.id}"]
+    if missing and not (found.simulated or given.model.machine.probes):
+        yield f"Not recorded: {', '.join(missing)}."
 
 
 def compared_reservations(before: Validity, after: Validity) -> tuple[str, ...]:

@@ -616,11 +616,26 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
         problem.change(offsets, applied),
         jacobian,
     )
-    axes, left = _axes(change, jacobian, applied, gauge.rounding_mm)
     dof, spare = len(change) - 1, len(change) - 3
+    # Each joint, fitted together. No reading is known better than its gauge's resolution allows.
+    inverse = np.linalg.pinv(jacobian)
+    found = inverse @ change
+    residual = change - jacobian @ found
+    left = float(residual @ residual)
+    sigma = max(float(np.sqrt(left / spare)), gauge.rounding_mm)
+    stds, axes = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist(), {}
+    for axis, size, value, std in zip(AXES, applied.tolist(), found.tolist(), stds, strict=True):
+        reach = half_width(spare) * std
+        beyond = half_width(spare, CERTAIN) * float(np.hypot(std, STANDS * size))
+        axes[axis] = AxisResponse(
+            applied_mm=size,
+            found_mm=value,
+            ci95_mm=(value - reach, value + reach),
+            coefficient=_coefficient(value / size, std / abs(size), spare) if size else None,
+            otherwise=abs(value - size) > beyond,
+        )
     beta = float(predicted @ change / (predicted @ predicted))
     residual = change - beta * predicted
-    # No reading is known better than its gauge's resolution allows.
     sigma = max(float(np.sqrt(residual @ residual / dof)), gauge.rounding_mm)
     response = _coefficient(beta, sigma / float(np.sqrt(predicted @ predicted)), dof)
     acted_as = _better_order(change, jacobian, applied, gauge.noise_mm)
@@ -645,31 +660,6 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
 def _coefficient(value: float, std: float, dof: int) -> Coefficient:
     low, high = value - half_width(dof) * std, value + half_width(dof) * std
     return Coefficient(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
-
-
-def _axes(
-    change: Floats, jacobian: Floats, applied: Floats, floor_mm: float
-) -> tuple[dict[str, AxisResponse], float]:
-    """Change of each joint, fitted together; and the sum of squares that is left."""
-    inverse = np.linalg.pinv(jacobian)
-    found = inverse @ change
-    residual = change - jacobian @ found
-    left = float(residual @ residual)
-    dof = len(change) - 3
-    sigma = max(float(np.sqrt(left / dof)), floor_mm)
-    stds = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist()
-    axes = {}
-    for axis, size, value, std in zip(AXES, applied.tolist(), found.tolist(), stds, strict=True):
-        reach = half_width(dof) * std
-        beyond = half_width(dof, CERTAIN) * float(np.hypot(std, STANDS * size))
-        axes[axis] = AxisResponse(
-            applied_mm=size,
-            found_mm=value,
-            ci95_mm=(value - reach, value + reach),
-            coefficient=_coefficient(value / size, std / abs(size), dof) if size else None,
-            otherwise=abs(value - size) > beyond,
-        )
-    return axes, left
 
 
 def _better_order(

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, Verdict
+from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, Verdict, nothing_wrong
 from orthoglide_cal.diagnosis.result import Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import weighing
@@ -267,7 +267,7 @@ def headline(case: Case) -> tuple[doc.Tone, str]:
         titles = " and ".join(case.title_of(cause.id) for cause in answer.causes)
         return doc.Tone.WARN, f"Cause found: {titles}."
     if answer.verdict is Verdict.AMBIGUOUS:
-        nothing = answer.nothing_wrong or 0.0
+        nothing = nothing_wrong(answer.explanations) or 0.0
         if any(nothing > each.probability for each in answer.causes[:1]):
             told = "Undecided: these data do not show what is wrong, or whether anything is."
             return doc.Tone.OPEN, told
@@ -315,8 +315,9 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     for cause in answer.causes:
         yield doc.Facts(((cause.id, case.title_of(cause.id)), *_cause(case, cause)))
     share = percent(answer.causes[0].probability, 1)
-    if answer.nothing_wrong is not None:
-        share += f"; {percent(answer.nothing_wrong, 1)} that nothing is wrong at all"
+    nothing = nothing_wrong(answer.explanations)
+    if nothing is not None:
+        share += f"; {percent(nothing, 1)} that nothing is wrong at all"
     facts: list[tuple[str, doc.Blank]] = [("probability", share)]
     if any(each.std for cause in answer.causes for each in cause.parameters):
         names = {each.name for cause in answer.causes for each in cause.parameters}
