@@ -78,33 +78,38 @@ class Setting:
         return PlanForecast(self.model, GaugePlan(**both))
 
 
-@dataclass(frozen=True, eq=False)
 class ReadingsSoFar:
-    """The n readings that count in a state of the session, from first to last."""
+    """The n readings that count in a state of the session, from first to last.
 
-    state: State
-    setting: Setting
+    Attributes:
+        steps: what each is of.
+        value: shape (n,) [mm].
+        minutes: since the session began, shape (n,).
+        moved: for each the step at which its stand was moved last; None if it never was.
+        doubted: for each whether it was kept although it does not fit: it proves nothing.
+        settled: doubts of readings that were kept, with the step that they were about.
+        left: steps that still have to be measured.
+    """
 
-    @cached_property
-    def steps(self) -> tuple[SessionStep, ...]:
-        """What each reading is of."""
-        return tuple(self.setting.steps[number - 1] for number in self.state.accepted)
-
-    @cached_property
-    def value(self) -> Floats:
-        """The readings, shape (n,) [mm]."""
-        return np.array([item.take.value_mm for item in self.state.accepted.values()])
-
-    @cached_property
-    def minutes(self) -> Floats:
-        """Since the session began, shape (n,)."""
-        return np.array([item.take.file_minutes for item in self.state.accepted.values()])
-
-    @cached_property
-    def moved(self) -> tuple[int | None, ...]:
-        """For each reading the step at which its stand was moved last; None if it never was."""
-        items = zip(self.steps, self.state.accepted.values(), strict=True)
-        return tuple(self.moved_before(step, item.rank) for step, item in items)
+    def __init__(self, state: State, setting: Setting) -> None:
+        self.state, self.setting = state, setting
+        steps, items = setting.steps, state.accepted.values()
+        self.steps = [steps[number - 1] for number in state.accepted]
+        self.value: Floats = np.array([item.take.value_mm for item in items])
+        self.minutes: Floats = np.array([item.take.file_minutes for item in items])
+        self.left = [step for step in steps if state.is_open(step.number)]
+        self.moved, self.doubted = list[int | None](), list[bool]()
+        self.settled = set[tuple[Doubt, int | None]]()
+        for step, (take, rank) in zip(self.steps, items, strict=True):
+            self.moved.append(self.moved_before(step, rank))
+            doubted = False
+            if isinstance(take, Questioned):
+                self.settled.add((take.doubt, take.about))
+                # One that showed that its stand was moved is right: only the zero before is not.
+                # A doubt about an earlier set-up says nothing of this one.
+                here = steps[(take.about or take.step) - 1].setup == step.setup
+                doubted = take.doubt.compares and (take.step, rank) not in state.moved and here
+            self.doubted.append(doubted)
 
     def moved_before(self, step: SessionStep, rank: int) -> int | None:
         """The step at which the stand of this gauge was moved last up to record `rank`."""
@@ -113,40 +118,6 @@ class ReadingsSoFar:
             if moment <= rank and steps[number - 1].zero == step.zero:
                 at = number
         return at
-
-    @cached_property
-    def doubted(self) -> tuple[bool, ...]:
-        """For each reading whether it was kept although it does not fit: it proves nothing."""
-        steps, found = self.setting.steps, list[bool]()
-        for take, rank in self.state.accepted.values():
-            found.append(
-                isinstance(take, Questioned)
-                and take.doubt.compares
-                # One that showed that its stand was moved is right: only the zero before is not.
-                and (take.step, rank) not in self.state.moved
-                # A doubt about an earlier set-up says nothing of this one.
-                and steps[(take.about or take.step) - 1].setup == steps[take.step - 1].setup
-            )
-        return tuple(found)
-
-    @property
-    def settled(self) -> set[tuple[Doubt, int | None]]:
-        """Doubts of readings that were kept, with the step that they were about."""
-        takes = [item.take for item in self.state.accepted.values()]
-        return {(take.doubt, take.about) for take in takes if isinstance(take, Questioned)}
-
-    @cached_property
-    def labels(self) -> tuple[str | None, ...]:
-        """What each reading's gauge is called; a gauge that was moved has another label."""
-        first, labels = self.setting.first, list[str | None]()
-        for step, moved in zip(self.steps, self.moved, strict=True):
-            label = self.state.opened.gauge_id(step.stand)
-            if first and first.following.continues:
-                label = first.label(step.series)
-            if moved is not None:
-                label = f"{label or ''} (moved at step {moved})".strip()
-            labels.append(label)
-        return tuple(labels)
 
     def place(self, number: int) -> ReadingRow:
         """What a step reads, as a row of the session file."""
@@ -170,11 +141,17 @@ class ReadingsSoFar:
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
-        """The readings as rows of the session file, from first to last."""
+        """The readings as rows of the session file; a gauge that was moved has another label."""
         rows, first = list[ReadingRow](), self.setting.first
         seq = len(first.readings) if first else 0
-        for item, label in zip(self.state.accepted.values(), self.labels, strict=True):
-            take, seq = item.take, seq + 1
+        for (take, _), step, moved in zip(
+            self.state.accepted.values(), self.steps, self.moved, strict=True
+        ):
+            label, seq = self.state.opened.gauge_id(step.stand), seq + 1
+            if first and first.following.continues:
+                label = first.label(step.series)
+            if moved is not None:
+                label = f"{label or ''} (moved at step {moved})".strip()
             remarks = [text for number, text in self.state.notes if number == take.step]
             if isinstance(take, Questioned):
                 remarks.insert(0, QUESTIONED.format(take.step, take.question))
@@ -244,11 +221,6 @@ class ReadingsSoFar:
         length, mean_c = self.setting.machine.leg_length_mm, self.state.opened.temperature_c
         return self.solution.budget.extended(warmth(mean_c, length)).expanded_mm
 
-    @cached_property
-    def left(self) -> list[SessionStep]:
-        """Steps that still have to be measured."""
-        return [step for step in self.setting.steps if self.state.is_open(step.number)]
-
     def unneeded(self) -> list[SessionStep]:
         """Steps that can be left out once the offsets are known.
 
@@ -268,65 +240,46 @@ class ReadingsSoFar:
         return [step for step in left if step.visit != closing[0].visit]
 
 
-@dataclass(frozen=True, eq=False)
 class NextReading:
-    """A reading to come, after the n readings so far."""
+    """A reading to come, after the n readings so far.
 
-    so_far: ReadingsSoFar
-    step: SessionStep
-    minutes: float  # when it is taken, since the session began
-    unit: Unit = Unit.MM  # in which it is given, and spoken of
+    Args:
+        step: what is read.
+        minutes: when it is taken, since the session began.
+        unit: in which it is given, and spoken of.
 
-    @cached_property
-    def steps(self) -> tuple[SessionStep, ...]:
-        """Of the readings in time order, then of the one to come (n + 1)."""
-        return (*self.so_far.steps, self.step)
+    Attributes:
+        steps: of the readings in time order, then of the one to come, n + 1.
+        past: indices of the readings to compare with: not those that were kept in doubt, (k,).
+        rows: indices of those and of the one to come, (k + 1,).
+        fresh: not 0 where a reading that was kept in doubt began the zero anew, (n + 1,).
+        setup: readings of one set-up share a zero, (n + 1,).
+        partner: set-up of the other gauge of the same leg, (n + 1,); −1 without one.
+        series: indices of earlier readings by the same gauge in the same set-up.
+        repeats: of those, indices of the ones of the same cell.
+    """
 
-    @cached_property
-    def past(self) -> Ints:
-        """Indices of the readings to compare with: not those that were kept in doubt, (k,)."""
-        return np.flatnonzero(~np.array(self.so_far.doubted, dtype=bool))
-
-    @property
-    def rows(self) -> Ints:
-        """Indices of those and of the one to come, (k + 1,)."""
-        return np.append(self.past, len(self.so_far.steps))
-
-    @cached_property
-    def fresh(self) -> Ints:
-        """Not 0 where a reading that was kept in doubt began the zero anew, shape (n + 1,)."""
+    def __init__(
+        self, so_far: ReadingsSoFar, step: SessionStep, minutes: float, unit: Unit = Unit.MM
+    ) -> None:
+        self.so_far, self.minutes, self.unit = so_far, minutes, unit
+        self.steps = steps = [*so_far.steps, step]
+        self.past: Ints = np.flatnonzero(~np.array(so_far.doubted, dtype=bool))
+        self.rows: Ints = np.append(self.past, len(so_far.steps))
         begun, fresh = dict[object, int](), list[int]()
-        for step, doubted in zip(self.steps, (*self.so_far.doubted, False), strict=True):
-            fresh.append(begun.get(step.zero, 0))
+        for each, doubted in zip(steps, [*so_far.doubted, False], strict=True):
+            fresh.append(begun.get(each.zero, 0))
             if doubted:
-                begun[step.zero] = len(fresh)
-        return np.array(fresh)
-
-    @cached_property
-    def setup(self) -> Ints:
-        """Readings of one set-up share a zero, shape (n + 1,)."""
-        so_far, known = self.so_far, dict[object, int]()
-        moved = (*so_far.moved, so_far.moved_before(self.step, so_far.state.count))
-        zeros = (step.zero for step in self.steps)
-        keys = zip(zeros, moved, self.fresh.tolist(), strict=True)
-        return np.array([known.setdefault(key, len(known)) for key in keys])
-
-    @cached_property
-    def partner(self) -> Ints:
-        """Set-up of the other gauge of the same leg, shape (n + 1,); −1 without one."""
-        setups = zip(self.steps, self.setup.tolist(), strict=True)
-        last = {(step.setup, step.leg, step.stand): setup for step, setup in setups}
-        return np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in self.steps])
-
-    @cached_property
-    def series(self) -> list[int]:
-        """Earlier readings by the same gauge in the same set-up, in time order."""
-        return [i for i in self.past.tolist() if self.setup[i] == self.setup[-1]]
-
-    @cached_property
-    def repeats(self) -> list[int]:
-        """Earlier readings of the same cell and gauge set-up, in time order."""
-        return [i for i in self.series if self.steps[i].cell == self.step.cell]
+                begun[each.zero] = len(fresh)
+        self.fresh: Ints = np.array(fresh)
+        moved = [*so_far.moved, so_far.moved_before(step, so_far.state.count)]
+        known, keys = dict[object, int](), zip((s.zero for s in steps), moved, fresh, strict=True)
+        setup = [known.setdefault(key, len(known)) for key in keys]
+        last = {(s.setup, s.leg, s.stand): own for s, own in zip(steps, setup, strict=True)}
+        self.setup: Ints = np.array(setup)
+        self.partner: Ints = np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in steps])
+        self.series = [i for i in self.past.tolist() if setup[i] == setup[-1]]
+        self.repeats = [i for i in self.series if steps[i].cell == step.cell]
 
     @cached_property
     def forecast(self) -> Forecast:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
@@ -198,7 +197,7 @@ def test_numbers_that_the_gauge_cannot_show(
 ) -> None:
     state = state_of([])
     unit = Unit.INCH if inches else Unit.MM
-    past = replace(compared(state, steps_of(), 0, 0.0), unit=unit)
+    past = compared(state, steps_of(), 0, 0.0, unit=unit)
     question = check_number(past, value)
     assert (question.doubt if question else None) == doubt
 
@@ -213,8 +212,7 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
     inches = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(resolution_mm=0.0254))
 
     def coming(taken_before: list[Taken], index: int, machine: Machine = PROTOTYPE) -> NextReading:
-        past = compared(state_of(taken_before), steps, index, index / 5.0, machine)
-        return replace(past, unit=unit)
+        return compared(state_of(taken_before), steps, index, index / 5.0, machine, unit)
 
     read = [taken(n, value, n / 5.0) for n, value in enumerate(values, start=1)]
     asked = [

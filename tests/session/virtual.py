@@ -106,10 +106,11 @@ def compared(
     index: int,
     minutes: float,
     machine: Machine | None = None,
+    unit: Unit = Unit.MM,
 ) -> NextReading:
     """The reading of `steps[index]`, beside those that the state holds."""
     so_far = ReadingsSoFar(state, setting_of(steps, machine))
-    return NextReading(so_far, steps[index], minutes)
+    return NextReading(so_far, steps[index], minutes, unit)
 
 
 def play(
