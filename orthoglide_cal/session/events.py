@@ -28,9 +28,6 @@ from orthoglide_cal.model import Model
 from orthoglide_cal.model.protocols import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 
-VERSION: Literal[1] = 1
-PLANNED_VERSION: Literal[2] = 2  # of a journal whose second record says what is read
-
 
 class Doubt(StrEnum):
     """What may be wrong with a reading."""
@@ -116,7 +113,7 @@ class Opened(Event):
     """The session's first record: everything that must not change while it lasts."""
 
     kind: Literal["opened"] = "opened"
-    version: Literal[1, 2]  # of this record format
+    version: Literal[1, 2]  # of this record format; 2 where the second record says what is read
     machine: str  # text of the machine file that the session is measured with
     protocol: MeasuringProtocol
     cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)]

@@ -52,12 +52,11 @@ from orthoglide_cal.session.events import (
     State,
     replay,
 )
-from orthoglide_cal.session.following import PriorReadings, first_of
 from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.serial_line import SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import Setting
+from orthoglide_cal.session.readings import PriorReadings, Setting
 from orthoglide_cal.words import Unit
 
 TYPED, SIMULATED = "typed", "simulated"
@@ -291,7 +290,7 @@ class Recommendation:
         plan = replace(plan, entered=(plan.entered + change).round(9))
         return replace(
             self,
-            first=replace(self.first, following=following),
+            first=PriorReadings(following, self.model),
             option=replace(option, plan=plan),
         )
 
@@ -318,7 +317,7 @@ def _recommended(path: str, request: Request) -> Recommendation:
             "Leave out --machine to use the machine of the session.",
         )
     model = read_input(data, given).model if given else own.model
-    first = first_of(
+    first = PriorReadings(
         Following(data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED), model
     )
     if not first.readings.plan.fixed:
@@ -389,7 +388,7 @@ def _first_records(
     elif protocol is MeasuringProtocol.BEST:
         steps = sequence(model.orthoglide, protocol, cycles, order, stands)
     opened = Opened(
-        at=at, version=events.PLANNED_VERSION if steps else events.VERSION, protocol=protocol,
+        at=at, version=2 if steps else 1, protocol=protocol,
         machine=machine_text(model), cycles=cycles, order=order, stands=stands,
         source=source, seed=seed if simulated else None, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
@@ -405,13 +404,13 @@ def _setting(journal: Journal, state: State) -> Setting:
     model, first = machine_from_text(opened.machine, path), None
     if planned is not None:
         steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
-        first = first_of(planned.following, model) if planned.following else None
+        first = PriorReadings(planned.following, model) if planned.following else None
     else:
         steps = sequence(
             model.orthoglide, opened.protocol, opened.cycles, opened.order, opened.stands
         )
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events)
-    if not known or (planned is None) != (opened.version == events.VERSION):
+    if not known or (planned is None) != (opened.version == 1):
         raise InputError(
             "The journal has a step that this session does not have, or another reading for it.",
             "Restore the file from a copy; or move it away and begin again.",

@@ -16,7 +16,7 @@ from orthoglide_cal.files import default_machine, read_input, read_machine
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken
-from orthoglide_cal.session.following import first_of
+from orthoglide_cal.session.readings import PriorReadings
 
 from .going_on import (
     SIMULATED,
@@ -170,7 +170,7 @@ def test_the_clock_runs_on_the_same_day(
     line = f"finished: {finished!r}" if finished else "finished: null"
     path = tmp_path / "a.yaml"
     path.write_text(re.sub("(?m)^finished: .*$", line, first.read_text()))
-    joined = first_of(alone(path), default_machine())
+    joined = PriorReadings(alone(path), default_machine())
     last = float(joined.readings.plan.hours.max()) * 60.0
     assert joined.minutes(began, 1.5) == pytest.approx(last + wanted + 1.5, abs=2e-4)
     least = joined.minutes(began, 0.0)
@@ -187,7 +187,7 @@ def test_readings_without_times_are_not_given_any(tmp_path: Path) -> None:
     ]
     path = tmp_path / "a.csv"
     path.write_text("\n".join(["leg,posture,direction,reading_mm", *rows]))
-    joined = first_of(alone(path), default_machine())
+    joined = PriorReadings(alone(path), default_machine())
     assert joined.minutes("2025-03-01T09:30:00+01:00", 1.5) is None
     assert all(row.minutes is None for row in joined.rows)
 
