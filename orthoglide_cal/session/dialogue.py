@@ -155,18 +155,16 @@ class Dialogue:
     def publish(self) -> None:
         """Write the session file, and say so; a second time changes nothing.
 
-        Raises:
-            UsageError: another file has the name.
-            InputError: it cannot be written.
+        Raises UsageError if another file has the name, InputError if it cannot be written.
         """
         there = self.path.read_bytes() if self.path.is_file() else None
         if there != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
-            before, written = self.state.reopened, set[bytes]()
-            while before is not None:
-                written.add(session_text(ReadingsSoFar(before, self.setting).session).encode())
-                before = before.reopened
-            write_text(self.path, text, overwrite=there in written)
+            records = self.journal.recovered.events
+            ends = [at for at, each in enumerate(records, 1) if isinstance(each, events.Ended)]
+            before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
+            mine = there in [session_text(session).encode() for session in before]
+            write_text(self.path, text, overwrite=mine)
         state, first = self.state, self.setting.first
         counts = f"{len(state.accepted)} readings"
         for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):

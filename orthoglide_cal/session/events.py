@@ -277,8 +277,6 @@ class State:
     pending: Questioned | None = None  # a questioned reading that waits for an answer
     shortened: Shortened | None = None  # the record that dropped steps
     ended: Ended | None = None  # the last record, once the session is complete
-    # The state at the end before this session was reopened.
-    reopened: State | None = field(default=None, repr=False, compare=False)
     source: tuple[str, ...] = ()  # where readings come from now
     count: int = 1  # of records
     # The state to which an undo returns.
@@ -361,8 +359,7 @@ def advance(state: State, event: Event) -> State:
         case Ended():
             return replace(state, ended=event)
         case Reopened():
-            ended = state if state.ended else state.reopened
-            return replace(state, source=event.source, ended=None, reopened=ended)
+            return replace(state, source=event.source, ended=None)
         case _:
             return state
 

@@ -112,11 +112,10 @@ def open_session(
     """
     serial = _serial_gauge(request.source)
     _check_options(request)
+    path = session_file(request.path, folder, request.resume)
     if request.resume:
-        path = resumed_session(request.path, folder)
         journal = Journal.resume(path.with_suffix(JOURNAL))
     else:
-        path = new_session(request.path, folder)
         # A missing gauge or another machine leaves no file behind.
         if serial:
             serial.open()
@@ -182,18 +181,11 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
 
     With it, to the measurement that is recommended, if it is to be carried out. Nobody is asked
     who has agreed already, or has no terminal.
-
-    Raises:
-        UsageError: it is another machine, or the offsets are impossible.
-        PostureError: a plunger would leave its bar.
-        EOFError, KeyboardInterrupt: there is no answer.
     """
-    found = None
+    found, given = None, request.model or default_machine()
     if request.following is not None:
         found = _recommended(request.following, request)
-    given = request.model or default_machine()
-    if found:
-        given, plan = found.first.following.held(found.model), found.option.plan
+        given, plan = found.first.following.held(found.model), found.plan
     else:  # one cycle of what would be measured
         protocol = request.protocol or MeasuringProtocol.DOUBLE
         steps = sequence(given.orthoglide, protocol, 1, Order.PAPER, 1)
@@ -247,27 +239,11 @@ class Recommendation:
     model: Model
     options: tuple[Option, ...]  # best first
     choice: int | None  # which of them the operator wants, from 1
-    option: Option  # that is carried out
-
-    @property
-    def change(self) -> str | None:
-        """What was entered since the first readings were taken, in a sentence; None for nothing."""
-        change = np.subtract(self.first.following.entered, self.first.left_entered)
-        if not change.round(6).any():
-            return None
-        axes = zip("XYZ", change.tolist(), strict=True)
-        said = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
-        return (
-            f"Since {visible(self.first.path)} was measured, the offsets in the controller were"
-            f" changed by {said} mm: the new readings are written with that difference."
-        )
+    plan: GaugePlan  # that is carried out
+    change: str = ""  # what was entered since the first readings were taken, in a sentence
 
     def holding(self, offsets_mm: Sequence[float]) -> Recommendation:
-        """What can be carried out with these offsets in the controller [mm].
-
-        Raises:
-            UsageError: the measurement that was chosen cannot.
-        """
+        """What can be carried out with these offsets [mm] in the controller. Raises UsageError."""
         x, y, z = np.subtract(offsets_mm, self.model.orthoglide.offsets_mm).round(9).tolist()
         change = np.subtract((x, y, z), self.first.left_entered)
         # To act they were homed for, and that has pushed stands that were still there.
@@ -286,24 +262,20 @@ class Recommendation:
             data=self.first.following.data, what=option.what, minutes=option.minutes,
             continues=option.continues, entered=(x, y, z),
         )  # fmt: skip
-        plan = GaugePlan.require(option.plan)
-        plan = replace(plan, entered=(plan.entered + change).round(9))
-        return replace(
-            self,
-            first=PriorReadings(following, self.model),
-            option=replace(option, plan=plan),
-        )
+        plan, first = GaugePlan.require(option.plan), PriorReadings(following, self.model)
+        plan, said = replace(plan, entered=(plan.entered + change).round(9)), ""
+        if moved:
+            axes = zip("XYZ", change.tolist(), strict=True)
+            said = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
+            said = (
+                f"Since {visible(first.path)} was measured, the offsets in the controller were"
+                f" changed by {said} mm: the new readings are written with that difference."
+            )
+        return replace(self, first=first, plan=plan, change=said)
 
 
 def _recommended(path: str, request: Request) -> Recommendation:
-    """What to measure next, given the readings in a file.
-
-    Raises:
-        UsageError: these are no readings that others can be joined to; another machine is named;
-            there is no such choice.
-        InputError: the file cannot be used.
-        UnusableResultError: the readings cannot be diagnosed.
-    """
+    """What to measure next, given the readings in a file."""
     given, keeper, choice = request.model, request.keeper, request.choice
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
@@ -335,12 +307,10 @@ def _recommended(path: str, request: Request) -> Recommendation:
     offsets = model.orthoglide.offsets_mm + first.left_entered
     if keeper is not None and not differing(keeper, model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
-    found = Recommendation(first, model, options, choice, options[0]).holding(offsets.tolist())
-    if (
-        found.option.continues
-        and request.stands == 1
-        and len(set(GaugePlan.require(found.option.plan).series)) > 1
-    ):
+    found = Recommendation(first, model, options, choice, GaugePlan.require(options[0].plan))
+    found = found.holding(offsets.tolist())
+    continues = found.first.following.continues
+    if continues and request.stands == 1 and len(set(found.plan.series)) > 1:
         raise UsageError(
             "That measurement needs the two gauges where they are.",
             "Read with two, or take another one: --choice 2",
@@ -383,7 +353,7 @@ def _first_records(
     stands = 1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2
     order, steps = request.order or Order.PAPER, tuple[SessionStep, ...]()
     if found:
-        steps = steps_of(found.option.plan, model.orthoglide, order, stands)
+        steps = steps_of(found.plan, model.orthoglide, order, stands)
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:
         steps = sequence(model.orthoglide, protocol, cycles, order, stands)
@@ -464,8 +434,7 @@ def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
 def session_path(given: Path) -> Path:
     """The session file that is meant by a name, be it that of its journal or without a suffix.
 
-    Raises:
-        UsageError: it cannot be the name of a file.
+    Raises UsageError where it cannot be the name of a file.
     """
     if given.name in ("", ".."):
         raise UsageError(
@@ -481,52 +450,50 @@ def session_path(given: Path) -> Path:
     return given.with_name(f"{given.name}.yaml")
 
 
-def new_session(given: Path | None, folder: Path) -> Path:
-    """The file for a new session: as given, or in the folder `session.yaml`, `session-2.yaml` …
+def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
+    """The file of the session to begin or to go on with.
+
+    Without a name it is, in the folder, the first free one of `session.yaml`, `session-2.yaml` …,
+    or that of the only unfinished session.
 
     Raises:
-        UsageError: the file exists, or an unfinished session is there.
+        UsageError: to begin: the file exists, or an unfinished session is there; to go on: without
+            a name, there is none or several.
     """
     if given is None:
         waiting = unfinished(folder)
-        if waiting:
+        names = ", ".join(path.name for path in waiting)
+        if not resume and waiting:
             raise UsageError(
-                f"There is an unfinished session here: {', '.join(path.name for path in waiting)}.",
+                f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        names = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
-        return next(folder / name for name in names if not (folder / name).exists())
+        if not resume:
+            free = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
+            return next(folder / name for name in free if not (folder / name).exists())
+        if not waiting:
+            raise UsageError(
+                "There is no unfinished session in this folder.",
+                "Name its file: orthocal measure NAME.yaml --resume",
+            )
+        if len(waiting) > 1:
+            raise UsageError(
+                f"There are {len(waiting)} unfinished sessions here: {names}.",
+                "Name one: orthocal measure NAME.yaml --resume",
+            )
+        return waiting[0].with_suffix(".yaml")
     path = session_path(given)
-    if path.exists():
+    if not resume and path.exists():
         raise UsageError(
             f"{path} exists; a session is never overwritten.",
             "Name another file, or continue an unfinished session with --resume.",
         )
-    if (journal := path.with_suffix(JOURNAL)).exists():
+    if not resume and (journal := path.with_suffix(JOURNAL)).exists():
         raise UsageError(
             f"{journal} holds a session that is not finished.",
             f"Continue it: {command('measure', str(path), options='--resume')}",
         )
     return path
-
-
-def resumed_session(given: Path | None, folder: Path) -> Path:
-    """The file of the session to go on with; without a name the only unfinished one here."""
-    if given is not None:
-        return session_path(given)
-    waiting = unfinished(folder)
-    if not waiting:
-        raise UsageError(
-            "There is no unfinished session in this folder.",
-            "Name its file: orthocal measure NAME.yaml --resume",
-        )
-    names = ", ".join(path.name for path in waiting)
-    if len(waiting) > 1:
-        raise UsageError(
-            f"There are {len(waiting)} unfinished sessions here: {names}.",
-            "Name one: orthocal measure NAME.yaml --resume",
-        )
-    return waiting[0].with_suffix(".yaml")
 
 
 def unfinished(folder: Path) -> list[Path]:

@@ -9,10 +9,7 @@ from collections.abc import Iterable
 from orthoglide_cal.errors import visible
 from orthoglide_cal.model import AXES, Contact, Model, other_axes
 from orthoglide_cal.planning.program import Point
-from orthoglide_cal.planning.steps import (
-    SessionStep,
-    posture_name,
-)
+from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import MM_PER_INCH, Unit
 

@@ -9,7 +9,7 @@ from orthoglide_cal.files import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode, encode
-from orthoglide_cal.session.opening import MOST_CYCLES, new_session, resumed_session, session_path
+from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
 from tests.machines import NOMINAL, PROTOTYPE
 
 from .terminal import Terminal, begun, refused, run_program
@@ -300,10 +300,10 @@ def test_names(tmp_path: Path) -> None:
     assert session_path(Path("a")) == Path("a.yaml")
     assert session_path(Path("a.yml")) == Path("a.yml")
     assert session_path(Path("2025.03.01")) == Path("2025.03.01.yaml")
-    assert new_session(None, tmp_path) == tmp_path / "session.yaml"
+    assert session_file(None, tmp_path, resume=False) == tmp_path / "session.yaml"
     (tmp_path / "session.yaml").touch()
-    assert new_session(None, tmp_path) == tmp_path / "session-2.yaml"
+    assert session_file(None, tmp_path, resume=False) == tmp_path / "session-2.yaml"
     (tmp_path / "session-2.journal").touch()
     with pytest.raises(UsageError, match=r"session-2\.journal"):
-        new_session(None, tmp_path)
-    assert resumed_session(None, tmp_path) == tmp_path / "session-2.yaml"
+        session_file(None, tmp_path, resume=False)
+    assert session_file(None, tmp_path, resume=True) == tmp_path / "session-2.yaml"
