@@ -128,11 +128,8 @@ class Dialogue:
     def offer_again(self, agreed: bool = False) -> None:
         """Ask whether what was left out is read after all, and what was kept in doubt read again.
 
-        Args:
-            agreed: what was left out is, without asking; without a terminal nobody is asked either.
-
-        Raises:
-            Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
+        If `agreed`, what was left out is, without asking; without a terminal nobody is asked.
+        Raises Quit, EOFError, KeyboardInterrupt as `run`.
         """
         state, steps, live = self.state, self.setting.steps, self.asker.keyboard.live
         missing = [s for s in steps if s.number in {*state.skipped, *state.dropped}]

@@ -49,8 +49,7 @@ def encode(event: Event, checksum: int = 0) -> tuple[bytes, int]:
 def decode(data: bytes, path: str) -> Recovered:
     """The records in a journal's bytes.
 
-    Raises:
-        InputError: not a journal, or damaged before its last record.
+    Raises InputError if it is none, or damaged before its last record.
     """
     events, checksum, size = list[Event](), 0, 0
     for number, line in enumerate(BytesIO(data), start=1):
@@ -150,8 +149,7 @@ class Journal:
     def append(self, event: Event) -> None:
         """Put a record on the disk; returns when it is safe.
 
-        Raises:
-            InputError: the disk is full or the file is gone; nothing of the record remains.
+        Raises InputError if the disk is full or the file is gone; nothing of the record remains.
         """
         line, checksum = encode(event, self._checksum)
         line = self._end + line

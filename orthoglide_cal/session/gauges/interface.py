@@ -35,13 +35,11 @@ class Token(NamedTuple):
     @classmethod
     def of(cls, match: re.Match[str], raw: str) -> Token:
         """From a match with the group `value` and optionally `unit` and `channel`."""
-        found = {"unit": None, "channel": None, **match.groupdict()}
-        digits = match["value"].replace(" ", "").replace(",", ".")
-        channel = found["channel"] or None
+        found, digits = match.groupdict(), match["value"].replace(" ", "").replace(",", ".")
+        channel, unit = found.get("channel") or None, found.get("unit")
         if _ERROR_CODES.fullmatch(digits):
             return cls(raw, channel=channel)
-        unit = _UNITS[found["unit"].lower()] if found["unit"] else None
-        return cls(raw, float(digits), unit, channel)
+        return cls(raw, float(digits), _UNITS[unit.lower()] if unit else None, channel)
 
     def mm(self, default: Unit) -> float | None:
         """The value in mm; `default` is its unit where the gauge gave none."""
@@ -59,10 +57,7 @@ def parse_typed(text: str) -> Token:
     """What a person or a keyboard-wedge gauge types at a prompt.
 
     Accepts a sign (also U+2212), decimal point or comma, and a unit; nothing else. Exponents,
-    digit groups and error codes are not readings.
-
-    Raises:
-        NotAReading: says why.
+    digit groups and error codes are not readings. Raises NotAReading.
     """
     plain = text.strip().replace("\u2212", "-")
     match = _TYPED.fullmatch(plain)

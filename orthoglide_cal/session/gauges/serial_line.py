@@ -119,13 +119,9 @@ def _decoded(token: bytes) -> str:
 
 
 class SerialPort:
-    """One serial line, not opened yet.
+    """The serial line `FORMAT:PORT[@BAUD][#CHANNEL[,CHANNEL]]`, not opened yet.
 
-    Args:
-        text: `FORMAT:PORT[@BAUD][#CHANNEL[,CHANNEL]]` from the command line.
-
-    Raises:
-        UsageError: anything else, or an unknown format.
+    Raises UsageError for any other text, or an unknown format.
     """
 
     def __init__(self, text: str) -> None:
@@ -165,9 +161,7 @@ class SerialPort:
     def open(self) -> None:
         """Open the port, unless it is open.
 
-        Raises:
-            UsageError: pyserial is not installed.
-            GaugeLost: the port is not there, or in use.
+        Raises UsageError without pyserial, GaugeLost if the port is not there, or in use.
         """
         if self._line is not None:
             return
