@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge
+from orthoglide_cal.session.gauges.interface import GaugeLost, LiveGauge, Token
 from orthoglide_cal.session.wording import wrapped
 from orthoglide_cal.words import counted
 
@@ -171,7 +171,7 @@ class Asker:
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
     _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
-    _held: Heard | None = None  # a reading, until it is known to be alone
+    _held: Token | None = None  # a reading, until it is known to be alone
     _lost_since: float | None = None
     _line_is_open: bool = False
 
@@ -203,7 +203,7 @@ class Asker:
 
     def ask(
         self, prompt: str, step: SessionStep | None = None, takes: int = 0
-    ) -> str | Heard | Unasked:
+    ) -> str | Token | Unasked:
         """Show a prompt and wait for the answer: a typed line, or what a gauge says.
 
         Args:
@@ -225,7 +225,7 @@ class Asker:
         if self.gauge is not None and self._lost_since is None:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
-                    self._drop(item.token.raw, self.clock(), self._gauges)
+                    self._drop(item.raw, self.clock(), self._gauges)
         for source in (self._keys, self._gauges):
             if (found := self._stream(source)) is not None:
                 return found
@@ -241,7 +241,7 @@ class Asker:
             pass
         return answer
 
-    def _look(self, gauge: LiveGauge | None) -> str | Heard | Unasked | None:
+    def _look(self, gauge: LiveGauge | None) -> str | Token | Unasked | None:
         """One look at the keyboard, then at the gauge, if it is asked."""
         if self.keyboard.disturbed():
             self._end_line()
@@ -269,7 +269,7 @@ class Asker:
             self._break_in("The gauge is quiet now.", Style.GOOD)
         return None if gauge is None else self._listen(gauge, line is not None)
 
-    def _listen(self, gauge: LiveGauge, asked: bool) -> Heard | Unasked | None:
+    def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
         """One look at the gauge."""
         now = self.clock()
         if self._held is not None and now - self._answered[0] >= ALONE_S:
@@ -307,16 +307,16 @@ class Asker:
                 self._end_line()
                 return None if known and not readings else Unasked(readings)
             if self._held or self._gauges.is_early(now, now, 0, self._shown):
-                self._drop(item.token.raw, now, self._gauges)
-            elif item.token.value is None or item.elsewhere is not None:
+                self._drop(item.raw, now, self._gauges)
+            elif item.value is None or item.elsewhere is not None:
                 why = item.elsewhere or "That is not a reading: nothing is recorded."
-                said = f"The gauge says '{visible(item.token.raw)[:40]}'. {why}"
+                said = f"The gauge says '{visible(item.raw)[:40]}'. {why}"
                 self._break_in(said, Style.BAD)
             elif gauge.reads_itself or not self.keyboard.live:
                 self._end_line()
                 return item
             else:  # a reading, if nothing follows it at once
-                self.show(visible(item.token.raw.strip())[:40], Style.PLAIN, "")
+                self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
                 self._line_is_open = True
                 self._held, self._answered = item, (now, self._gauges)
                 self._gauges.begin(now, driving=False, mine=True)

@@ -27,7 +27,7 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges.interface import Heard, NotAReading, Token, parse_typed
+from orthoglide_cal.session.gauges.interface import NotAReading, Token, parse_typed
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
@@ -300,19 +300,19 @@ class Dialogue:
 
     # ---- readings
 
-    def _receive(self, answer: str | Heard | Unasked, step: SessionStep) -> None:
+    def _receive(self, answer: str | Token | Unasked, step: SessionStep) -> None:
         """Take an answer for a reading or a key."""
         if isinstance(answer, Unasked):
             self._take_back(answer)
-        elif isinstance(answer, Heard):
-            self._read(step, answer.token, answer.source)
+        elif isinstance(answer, Token):
+            self._read(step, answer)
         elif (key := _KEY.fullmatch(answer)) is not None:
             self._obey(key["key"].lower(), _clean(key["words"] or ""), step)
         elif not answer:
             self.asker.say("Type the reading, or ? for help.")
         else:
             try:
-                self._read(step, parse_typed(answer), "typed")
+                self._read(step, parse_typed(answer))
             except NotAReading as refusal:
                 self.asker.say(str(refusal), Style.BAD)
 
@@ -329,7 +329,7 @@ class Dialogue:
         if taken:
             self.asker.say(f"{_are(taken)} taken back: the gauge sent that by itself.")
 
-    def _read(self, step: SessionStep, token: Token, source: str) -> None:
+    def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
         at, stood, value = self.now(), self._stood(step), token.mm(self.unit)
         if value is None:
@@ -345,7 +345,7 @@ class Dialogue:
             minutes=minutes,
             value_mm=value,
             raw=token.raw[:80],
-            source=source,
+            source=token.source,
             remark=stood.words if stood else "",
         )
         if stood and stood.away_mm > NEAR_MM:

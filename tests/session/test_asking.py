@@ -18,7 +18,7 @@ from orthoglide_cal.session.asking import (
     Style,
     Unasked,
 )
-from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
+from orthoglide_cal.session.gauges.interface import GaugeLost, LiveGauge, Token
 
 from .virtual import Screen, steps_of
 
@@ -28,8 +28,8 @@ PLACE = "Drive to X 1.000"
 ASKED = f"{PLACE}\n{PROMPT}"
 WORDS = "Why? > "
 ALONE = (ALONE_S, None, [])  # a look after which a reading is known to be alone
-READ = Heard(Token("-0.64", -0.64), "plain:x")
-ERROR = Heard(Token("ERR6\x1b"), "plain:x")
+READ = Token("-0.64", -0.64, source="plain:x")
+ERROR = Token("ERR6\x1b", source="plain:x")
 
 
 class Scene:
@@ -40,7 +40,7 @@ class Scene:
     """
 
     def __init__(
-        self, looks: Iterable[tuple[float, str | None, list[Heard] | None]], live: bool = True
+        self, looks: Iterable[tuple[float, str | None, list[Token] | None]], live: bool = True
     ) -> None:
         self.live = live
         self.now = 100.0
@@ -48,7 +48,7 @@ class Scene:
         self.returns: list[bool] = []
         self.columns, self.partial, self.resized = 80, "", False
         self._looks = iter(looks)
-        self._said: list[Heard] | None = []
+        self._said: list[Token] | None = []
 
     def clock(self) -> float:
         return self.now
@@ -68,7 +68,7 @@ class Scene:
         self.now += gone
         return None if line is None else Line(line, self.now, self.now)
 
-    def said(self) -> list[Heard] | None:
+    def said(self) -> list[Token] | None:
         said, self._said = self._said, self._said and []
         return said
 
@@ -87,7 +87,7 @@ class Gauge(LiveGauge):
     def begin(self, step: SessionStep, takes: int) -> None:
         self.scene.log.append(f"begin {step.number} {takes}")
 
-    def poll(self, asked: bool) -> list[Heard]:
+    def poll(self, asked: bool) -> list[Token]:
         self.scene.returns.append(asked)
         said = self.scene.said()
         if said is None:
@@ -100,7 +100,7 @@ class Gauge(LiveGauge):
 
 
 def at(
-    *looks: tuple[float, str | None, list[Heard] | None], live: bool = True, gauge: bool = True
+    *looks: tuple[float, str | None, list[Token] | None], live: bool = True, gauge: bool = True
 ) -> tuple[Asker, Screen, Scene]:
     scene, screen = Scene(looks, live), Screen()
     return Asker(scene, screen, Gauge(scene) if gauge else None, scene.clock), screen, scene
@@ -126,15 +126,15 @@ def test_a_reading_is_shown_in_the_line_of_the_prompt() -> None:
 
 
 @pytest.mark.parametrize(
-    "message", [ERROR, Heard(Token("0.41", 0.41), "plain:y", "That was gauge 2.")]
+    "message", [ERROR, Token("0.41", 0.41, source="plain:y", elsewhere="That was gauge 2.")]
 )
-def test_what_is_no_reading_is_told_and_asked_again(message: Heard) -> None:
+def test_what_is_no_reading_is_told_and_asked_again(message: Token) -> None:
     asker, screen, _ = at((0.1, None, [message]), (0.1, None, [message, READ]), ALONE)
     assert asker.ask(ASKED, STEP) == READ
     styles = [style for _, style in screen.shown if style is not Style.PLAIN]
     assert styles == [Style.PROMPT, Style.BAD, Style.PROMPT, Style.BAD, Style.PROMPT]
     assert screen.text.count(f"\n{PLACE}\n{PROMPT}") == 2
-    assert message.token.raw[:4] in screen.text
+    assert message.raw[:4] in screen.text
     assert "\x1b" not in screen.text
 
 

@@ -176,7 +176,7 @@ def test_the_simulated_gauge_reads_the_same_after_a_restart() -> None:
     def read(gauge: SimulatedGauge, index: int, takes: int) -> float | None:
         gauge.begin(steps[index], takes)
         assert gauge.poll(asked=False) == []  # it waits to be asked
-        return gauge.poll(asked=True)[0].token.value
+        return gauge.poll(asked=True)[0].value
 
     one, other = (SimulatedGauge(setting_of(steps), 7) for _ in range(2))
     forth = [read(one, index, 0) for index in range(60)]

@@ -80,7 +80,7 @@ def readings_of(
     values = []
     for step in steps:
         gauge.begin(step, 0)
-        values.append(gauge.poll(asked=True)[0].token.value or 0.0)
+        values.append(gauge.poll(asked=True)[0].value or 0.0)
     return values
 
 

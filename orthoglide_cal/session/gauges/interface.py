@@ -31,6 +31,8 @@ class Token(NamedTuple):
     value: float | None = None  # as shown by the gauge, in `unit`; None for an error message
     unit: Unit | None = None  # None where the gauge does not say
     channel: str | None = None  # of a multiplexer
+    source: str = "typed"  # the gauge's name for the records
+    elsewhere: str | None = None  # a sentence if not this gauge was asked: its value is not used
 
     @classmethod
     def of(cls, match: re.Match[str], raw: str) -> Token:
@@ -73,17 +75,6 @@ def parse_typed(text: str) -> Token:
     raise NotAReading(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 
-class Heard(NamedTuple):
-    """Something that a gauge said at a prompt.
-
-    `elsewhere` is a sentence if it was not the gauge that is asked: its value is not used.
-    """
-
-    token: Token
-    source: str  # the gauge's name for the records
-    elsewhere: str | None = None
-
-
 class LiveGauge(Protocol):
     """A gauge that the program listens to, in addition to the keyboard."""
 
@@ -96,7 +87,7 @@ class LiveGauge(Protocol):
     def begin(self, step: SessionStep, takes: int) -> None:
         """A prompt for this step, which was read `takes` times: forget what was said before."""
 
-    def poll(self, asked: bool) -> list[Heard]:
+    def poll(self, asked: bool) -> list[Token]:
         """What was said since the last call; `asked`: Return was pressed. Raises GaugeLost."""
 
     def reconnect(self) -> bool:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.gauges.interface import GaugeLost, Heard, LiveGauge, Token
+from orthoglide_cal.session.gauges.interface import GaugeLost, LiveGauge, Token
 
 if TYPE_CHECKING:
     import serial
@@ -248,9 +248,9 @@ class SerialGauge(LiveGauge):
         for port in self.ports:
             port.discard()
 
-    def poll(self, asked: bool) -> list[Heard]:
+    def poll(self, asked: bool) -> list[Token]:
         """What all gauges said; only the one that is wanted is asked, and counts."""
-        heard: list[Heard] = []
+        heard: list[Token] = []
         for number, port in enumerate(self.ports):
             for token in port.read(asked and number == self._wanted):
                 name, elsewhere = port.name, None
@@ -262,7 +262,7 @@ class SerialGauge(LiveGauge):
                 elsewhere = elsewhere or port.cut_off(token)
                 if number != self._wanted:
                     elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is asked."
-                heard.append(Heard(token, name, elsewhere))
+                heard.append(token._replace(source=name, elsewhere=elsewhere))
         return heard
 
     def reconnect(self) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from orthoglide_cal.model import Floats, simulate
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.gauges.interface import Heard, LiveGauge, Token
+from orthoglide_cal.session.gauges.interface import LiveGauge, Token
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import Unit
 
@@ -58,7 +58,7 @@ class SimulatedGauge(LiveGauge):
         """A prompt for this step appears."""
         self._wanted = (step.number, takes)
 
-    def poll(self, asked: bool) -> list[Heard]:
+    def poll(self, asked: bool) -> list[Token]:
         """The reading, once Return was pressed."""
         if not asked:
             return []
@@ -68,4 +68,4 @@ class SimulatedGauge(LiveGauge):
         noisy = self._exact[step - 1] + rng.normal(0.0, self._gauge.repeatability_mm)
         value = round(round(noisy / division) * division, 6)
         decimals = max(0, math.ceil(-math.log10(division)))
-        return [Heard(Token(f"{value:+.{decimals}f}", value, Unit.MM), "simulated")]
+        return [Token(f"{value:+.{decimals}f}", value, Unit.MM, source="simulated")]
