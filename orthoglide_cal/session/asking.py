@@ -17,26 +17,19 @@ from orthoglide_cal.session.gauges.interface import GaugeLost, LiveGauge, Token
 from orthoglide_cal.session.wording import wrapped
 from orthoglide_cal.words import counted
 
-# How long the keyboard is awaited before the gauge is looked at again [s].
-POLL_S = 0.05
+POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
 RECONNECT_S = 0.5
-# A gauge that is asked answers sooner [s].
-ANSWER_S = 1.5
+ANSWER_S = 1.5  # a gauge that is asked answers sooner [s]
 # A gauge that sends by itself sends the next message sooner: what is alone so long counts [s].
 ALONE_S = 0.5
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
 BETWEEN_GAUGES_S = 1.2
-# No machine is driven to another posture sooner [s].
-AFTER_A_DRIVE_S = 2.0
-# So many messages in a row that were not asked for come from a gauge that sends by itself.
-STREAM = 4
-# So many that come at intervals equal to within this [s] are not pressed by anybody.
-EVEN_S = 0.15
-# A gauge, or one that acts as a keyboard, is faster [s per character], a hand is not.
-BY_HAND_S = 0.06
-# And a hand needs so long to come back to the keys [s].
-BACK_AT_THE_KEYS_S = 0.3
+AFTER_A_DRIVE_S = 2.0  # no machine is driven to another posture sooner [s]
+STREAM = 4  # messages in a row that were not asked for come from a gauge that sends by itself
+EVEN_S = 0.15  # so many at intervals equal to within this [s] are not pressed by anybody
+BY_HAND_S = 0.06  # a gauge, or one that acts as a keyboard, is faster [s per character]
+BACK_AT_THE_KEYS_S = 0.3  # and a hand needs so long to come back to the keys [s]
 
 
 class Line(NamedTuple):
@@ -174,11 +167,6 @@ class Asker:
     _held: Token | None = None  # a reading, until it is known to be alone
     _lost_since: float | None = None
     _line_is_open: bool = False
-
-    @property
-    def hint(self) -> str | None:
-        """What to do for a reading in addition to typing it."""
-        return self.gauge.hint if self.gauge else None
 
     @property
     def columns(self) -> int:

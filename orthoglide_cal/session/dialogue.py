@@ -223,7 +223,7 @@ class Dialogue:
             self._wait_for(step)
         self._shown, asker.pushed = step.visit, False
         end = f" at the {step.end.upper()} end" if step.end else ""
-        hint = f" ({asker.hint})" if asker.hint else ""
+        hint = f" ({asker.gauge.hint})" if asker.gauge else ""
         gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]{hint} > "
         answer = asker.ask(f"{place}\n{gauge}", step, self.state.takes(step.number))
         self._receive(answer, step)
@@ -268,7 +268,7 @@ class Dialogue:
             asked += f"\n  Or was step {number} wrong? r {number} reads both again."
         self.asker.say(asked, Style.QUESTION)
         moved = ", m the stand moved" if may_move else ""
-        hint = f", {self.asker.hint}" if self.asker.hint else ""
+        hint = f", {self.asker.gauge.hint}" if self.asker.gauge else ""
         prompt = f"{asked}\n{step.number}. k keep it{moved}, or read it again{hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word = answer.lower() if isinstance(answer, str) else None

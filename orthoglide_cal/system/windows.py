@@ -9,8 +9,7 @@ from typing import Protocol
 
 from orthoglide_cal.system.interface import END_OF_INPUT, System, Terminal
 
-# How often the console is asked whether a key was pressed [s]; it cannot wait for one.
-_LOOK_S = 0.01
+_LOOK_S = 0.01  # how often the console is asked for a pressed key [s]; it cannot wait for one
 # Windows keeps others from reading locked bytes: lock one far behind the end of any journal.
 _LOCKED_BYTE = 1 << 30
 # An arrow or function key is announced by one of these; its code follows at once.

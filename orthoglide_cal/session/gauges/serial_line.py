@@ -20,17 +20,14 @@ _PORT = re.compile(
     r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>[^#]*))?(?:#(?P<channels>[\w,]+))?"
 )
 _ENDS = re.compile(rb"[\r\n\t]")
-# Longer than any token in use: what exceeds it is noise on the line.
-_LONGEST = 120
-# A token whose end does not follow within this time was cut off on its way [s].
-PATIENCE_S = 1.0
+_LONGEST = 120  # longer than any token in use: what exceeds it is noise on the line
+PATIENCE_S = 1.0  # a token whose end does not follow within this time was cut off on its way [s]
 
 
 @dataclass(frozen=True)
 class SerialFormat:
     """How one family of gauges talks over a serial line."""
 
-    name: str  # as in --gauge NAME:PORT
     pattern: str  # of a whole token; groups `value` and optionally `unit`, `channel`
     baud: int = 9600
     data_bits: int = 8
@@ -45,39 +42,32 @@ class SerialFormat:
 
 
 # A new gauge is one more entry here, and its name in the help of `orthocal measure --gauge`.
-SERIAL_FORMATS = {
-    item.name: item
-    for item in (
-        # Chicago Dial Indicator, Starrett: "+ 2.1380, MM", with blanks between the digits.
-        SerialFormat(
-            "cdi",
-            r"(?P<value>[+-][ 0-9]{1,9}\.[ 0-9]{1,8}?)\s*,\s*(?P<unit>MM|IN)\s*",
-            request=b"R\r",
-        ),
-        # Mahr MarCator, MarConnect RS232: "  12.345 mm".
-        SerialFormat("mahr", r"\s*(?P<value>[+-]?\s*\d{1,4}\.\d{1,6})\s+(?P<unit>mm|inch|in)\s*"),
-        # Mitutoyo MUX-10, QM-Height, USB input tools: "01A+0000.123", the gauge sets the unit.
-        SerialFormat("mitutoyo", r"(?P<channel>\d\d?)A(?P<value>[+-]\d{1,6}\.\d{1,6})"),
-        # Multiplexers MUX 2, MUX 4: "1 MW+003.4665 inch"; "3 TO 999999.99 mm" is an error.
-        SerialFormat(
-            "mux", r"(?P<channel>\d) MW\s?(?P<value>[+-]\d{1,6}\.\d{1,6}) (?P<unit>mm|inch)\s*"
-        ),
-        # Any gauge that sends only a number with a decimal mark: "-1.23", "0,456 mm".
-        SerialFormat(
-            "plain", r"\s*(?P<value>[+-]?\s?\d{0,4}[.,]\d{1,6})\s*(?P<unit>mm|inch|in|\")?\s*"
-        ),
-        # Sylvac, Tesa, Diatest over an opto cable: "+12.345" after "?".
-        SerialFormat(
-            "sylvac", r"(?P<value>[+-]\d{1,4}\.\d{1,6})",
-            baud=4800, data_bits=7, parity="E", stop_bits=2, request=b"?\r",
-        ),
-        # Mitutoyo U-WAVE radio receiver: "DT10001+0000.123M", group and channel, M or I.
-        SerialFormat(
-            "uwave",
-            r"DT1(?P<channel>\d{0,6})(?P<value>[+-]\d{1,6}\.\d{1,6})(?P<unit>[MI])",
-            baud=57600,
-        ),
-    )
+SERIAL_FORMATS = {  # by the name in --gauge NAME:PORT
+    # Chicago Dial Indicator, Starrett: "+ 2.1380, MM", with blanks between the digits.
+    "cdi": SerialFormat(
+        r"(?P<value>[+-][ 0-9]{1,9}\.[ 0-9]{1,8}?)\s*,\s*(?P<unit>MM|IN)\s*", request=b"R\r"
+    ),
+    # Mahr MarCator, MarConnect RS232: "  12.345 mm".
+    "mahr": SerialFormat(r"\s*(?P<value>[+-]?\s*\d{1,4}\.\d{1,6})\s+(?P<unit>mm|inch|in)\s*"),
+    # Mitutoyo MUX-10, QM-Height, USB input tools: "01A+0000.123", the gauge sets the unit.
+    "mitutoyo": SerialFormat(r"(?P<channel>\d\d?)A(?P<value>[+-]\d{1,6}\.\d{1,6})"),
+    # Multiplexers MUX 2, MUX 4: "1 MW+003.4665 inch"; "3 TO 999999.99 mm" is an error.
+    "mux": SerialFormat(
+        r"(?P<channel>\d) MW\s?(?P<value>[+-]\d{1,6}\.\d{1,6}) (?P<unit>mm|inch)\s*"
+    ),
+    # Any gauge that sends only a number with a decimal mark: "-1.23", "0,456 mm".
+    "plain": SerialFormat(
+        r"\s*(?P<value>[+-]?\s?\d{0,4}[.,]\d{1,6})\s*(?P<unit>mm|inch|in|\")?\s*"
+    ),
+    # Sylvac, Tesa, Diatest over an opto cable: "+12.345" after "?".
+    "sylvac": SerialFormat(
+        r"(?P<value>[+-]\d{1,4}\.\d{1,6})",
+        baud=4800, data_bits=7, parity="E", stop_bits=2, request=b"?\r",
+    ),
+    # Mitutoyo U-WAVE radio receiver: "DT10001+0000.123M", group and channel, M or I.
+    "uwave": SerialFormat(
+        r"DT1(?P<channel>\d{0,6})(?P<value>[+-]\d{1,6}\.\d{1,6})(?P<unit>[MI])", baud=57600
+    ),
 }  # fmt: skip
 
 
