@@ -70,11 +70,10 @@ def decode(data: bytes, path: str) -> Recovered:
         events.append(event)
         checksum = after
         size += len(line)
-        if not line.endswith(b"\n"):
-            return Recovered(tuple(events), size, 0, True, checksum)
     if not events or not isinstance(events[0], Opened):
         raise InputError("The journal is empty.", "Begin a new session.", file=path)
-    return Recovered(tuple(events), size, len(data) - size, False, checksum)
+    open_line = not data[:size].endswith(b"\n")
+    return Recovered(tuple(events), size, len(data) - size, open_line, checksum)
 
 
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:

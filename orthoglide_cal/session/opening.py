@@ -281,6 +281,7 @@ def _recommended(path: str, request: Request) -> Recommendation:
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
     own = read_input(data, None, request.otherwise)
+    own.model.machine.check_guided()
     names = differing(own.model, given) if given and own.is_session else []
     if names:
         raise UsageError(

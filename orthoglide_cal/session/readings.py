@@ -37,11 +37,10 @@ from orthoglide_cal.model import (
     Model,
     Posture,
     Readings,
-    Series,
     Source,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.protocols import plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
 from orthoglide_cal.words import Unit
@@ -73,6 +72,7 @@ class PriorReadings:
             )
         self.following, self.readings = following, given.measured
         self.conditions, self.is_session = given.conditions, given.is_session
+        self.repeats = Counter(planned_readings(self.readings.plan))
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
@@ -119,17 +119,6 @@ class PriorReadings:
                 last += max((now - then).total_seconds() / 60.0, 0.0)
         return round(math.ceil(last / TICK_MIN) * TICK_MIN + own, 4)
 
-    def label(self, series: Series) -> str | None:
-        """What the gauge is called that read this leg and direction last; None if nobody said."""
-        names = AXES[series.leg], AXES[series.direction]
-        mine = [row.gauge for row in self.rows if (row.leg, row.direction) == names]
-        return mine[-1] if mine else None
-
-    def is_turned(self, leg: int) -> bool:
-        """Whether the bar of a leg was turned when it was read last."""
-        bars = [row.bar for row in self.rows if row.leg == AXES[leg]]
-        return bool(bars and bars[-1])
-
     @property
     def left_entered(self) -> Floats:
         """What the controller held at the end beyond what it held at the beginning, (3,) [mm].
@@ -138,11 +127,6 @@ class PriorReadings:
         """
         plan = GaugePlan.require(self.readings.plan)
         return np.asarray(plan.stood[plan.in_time[-1]])
-
-    @cached_property
-    def repeats(self) -> Counter[PlannedReading]:
-        """How often each reading was taken."""
-        return Counter(planned_readings(self.readings.plan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,7 +242,9 @@ class ReadingsSoFar:
         ):
             label, seq = self.state.opened.gauge_id(step.stand), seq + 1
             if first and first.following.continues:
-                label = first.label(step.series)
+                names = AXES[step.leg], AXES[step.direction]
+                mine = (row.gauge for row in first.rows if (row.leg, row.direction) == names)
+                label = [None, *mine][-1]  # of the gauge that read it last
             if moved is not None:
                 label = f"{label or ''} (moved at step {moved})".strip()
             remarks = [text for number, text in self.state.notes if number == take.step]

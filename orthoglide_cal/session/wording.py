@@ -82,7 +82,8 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
             "just continue: the next reading will be questioned; then answer m.",
         ]
     else:
-        words = []
+        words, before = list[str](), first.rows if first else []
+        bars = [row.bar for row in before if row.leg == AXES[planned.leg]]
         if planned.turned:
             sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
             words = [
@@ -90,7 +91,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
                 f"   turn it half round its own axis (what faced {sides} then faces away),"
                 " tighten.",
             ]
-        elif first and first.is_turned(planned.leg):
+        elif bars and bars[-1]:
             words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
         half = "half-way: " if planned.gauge_at == 0.5 else ""
         place = f"{planned.gauge_at * setting.machine.leg_length_mm:.0f} mm from the carriage"

@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.printer_files import OFF, printer_cfg
+from tests.truth.delta import V400
+
 from .going_on import choice, is_step, read
 from .terminal import Terminal, refused
 
@@ -53,6 +56,14 @@ def test_files_that_cannot_be_gone_on_with(tmp_path: Path, name: str, code: int,
     assert found[0] == code
     assert said in found[1]
     assert not list(tmp_path.iterdir())
+
+
+def test_a_printer_measures_itself(tmp_path: Path) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(printer_cfg(V400, OFF), encoding="utf-8")
+    found = refused(tmp_path, "n.yaml", "--then", str(path), "--yes")
+    assert found[0] == 2
+    assert "A printer measures itself" in found[1]
 
 
 def test_the_first_file_is_never_the_new_one(first: Path, tmp_path: Path) -> None:
