@@ -42,10 +42,9 @@ PROBED = re.compile(r"probe(:?) at (\S+?), ?(\S+) (?:is|bed will contact at) z=(
 
 
 def read_klippy_log(document: FileText) -> PrinterFile:
-    """The last configuration of a klippy.log, with the last calibration and else what was probed.
+    """The last configuration of a log, with the last calibration and else what was probed.
 
-    Raises:
-        InvalidFileError: with everything that is wrong in the lines that matter here.
+    Raises InvalidFileError with everything that is wrong in the lines that matter here.
     """
     lines = document.text.split("\n")
     starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]

@@ -62,11 +62,7 @@ class FaultPlace(NamedTuple):
 
 
 class Faults:
-    """The faults of one file, in the order found.
-
-    Args:
-        file: path as the user gave it.
-    """
+    """The faults of one file, in the order found; its path is as the user gave it."""
 
     def __init__(self, file: str) -> None:
         self.file = file

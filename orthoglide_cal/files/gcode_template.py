@@ -79,9 +79,7 @@ class Template(Schema):
 def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
     """The template that a file holds.
 
-    Args:
-        document: as read.
-        numbers: of the blocks to be written; no line of the template may have one of them.
+    No line of it may have one of the numbers of the blocks that are to be written.
 
     Raises:
         InvalidFileError: no marker or two, a setting that cannot be used, a number that a block

@@ -67,12 +67,9 @@ class Input:
     """What was measured, on which machine and under which conditions.
 
     Attributes:
-        measured: readings or differences.
-        model: the machine to judge them by, with its accepted causes.
-        conditions: as recorded.
-        is_session: True for a session, False for a table.
-        keeper: the machine file in which it is recorded what was entered in the controller; None
-            where there is none.
+        model: the machine to judge it by, with its accepted causes.
+        is_session: False for a table and for a printer's file.
+        keeper: the machine file in which it is recorded what was entered in the controller.
     """
 
     measured: Measured
@@ -156,11 +153,7 @@ def check_file(
     otherwise: Callable[[], Model] = default_machine,
     stored: str | None = None,
 ) -> tuple[Check, Input | None]:
-    """Check a file of any kind: readings, differences, session or machine.
-
-    Args:
-        path: as the user gave it; "-" is standard input.
-        model, otherwise, stored: as in `read_input`.
+    """Check a file of any kind, also of a machine; arguments as of `read_input`.
 
     Returns:
         What was found, and what was measured; None for a machine, or if the file is not valid.
@@ -195,11 +188,7 @@ def check_file(
 
 
 def sessions_in(folder: Path) -> list[FoundSession]:
-    """All session files of a folder, recognised by their content, oldest first.
-
-    Raises:
-        InputError: there is no such folder.
-    """
+    """Session files, recognised by their content, oldest first. Raises InputError: no folder."""
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
     found = []
@@ -231,11 +220,7 @@ def printers_in(folder: Path) -> list[Path]:
 
 
 def machine_in_folder(folder: Path) -> Path | None:
-    """The machine file of a folder, recognised by its content; None if it holds none.
-
-    Raises:
-        UsageError: it holds several.
-    """
+    """The machine file of a folder, recognised by its content. Raises UsageError for several."""
     own = {"kind", "leg_length_mm"}
     files = _files_in(folder).items()
     found = [path for path, keys in files if own & keys.keys() and "readings" not in keys]
@@ -298,11 +283,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
 
 
 def printer_settings(path: Path) -> PrinterFile | None:
-    """What a firmware's file says of its machine; None for a file of another kind.
-
-    Raises:
-        InputError: it cannot be read, or something in it is wrong.
-    """
+    """What a firmware's file says of its machine; None for another kind. Raises InputError."""
     document = read_document(str(path))
     if PRINTER_SECTION.search(document.text):
         return read_printer_file(document)

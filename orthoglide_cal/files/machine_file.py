@@ -22,8 +22,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.faults import Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
-from orthoglide_cal.files.yaml_edit import edited
-from orthoglide_cal.files.yaml_tree import Tree, load_tree, yaml_text
+from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
 from orthoglide_cal.model import Effect, Entered, Estimate, Machine, Model
 from orthoglide_cal.model.machine import JointOffsets
 from orthoglide_cal.model.machines import MACHINES, kind_of

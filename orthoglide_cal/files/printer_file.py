@@ -81,7 +81,6 @@ class StoredMesh(ReadOnly):
     """The probed points of a mesh without those that only repeat a neighbour; n of them.
 
     Attributes:
-        profile: its name.
         x, y: commanded place of the nozzle, shape (n,) [mm]; the probe touches its offset from it.
         height: at which the probe triggered, less its z offset, shape (n,) [mm].
         order: when each was probed, 0 to n - 1, shape (n,): row after row, the first in the
@@ -113,7 +112,6 @@ class StoredMesh(ReadOnly):
         """From rows of heights, shape (m, n) [mm]; NaN where nothing was probed.
 
         Args:
-            profile: its name.
             x, y: places of the probe, shapes (n,) and (m,) [mm].
             height, line: of each row.
             offset: of the probe from the nozzle, in x and y [mm].
@@ -135,7 +133,6 @@ class PrinterFile(ReadOnly):
         machine: with the parameters in force, and what is usual else.
         probe: what is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and
             the nozzle's height when the probe triggers. NaN where it is not known.
-        source: the file.
         heights, distances, mesh: what is stored; None where there is nothing. Heights whose
             places are known, as of a mesh, are stored as one.
         remarks: what to know about it, but for its mesh.
@@ -155,13 +152,9 @@ class PrinterFile(ReadOnly):
 def read_printer_file(
     document: FileText, calibration: Mapping[str, Value] | None = None
 ) -> PrinterFile:
-    """What a printer.cfg says.
+    """What a printer.cfg says; `calibration` stands for the options of its [delta_calibrate].
 
-    Args:
-        calibration: options that are stored instead of those of its [delta_calibrate].
-
-    Raises:
-        InvalidFileError: with everything that is wrong in the lines that matter here.
+    Raises InvalidFileError with everything that is wrong in the lines that matter here.
     """
     settings = Settings(document, _MATTERS.fullmatch)
     settings.faults.check()  # what follows from a broken line is no fault of its own

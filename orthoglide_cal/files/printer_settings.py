@@ -49,7 +49,6 @@ class Settings:
         matters: whether a section of this name is needed, by what is true of it.
 
     Attributes:
-        faults: what is wrong with it.
         sections: name → line.
         options: (section, option) → value.
         included: whether it includes other files, which are not read.

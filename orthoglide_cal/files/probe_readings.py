@@ -97,16 +97,10 @@ def probe_points_csv(readings: Readings) -> str:
 
 
 def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, tuple[str, ...]]:
-    """A machine of which more is known, with the parameters that its printer.cfg has in force.
+    """A known machine with the parameters in force in its firmware, and a remark on its arms.
 
     The firmware reckons with its own arms: how far they are from those that are known is part of
-    how far they can be from the real ones.
-
-    Returns:
-        The machine, and what to know about its arms.
-
-    Raises:
-        UsageError: the two are not of one machine.
+    how far they can be from the real ones. Raises UsageError: the two are not of one machine.
     """
     in_force = (*known.geometry_keys, "bed_radius_mm")
     machine = known.changed(**{key: getattr(file.machine, key) for key in in_force})
@@ -129,7 +123,6 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     """What a printer.cfg stores, as readings.
 
     Args:
-        file: as read.
         stored: "calibration" or "mesh"; None for the calibration where there is one, else the
             mesh.
         machine: by whose parameters the places are meant.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -36,7 +36,7 @@ from orthoglide_cal.model import (
     number_setups,
 )
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
+from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number, yaml_number
 
 _SESSION_COLUMNS = ("timestamp", "reason")
 READING_COLUMNS = (
@@ -93,8 +93,7 @@ class Conditions(Circumstances):
         environment: name, and what is said of it.
         temperature_c: lowest and highest reading of the thermometer.
         first_and_last_c: its first and last reading in time.
-        retaken: number of readings that were replaced.
-        skipped: number of steps left out.
+        retaken, skipped: number of readings that were replaced, and of steps left out.
         notes: (line of the file, remark).
     """
 
@@ -153,9 +152,8 @@ def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
         for each in table.rows
     ]
     return readings_from_records(
-        records, machine, table.file.source, table.faults, Reading(table.number),
-        remarks=remarks,
-    )  # fmt: skip
+        records, machine, table.file.source, table.faults, table.number, remarks=remarks
+    )
 
 
 def readings_from_records(
@@ -163,31 +161,25 @@ def readings_from_records(
     machine: Orthoglide,
     source: Source,
     faults: Faults,
-    reading: Reading,
+    number: Callable[[str], float] = yaml_number,
     *,
     started: str | None = None,
     remarks: Sequence[str] = (),
 ) -> Readings:
-    """Convert and check records.
+    """Convert and check the records of a file, by the limits of a machine.
 
     Args:
         records: in the order of the file.
-        machine: for postures and limits.
-        source: of the records.
-        faults: those found earlier; these are added.
-        reading: how their numbers are read.
+        faults, remarks: those found earlier; these are added.
+        number: what a text is as a number; raises InputError.
         started: when the session began, ISO 8601, for times without `minutes`.
-        remarks: those of the reader so far.
 
     Raises:
         InvalidFileError: everything that is wrong with the records.
     """
-    than = "the leg is long"
-    reading.travel = machine.joint_limits_mm
-    reading.longest = {
-        "reading_mm": (machine.leg_length_mm, "reading", than),
-        "entered": (machine.leg_length_mm, "offset", than),
-    }
+    leg, than = machine.leg_length_mm, "the leg is long"
+    longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
+    reading = Reading(number, longest, machine.joint_limits_mm)
     checking = Rows(records, ReadingRow, reading, faults)
     checking.check_complete(("seq", "cycle", "minutes", "end"))
     clock = _clock(checking, started)
@@ -205,14 +197,9 @@ def readings_of(
     lines: Sequence[int],
     clock: Sequence[float] | None = None,
 ) -> Readings:
-    """Checked rows as arrays.
+    """Checked rows in the order of their file, and their lines, as arrays.
 
-    Args:
-        rows: in the order of their file.
-        machine: for postures.
-        source: of the rows.
-        lines: of the file, where they stand.
-        clock: minutes of each row; None for its own, if it has any.
+    The machine gives the postures, and `clock` the minutes of each row; None for its own, if any.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
     minutes = clock or [row.minutes or 0.0 for row in rows]

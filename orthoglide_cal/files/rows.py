@@ -62,14 +62,13 @@ class Record:
         return FaultPlace(line, self.prefix + column, self.cells.get(column))
 
 
-@dataclass
+@dataclass(frozen=True)
 class Reading:
     """How the cells of one file are read.
 
     Attributes:
         number: what a text is as a number; raises InputError.
-        longest: column of lengths → the longest [mm], what it is, and than what it must not be
-            larger.
+        longest: column → the longest length [mm], what it is, and than what it must not be larger.
         travel: lowest and highest displacement of a carriage [mm].
         wanted: whether each row has its reading; one that was skipped has none.
     """
@@ -192,7 +191,6 @@ class ReadingRow(Row):
         part: of the measurement, from 1.
         bar: "turned" where the touched bar was turned half round.
         entered: in the controller since the first reading, x, y, z [mm].
-        timestamp: ISO time.
         reason: why it was replaced or left out.
     """
 

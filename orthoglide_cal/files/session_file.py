@@ -56,10 +56,8 @@ class Session(Circumstances):
 def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model, Conditions]:
     """The readings of a parsed session, the machine to judge them by, and the circumstances.
 
-    Args:
-        tree: the session.
-        model: None for the machine in the session itself. Which offsets were active in the
-            controller is always the session's to say.
+    Without a model they are judged by the machine in the session itself. Which offsets were active
+    in the controller is always the session's to say.
 
     Raises:
         InvalidFileError: everything that is wrong with it, each with line and path.
@@ -104,7 +102,7 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
     readings = readings_from_records(
-        records, judge.orthoglide, tree.file.source, tree.faults, Reading(),
+        records, judge.orthoglide, tree.file.source, tree.faults,
         started=session.started if session else None, remarks=remarks,
     )  # fmt: skip
     if session is None:
@@ -137,13 +135,7 @@ def session_text(session: Session) -> str:
 def session_of_readings(
     readings: Readings, model: Model, environment: Mapping[str, str]
 ) -> Session:
-    """The session that holds these readings of this machine; the rest stays blank.
-
-    Args:
-        readings: in any order; written in the order of time.
-        model: its machine is embedded in the session.
-        environment: name → text.
-    """
+    """The session that holds these readings of this machine, in the order of time."""
     rows, plan = reading_rows(readings), readings.plan
     return Session(
         machine=model,

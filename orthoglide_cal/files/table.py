@@ -32,10 +32,8 @@ class Table:
 
     Attributes:
         columns: header names in lower case, in order; "" where there is none.
-        header_line: from 1.
         rows: records that are not blank.
         decimal_comma: True if the delimiter leaves the comma free.
-        file: where it came from.
         faults: wrong quotes and row lengths found so far.
     """
 

@@ -22,8 +22,8 @@ from orthoglide_cal.system import SYSTEM
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
 YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
 
-# They would reach the terminal with the next message (escape sequences).
-_CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
+# Without tab and line ends: the next message would bring them to the terminal as escape sequences.
+CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
 # A temporary file of `write_text`, and the age at which it was left behind [s].
 _LEFT = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 _ABANDONED_S = 3600.0
@@ -158,11 +158,6 @@ def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def has_control(text: str) -> bool:
-    """Whether a text holds control characters other than tab and line ends."""
-    return _CONTROL.search(text) is not None
-
-
 def number_text(value: float) -> str:
     """The shortest text that reads back as exactly `value`: 60 for 60.0, 0.1 for 0.1."""
     return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(float(value))
@@ -187,7 +182,7 @@ def _decoded(data: bytes, path: str) -> str:
     except UnicodeDecodeError as error:
         what, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
         raise refused(what, _UTF8, error.start, f"byte 0x{value:02X}") from error
-    if control := _CONTROL.search(text):
+    if control := CONTROL.search(text):
         what, remedy = "The text holds a control character.", "Remove it; a file is plain text."
         raise refused(what, remedy, data.index(control[0].encode()), control[0])
     return text.replace("\r\n", "\n").replace("\r", "\n")

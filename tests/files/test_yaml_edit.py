@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from orthoglide_cal.files.yaml_edit import edited
+from orthoglide_cal.files.yaml_tree import edited
 from tests.files.helpers import PROTOTYPE
 
 TEXT = PROTOTYPE.read_text(encoding="utf-8")
