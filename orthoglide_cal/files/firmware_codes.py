@@ -116,17 +116,14 @@ def _words(file: FileText) -> Words:
             for letter, text in _WORD.findall(rest):
                 if letter not in _LETTERS[code]:
                     continue
+                word = code + letter
+                low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
                 with faults.noting(number, letter + text, f"{letter} of {code}"):
-                    own[code + letter] = _numbers(text, code + letter)
+                    own[word] = tuple(within(part, low) for part in text.split(":"))
+                    if len(own[word]) not in ((1, 3) if word == "M665L" else (1,)):
+                        remedy = "Write one, or L215:215:215."
+                        raise InputError("The number of values is wrong.", remedy)
             if own.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
                 found |= own
     faults.check()
     return found
-
-
-def _numbers(text: str, word: str) -> tuple[float, ...]:
-    low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
-    values = tuple(within(part, low) for part in text.split(":"))
-    if len(values) not in ((1, 3) if word == "M665L" else (1,)):
-        raise InputError("The number of values is wrong.", "Write one, or L215:215:215.")
-    return values

@@ -16,7 +16,14 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
@@ -124,11 +131,8 @@ class Identified(Schema):
             remedy = "Give one row for each parameter, in their order, or remove them."
             raise InputError(what, remedy)
         matrix = np.array(rows or np.eye(1))
-        if (
-            np.abs(matrix - matrix.T).max() > 1e-5
-            or np.abs(np.diag(matrix) - 1.0).max() > 1e-5
-            or np.linalg.eigvalsh(matrix)[0] < -1e-5
-        ):
+        off = np.abs(matrix - matrix.T).max(), np.abs(np.diag(matrix) - 1.0).max()
+        if max(*off, -np.linalg.eigvalsh(matrix)[0]) > 1e-5:
             remedy = "They are symmetric, with ones on the diagonal, and of no negative variance."
             raise InputError("These numbers are not correlations.", remedy)
         return rows
@@ -152,7 +156,9 @@ class _Around(Schema):
     """What a machine file says besides the machine."""
 
     schema_version: Version
-    identified: tuple[Identified, ...] = ()
+    identified: Annotated[
+        tuple[Identified, ...], BeforeValidator(lambda given: () if given is None else given)
+    ] = ()
     complete: Annotated[str, AfterValidator(_true)] | None = None
 
 
@@ -174,11 +180,11 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     """
     file = read_document(str(path), YAML_LIMIT)
     if PRINTER_SECTION.search(file.text):
-        raise InputError(
-            "This is a printer's configuration, not a machine file.",
-            "Give it to solve, diagnose or plan as their input: it describes its machine itself.",
-            file=file.path,
+        what = "This is a printer's configuration, not a machine file."
+        remedy = (
+            "Give it to solve, diagnose or plan as their input: it describes its machine itself."
         )
+        raise InputError(what, remedy, file=file.path)
     return machine_file_in(load_tree(file))
 
 
@@ -193,12 +199,9 @@ def machine_file_in(tree: Tree) -> StoredMachine:
         raise InputError("This is a session, not a machine file.", remedy, file=file.path)
     model = machine_in(tree, ())
     if file.text.startswith(WRITTEN) and "complete" not in value:
-        tree.faults.add(
-            "The last line, `complete: true`, is missing: the file was cut off.",
-            "Take it from a copy; add the line only if you know that nothing is missing.",
-            line=file.text.count("\n"),
-            column="complete",
-        )
+        what = "The last line, `complete: true`, is missing: the file was cut off."
+        remedy = "Take it from a copy; add the line only if you know that nothing is missing."
+        tree.faults.add(what, remedy, line=file.text.count("\n"), column="complete")
     if model is None or tree.faults:
         raise tree.faults.error()
     remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
@@ -269,8 +272,6 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     schemas: tuple[type[Schema] | None, ...] = made, _Around
     for schema in filter(None, schemas):
         part = {key: value[key] for key in value if key in schema.model_fields}
-        if part.get("identified", part) is None:
-            del part["identified"]
         try:
             found.append(schema.model_validate(part, context=own))
         except ValidationError as error:
@@ -282,15 +283,13 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
             near = "" if faults.full else id
             note(*_unknown_cause(near, causes), "tolerances", id, value=id)
             continue
-        cause, size = CAUSES[id], 0.0
-        usual = cause.sizes[own]
+        usual, size = CAUSES[id].sizes[own], 0.0
         with suppress(InputError):  # said of the machine
             size = yaml_number(text)
         if _LARGEST_TOLERANCE * usual < size <= 1e6:
-            what = (
-                f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}."
-            )
-            note(what, f"Give it in {cause.unit or 'its unit'}.", "tolerances", id)
+            times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
+            remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
+            note(f"That is more than {times}.", remedy, "tolerances", id)
         if 0.0 < size < _SMALLEST_TOLERANCE:
             what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
             note(what, "Give 0 to rule it out.", "tolerances", id)

@@ -86,10 +86,8 @@ class _Reader:
         if match := _AT_RADIUS.search(line):
             self.radius = within(match[1], 0.0)
         if match := _RESULTS.search(line):
-            found = {
-                name: (number, within(text, -LARGEST_MM))
-                for name, text in _RESULT.findall(match[1])
-            }
+            results = _RESULT.findall(match[1])
+            found = {name: (number, within(text, -LARGEST_MM)) for name, text in results}
             begins = "c" in found or self.seven[0] is not self.now
             self.seven = self.now, found if begins else {**self.seven[1], **found}
         elif said := dict(_SETTING.findall(line)):
@@ -99,18 +97,15 @@ class _Reader:
         """Settings as G33 prints them, rounded, in one line or in two. Raises InputError."""
         endstops = np.array(self.now.endstops_mm)
         if "Height" in said:
-            adjusted = endstops.min() - endstops
-            adjusted = np.array(
-                [said.get(f"E{a}", v) for a, v in zip("xyz", adjusted, strict=True)]
-            )
+            below = zip("xyz", endstops.min() - endstops, strict=True)
+            adjusted = np.array([said.get(f"E{axis}", known) for axis, known in below])
             endstops = said["Height"] + self.offset[2] - adjusted
         usual = zip("xyz", USUAL_ANGLES_DEG, self.now.tower_angles_deg, strict=True)
         angles = [known if f"T{a}" not in said else at + said[f"T{a}"] for a, at, known in usual]
         radius = said.get("Radius", self.now.delta_radius_mm)
         if not (0.0 < radius < min(self.now.arm_length_mm) and counter_clockwise(angles)):
-            raise InputError(
-                "No delta can have these settings.", "Check them, and the arms (M665 L)."
-            )
+            remedy = "Check them, and the arms (M665 L)."
+            raise InputError("No delta can have these settings.", remedy)
         known = (*self.now.endstops_mm, self.now.delta_radius_mm, *self.now.tower_angles_deg)
         if np.allclose((*endstops, radius, *angles), known, rtol=0.0, atol=_ROUNDED):
             return
@@ -129,16 +124,14 @@ class _Reader:
 
     def on_grid(self, reach: float) -> Floats:
         """Line, place and height of the points within reach: Marlin makes up the others."""
-        rows = [
-            [math.nan if "=" in t else within(t, -LARGEST_MM) for t in texts]
-            for texts in self.grid[1].values()
-        ]
+        lines, texts = list(self.grid[1]), self.grid[1].values()
+        rows = [[math.nan if "=" in t else within(t, -LARGEST_MM) for t in row] for row in texts]
         if len({len(row) for row in rows}) != 1:
             raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
         heights = np.array(rows)
         x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
         heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
-        mesh = StoredMesh.of_grid("", x, y, heights, list(self.grid[1]), self.offset)
+        mesh = StoredMesh.of_grid("", x, y, heights, lines, self.offset)
         points = np.column_stack((mesh.line, mesh.x, mesh.y, mesh.height))
         return np.asarray(points[np.argsort(mesh.order)])
 
@@ -164,11 +157,11 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
 
     def needs_reach(name: str) -> None:
         if not reach > 0.0:
-            raise InputError(
-                f"{name} does not print where it probed.",
-                "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine",
-                file=document.path,
+            what = f"{name} does not print where it probed."
+            remedy = (
+                "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine"
             )
+            raise InputError(what, remedy, file=document.path)
         remarks.append(
             f"{name} does not print where it probed: as Marlin usually does, to {reach:g} mm from"
             f" the middle ({_MARGIN_MM:g} mm from the edge), is assumed."

@@ -117,10 +117,8 @@ class Settings:
     ) -> None:
         """A fault in the value of an option, or in the text in one of its lines."""
         value = self.options[section, option]
-        column, said = f"{option} of [{section}]", text if line else value.text
-        self.faults.add(
-            what, remedy, line=line or value.line, column=column, value=shortened(said) or None
-        )
+        said, line = shortened(text if line else value.text) or None, line or value.line
+        self.faults.add(what, remedy, line=line, column=f"{option} of [{section}]", value=said)
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
         """The fault that an option is not there."""

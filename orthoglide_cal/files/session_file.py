@@ -68,19 +68,15 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
             what = "This is a machine file; it holds no readings."
             remedy = "Give it with --machine, and a file of readings as the input."
             raise InputError(what, remedy, file=tree.file.path)
-        raise InputError(
-            "This is neither a table of readings or differences nor a session.",
+        what = "This is neither a table of readings or differences nor a session."
+        remedy = (
             "A CSV has a header with leg, posture, direction, reading_mm or difference, value_mm; a"
-            " session has `readings:`.",
-            file=tree.file.path,
-            line=1,
+            " session has `readings:`."
         )
+        raise InputError(what, remedy, file=tree.file.path, line=1)
     if model and model.machine.probes:
-        raise InputError(
-            f"The session was read with gauges; a machine of kind {model.machine.kind} has none.",
-            "Leave --machine out.",
-            file=tree.file.path,
-        )
+        what = f"The session was read with gauges; a machine of kind {model.machine.kind} has none."
+        raise InputError(what, "Leave --machine out.", file=tree.file.path)
     recorded = machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
     records = _records(tree, "readings")

@@ -99,11 +99,9 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Fil
 def check_size(size: int, path: str, limit: int) -> None:
     """Raise InputError if `size` bytes are more than `limit`."""
     if size > limit:
-        raise InputError(
-            f"The file is larger than {limit // 1_000_000} MB, the most that is read.",
-            "Check that this is the right file; a session of an hour has a few kilobytes.",
-            file=path,
-        )
+        what = f"The file is larger than {limit // 1_000_000} MB, the most that is read."
+        remedy = "Check that this is the right file; a session of an hour has a few kilobytes."
+        raise InputError(what, remedy, file=path)
 
 
 def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
