@@ -20,7 +20,7 @@ _NUMBER = "Check its digits and its unit{mm}."
 
 # Type of pydantic's error → what is wrong and the remedy; {…} are the error's own values, the last
 # key of the path, and the words that are known there.
-_WORDS = {
+WORDS = {
     "missing": ("The key is missing.", "Add a line `{key}: …`."),
     "too_short": ("The list is too short.", "Add an entry."),
     "too_long": ("The list has too many entries.", "Remove some."),
@@ -199,7 +199,7 @@ def _worded(
             if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
                 kind = "greater_than_zero"
         key = next((step for step in reversed(path) if isinstance(step, str)), "value")
-        usual = _WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
+        usual = WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
         what, remedy = words.get(f"{kind} {key}", usual)
         mm = "; lengths are in mm" if key.endswith("_mm") else ""
         said = dict(mm=mm, key=key, near=nearest(meant, known), known=", ".join(known), **given)

@@ -27,7 +27,7 @@ from pydantic import (
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.files.faults import Steps, nearest
+from orthoglide_cal.files.faults import WORDS, Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
 from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
 from orthoglide_cal.model import Effect, Entered, Estimate, Machine, Model
@@ -245,14 +245,11 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         value = value.get(step)
     faults, before = tree.faults, tree.faults.count
 
-    def note(what: str, remedy: str, *inner: str, value: str | None = None) -> None:
-        faults.at(tree.place((*path, *inner)), what, remedy, value)
-
     if not isinstance(value, dict):
         if path[-1] in tree.value:
-            note("This must be a group of keys.", "Write `name: value` lines, indented.")
+            tree.note(path, *WORDS["model_type"])
         else:
-            note("The key is missing.", "Add a line `machine: …`.")
+            tree.note(path, "The key is missing.", "Add a line `machine: …`.")
         return None
     kind = value.get("kind", kind_of(value))
     made = MACHINES.get(kind) if isinstance(kind, str) else None
@@ -262,10 +259,11 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     for key in value:
         if key not in known:
             near = "" if faults.full else nearest(key, known)
-            note("The key is not known.", f"{near}Known here: {', '.join(known)}.", key)
+            remedy = f"{near}Known here: {', '.join(known)}."
+            tree.note((*path, key), "The key is not known.", remedy)
     if made is None:
-        near = nearest(str(kind), MACHINES)
-        note("This kind of machine is not known.", f"{near}Known: {', '.join(MACHINES)}.", "kind")
+        remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
+        tree.note((*path, "kind"), "This kind of machine is not known.", remedy)
     elif "kind" not in value and kind != kind_of({}):
         faults.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     found: list[Any] = []
@@ -279,9 +277,9 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     tolerances = value.get("tolerances")
     causes = _causes_of(own)
     for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
+        at = (*path, "tolerances", id)
         if id not in causes:
-            near = "" if faults.full else id
-            note(*_unknown_cause(near, causes), "tolerances", id, value=id)
+            tree.note(at, *_unknown_cause("" if faults.full else id, causes), id)
             continue
         usual, size = CAUSES[id].sizes[own], 0.0
         with suppress(InputError):  # said of the machine
@@ -289,10 +287,10 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         if _LARGEST_TOLERANCE * usual < size <= 1e6:
             times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
             remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
-            note(f"That is more than {times}.", remedy, "tolerances", id)
+            tree.note(at, f"That is more than {times}.", remedy)
         if 0.0 < size < _SMALLEST_TOLERANCE:
             what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
-            note(what, "Give 0 to rule it out.", "tolerances", id)
+            tree.note(at, what, "Give 0 to rule it out.")
     if faults.count > before:
         return None
     machine, rest = found

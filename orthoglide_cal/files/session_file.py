@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import ConfigDict, InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Steps, unused
+from orthoglide_cal.files.faults import WORDS, Steps, unused
 from orthoglide_cal.files.machine_file import (
     default_machine,
     differing,
@@ -159,24 +159,18 @@ def _recorded(tree: Tree, machine: Model | None) -> Session | None:
 
 def _records(tree: Tree, key: str) -> list[Record]:
     """The entries of a list as rows of cells; those that are no groups of values are faults."""
-
-    def note(path: Steps, what: str, remedy: str) -> None:
-        tree.faults.at(tree.place(path), what, remedy)
-
     entries = tree.value.get(key)
-    if not isinstance(entries, list):
-        if entries is not None:
-            note((key,), "This must be a list.", "Write [first, second] or `- …` lines.")
-        return []
+    if entries is not None and not isinstance(entries, list):
+        tree.note((key,), *WORDS["list_type"])
     records = []
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(entries if isinstance(entries, list) else ()):
         path: Steps = (key, index)
         if not isinstance(entry, dict):
-            note(path, "This must be a group of keys.", "Write `name: value` lines, indented.")
+            tree.note(path, *WORDS["model_type"])
             continue
         inner = [name for name, value in entry.items() if isinstance(value, dict | list)]
         for name in inner:
-            note((*path, name), "This must be one value.", "Write `name: value`.")
+            tree.note((*path, name), "This must be one value.", "Write `name: value`.")
         if not inner:
             lines = {name: tree.place((*path, name)).line for name in entry}
             texts = ((name, (value or "").strip()) for name, value in entry.items())

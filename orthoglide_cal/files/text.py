@@ -142,9 +142,8 @@ def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
             SYSTEM.publish(temporary, path)
         SYSTEM.sync_folder(path.parent)
     except FileExistsError as error:
-        raise UsageError(
-            f"{path} exists and is not overwritten.", "Name another file, or move that one away."
-        ) from error
+        remedy = "Name another file, or move that one away."
+        raise UsageError(f"{path} exists and is not overwritten.", remedy) from error
     except OSError as error:
         raise InputError(
             f"The file cannot be written: {system_words(error)}.",

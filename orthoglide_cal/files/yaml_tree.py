@@ -52,6 +52,10 @@ class Tree:
         text = value if there == path and isinstance(value, str) else None
         return FaultPlace(self.lines.get(there, 1), dotted(path), text)
 
+    def note(self, path: Steps, what: str, remedy: str, value: str | None = None) -> None:
+        """Note a fault of the node at `path`; `value` instead of the text there."""
+        self.faults.at(self.place(path), what, remedy, value)
+
 
 def load_tree(file: FileText) -> Tree:
     """Parse a file without resolving anything.
