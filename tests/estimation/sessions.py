@@ -1,11 +1,10 @@
 """Measured data for tests, plans for them, and many sessions solved at once."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 
-from orthoglide_cal.estimation import Fit, Problem, fit_offsets
-from orthoglide_cal.estimation.accuracy import half_width, unit_covariance
+from orthoglide_cal.estimation import Problem
 from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
@@ -17,12 +16,9 @@ from orthoglide_cal.model import (
     Model,
     Readings,
     Source,
-    cell_contrasts,
     ideal_plan,
     reduction,
     simulate,
-    simulate_with_jacobian,
-    without_zeros,
 )
 from orthoglide_cal.model.synthetic import synthetic_session
 from tests.machines import extended
@@ -89,37 +85,3 @@ def merged(*plans: GaugePlan) -> GaugePlan:
     parts["setup"] = np.concatenate([p.setup + n for p, n in zip(plans, counts, strict=False)])
     parts["order"] = np.arange(len(parts["leg"]))
     return GaugePlan(**parts)
-
-
-@dataclass(frozen=True, eq=False)
-class Many:
-    """Sessions of one plan, solved as `solve` does each: fit (m, …), u and U (m, 3)."""
-
-    fit: Fit
-    sigma_mm: Floats
-    std_mm: Floats
-    expanded_mm: Floats
-
-
-def solve_many(model: Model, plan: GaugePlan, values: Floats, kind: DataKind) -> Many:
-    """Offsets and intervals of sessions (m, n) by the nonlinear method of this kind."""
-    if kind is READINGS:
-        matrix = cell_contrasts(plan)
-    else:
-        matrix = reduction(kind, DIFFERENCES[kind], model.machine, plan)
-    problem = Problem(model, plan, matrix)
-    fit = fit_offsets(problem, values @ matrix.T)
-    assert np.all(fit.converged)
-    spare = without_zeros(plan, values - simulate(model, fit.offsets_mm, plan))
-    # Whatever the method, σ is of what no offsets explain.
-    jacobian = simulate_with_jacobian(model, fit.offsets_mm, plan)[1]
-    jacobian = without_zeros(plan, np.swapaxes(jacobian, -1, -2))
-    off = np.linalg.solve(jacobian @ np.swapaxes(jacobian, -1, -2), jacobian @ spare[..., None])
-    spare = spare - (np.swapaxes(jacobian, -1, -2) @ off)[..., 0]
-    dof = len(plan) - plan.setups - 3
-    sigma = np.sqrt((spare**2).sum(axis=-1) / dof)
-    sigma = np.maximum(sigma, model.machine.gauge.rounding_mm)
-    jacobian = problem.predict_with_jacobian(fit.offsets_mm)[1]
-    variances = np.diagonal(unit_covariance(problem, jacobian), axis1=-2, axis2=-1)
-    std = sigma[:, None] * np.sqrt(variances)
-    return Many(fit, sigma, std, half_width(dof) * std)

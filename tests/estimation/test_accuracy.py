@@ -1,7 +1,5 @@
 """Covariance (26)–(33), the three sigmas, and intervals that cover what they say."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -21,17 +19,13 @@ from orthoglide_cal.model import (
     DataKind,
     Effect,
     Floats,
-    GaugePlan,
     Model,
     double_posture,
-    simulate,
     simulate_with_jacobian,
     single_posture,
 )
-from orthoglide_cal.model.synthetic import written_down
 from tests.estimation.sessions import (
     OFFSETS,
-    READINGS,
     SINGLE,
     SIX,
     TWELVE,
@@ -39,7 +33,6 @@ from tests.estimation.sessions import (
     only,
     problem_of,
     readings,
-    solve_many,
 )
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, sure
 
@@ -219,45 +212,3 @@ def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() ->
         # Of exact readings only the rounding is uncertain, and of that nothing is counted.
         assert doubtful.budget.k == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
         assert np.all(np.diag(carried) > 1e-6)
-
-
-PLANS = [
-    pytest.param(double_posture(PROTOTYPE), READINGS, id="all readings"),
-    pytest.param(double_posture(PROTOTYPE), SIX, id="six"),
-    pytest.param(double_posture(PROTOTYPE), TWELVE, id="twelve"),
-    pytest.param(double_posture(PROTOTYPE, cycles=1), READINGS, id="one cycle"),
-    pytest.param(single_posture(PROTOTYPE, 3), READINGS, id="single-posture"),
-]
-
-
-@pytest.mark.parametrize(("plan", "kind"), PLANS)
-def test_95_percent_intervals_cover_95_percent(plan: GaugePlan, kind: DataKind) -> None:
-    """10,000 healthy sessions with noise and rounding; ±1 % is 4.6 standard errors of one joint:
-    chance of a false failure below 1e-4 for each of the fifteen."""
-    rng = np.random.default_rng(3)
-    signal = np.tile(simulate(NOMINAL, OFFSETS, plan), (10_000, 1))
-    values = written_down(signal, plan, PROTOTYPE.gauge, rng)
-    many = solve_many(NOMINAL, plan, values, kind)
-    share = (np.abs(many.fit.offsets_mm - OFFSETS) <= many.expanded_mm).mean(axis=0)
-    assert share == pytest.approx(np.full(3, 0.95), abs=0.01)
-    # The stated standard deviations are the real ones, too (standard error 0.7 %).
-    real = many.fit.offsets_mm.std(axis=0)
-    stated = np.sqrt((many.std_mm**2).mean(axis=0))
-    assert stated == pytest.approx(real, rel=0.035)
-
-
-@pytest.mark.parametrize("kind", [READINGS, SIX, TWELVE])
-def test_many_sessions_at_once_give_what_single_solves_give(kind: DataKind) -> None:
-    """So that what is counted above is what `solve` tells a user."""
-    plan = double_posture(LARGE)
-    rng = np.random.default_rng(6)
-    signal = np.tile(simulate(NOMINAL_LARGE, OFFSETS, plan), (4, 1))
-    values = written_down(signal, plan, LARGE.gauge, rng)
-    many = solve_many(NOMINAL_LARGE, plan, values, kind)
-    session = readings(NOMINAL_LARGE, plan)
-    for k in range(4):
-        alone = solve(replace(session, value=values[k]), sure(NOMINAL_LARGE), kind)
-        assert many.fit.offsets_mm[k] == pytest.approx(alone.offsets_mm, abs=1e-9)
-        assert many.std_mm[k] == pytest.approx(alone.std_mm, rel=1e-7)
-        assert many.expanded_mm[k] == pytest.approx(alone.expanded_mm, abs=1e-8)
-        assert many.sigma_mm[k] == pytest.approx(alone.sigma_mm, rel=1e-9)

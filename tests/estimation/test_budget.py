@@ -7,11 +7,11 @@ from scipy import stats
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of, warmth
-from orthoglide_cal.files import Conditions, read_input
+from orthoglide_cal.files import Conditions
 from orthoglide_cal.model import Floats, double_posture
 from orthoglide_cal.model.machine import Influence, Origin
 from tests.estimation.sessions import OFFSETS, readings
-from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure
+from tests.machines import NOMINAL, PROTOTYPE, sure
 
 GAUGE = PROTOTYPE.gauge
 ROUNDING = GAUGE.resolution_mm / np.sqrt(12.0)
@@ -95,14 +95,6 @@ def test_effective_degrees_of_freedom_are_those_of_the_gum() -> None:
     assert budget.expanded_mm == pytest.approx(budget.k * budget.std_mm)
 
 
-def test_type_b_alone_takes_the_normal_distribution() -> None:
-    budget = Budget((part(1.0, 2.0, 2.0), part(2.0, 1.0, 2.0, source="backlash")))
-    assert budget.dof == np.inf
-    assert budget.k == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
-    assert budget.std_mm == pytest.approx(np.sqrt([5.0, 5.0, 8.0]))
-    assert budget.largest.source == "misread"
-
-
 def test_what_others_leave_is_never_negative() -> None:
     """Of a covariance less another: where that is larger, nothing is left."""
     directions = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
@@ -129,14 +121,6 @@ def test_legs_within_their_tolerance_are_offsets_of_as_much(method: str) -> None
     assert by_source[Origin.GAUGE_SCALE].std_mm == pytest.approx(
         1e-3 * np.abs(OFFSETS), rel=0.05, abs=2e-5
     )
-
-
-def test_u_of_a_sample_session_counts_more_than_its_noise() -> None:
-    """0.0135 mm of noise alone becomes 0.024 with the legs' tolerance of 0.01 mm."""
-    session = read_input(str(SAMPLES / "double_posture_session.csv")).measured
-    noise = solve(session, sure(NOMINAL)).expanded_mm
-    assert noise == pytest.approx(np.full(3, 0.0135), abs=1e-4)
-    assert solve(session, NOMINAL).expanded_mm == pytest.approx(np.full(3, 0.024), abs=5e-4)
 
 
 def test_warmth_is_what_the_legs_may_grow() -> None:

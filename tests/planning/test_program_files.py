@@ -251,11 +251,14 @@ def test_it_says_unit_values_and_what_the_approach_hides(tmp_path: Path) -> None
         ("--cycles", "2", "--gauges", "1"),
         ("--protocol", "single", "--cycles", "1", "--order", "fewest-moves"),
         ("--design", "best", "--cycles", "4"),
+        ("--machine", "my_large-one.yaml", "--cycles", "1"),
     ],
 )
 def test_a_program_names_the_session_that_it_belongs_to(
     options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    large = Path(__file__).parents[2] / "configs" / "orthoglide_large.yaml"
+    (tmp_path / "my_large-one.yaml").write_bytes(large.read_bytes())
     monkeypatch.chdir(tmp_path)
     assert run("plan", *options, "--program", "made.nc").exit_code == 0
     assert run("plan", *options, "--program", "made.csv").exit_code == 0
@@ -266,15 +269,3 @@ def test_a_program_names_the_session_that_it_belongs_to(
     assert dict(zip(told_options[::2], told_options[1::2], strict=True)) == wanted
     with Path("made.csv").open(encoding="utf-8", newline="") as file:
         assert {row["session"] for row in csv.DictReader(file)} == {told}
-
-
-def test_the_machine_is_part_of_the_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = Path(__file__).parents[2] / "configs" / "orthoglide_large.yaml"
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_large-one.yaml").write_bytes(path.read_bytes())
-    done = run("plan", "--machine", "my_large-one.yaml", "--cycles", "1", "--program", "made.nc")
-    assert done.exit_code == 0, done.stderr
-    wanted = "(orthocal measure --machine my_large-one.yaml --cycles 1)"
-    assert wanted in Path("made.nc").read_text(encoding="utf-8").splitlines()
