@@ -515,10 +515,7 @@ def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedC
 
 
 def _of_differences(before: Measured, after: Measured, model: Model) -> SharedContrasts:
-    kinds = {
-        table_kind(each) if each.kind is DataKind.READINGS else each.kind
-        for each in (before, after)
-    }
+    kinds = {table_kind(e) if e.kind is DataKind.READINGS else e.kind for e in (before, after)}
     if kinds == {DataKind.SIX, DataKind.TWELVE}:
         kinds = {DataKind.SIX}
     if len(kinds) > 1:
@@ -531,15 +528,14 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
     posed = [pose_differences(each, model, kind) for each in (before, after)]
     both = [each for each in posed[0].which if each in posed[1].which]
     rows = [[each.which.index(one) for one in both] for each in posed]
-    spread = [
-        each.problem.covariance()[np.ix_(own, own)] for each, own in zip(posed, rows, strict=True)
-    ]
+    pairs = zip(posed, rows, strict=True)
+    covariance = sum(each.problem.covariance()[np.ix_(own, own)] for each, own in pairs)
     return SharedContrasts(
         kind=kind,
         problem=Problem(model, posed[0].problem.plan, posed[0].problem.matrix[rows[0]]),
         before=posed[0].data[rows[0]],
         after=posed[1].data[rows[1]],
-        covariance=spread[0] + spread[1],
+        covariance=np.asarray(covariance),
     )
 
 
@@ -549,19 +545,14 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
     plans = [plan.subset(plan.as_found) for plan in found]
     both = zip((before, after), found, strict=True)
     values = [each.value[plan.as_found] for each, plan in both]
-    keys = [
-        np.stack(
-            (p.leg, p.direction, p.displacement, p.contact, p.gauge_at, p.turned),
-            axis=1,
-            dtype=np.float64,
-        ).round(9)
+    keys: list[Floats] = [
+        np.column_stack((p.leg, p.direction, p.displacement, p.contact, p.gauge_at, p.turned))
         for p in plans
     ]
-    cells, cell = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+    cells, cell = np.unique(np.concatenate(keys).round(9), axis=0, return_inverse=True)
     inverses, estimates, unknown = [], [], []
-    for plan, value, own in zip(
-        plans, values, np.split(cell.reshape(-1), [len(keys[0])]), strict=True
-    ):
+    owned = np.split(cell.reshape(-1), [len(keys[0])])
+    for plan, value, own in zip(plans, values, owned, strict=True):
         design = (own[:, None] == np.arange(len(cells))).astype(np.float64)
         free = design.T @ (np.eye(len(value)) - plan.zeros @ np.linalg.pinv(plan.zeros))
         inverses.append(np.linalg.pinv(free @ design, rcond=NO_INFORMATION))
