@@ -59,6 +59,10 @@ LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
 WARM_K = 2.0  # a larger difference of temperatures is told
 U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
 
+Sizes = tuple[Known, ...]
+_Common = dict[tuple[str, ...], Floats]
+_Shape = tuple[Floats, Floats, LinearDelta]
+
 
 class Story(StrEnum):
     """What happened between the first session and the last; what matters most first."""
@@ -79,9 +83,6 @@ ADVICE = {
     Story.SCATTERING: "Check home switches and couplings: no calibration is better than homing.",
     Story.UNCHANGED: "Nothing to do: measure again at the next service, or after a collision.",
 }
-
-
-Sizes = tuple[Known, ...]
 
 
 class DatedSession(Schema):
@@ -133,9 +134,6 @@ class Reached(Schema):
     date: str | None = None
 
 
-_Shape = tuple[Floats, Floats, LinearDelta]
-
-
 class History(Schema):
     """Sessions of one machine compared, as `history --json` prints it.
 
@@ -167,9 +165,6 @@ class History(Schema):
 
 
 # --- what one session says ------------------------------------------------------------------------
-
-
-Common = dict[tuple[str, ...], Floats]
 
 
 class _Read:
@@ -213,7 +208,7 @@ class _Read:
             width = len(self.alone.offsets)
             self.covariance[:width, :width] += self.found.offsets[1]
 
-    def _under(self, fit: Fitted, causes: tuple[Cause, ...]) -> tuple[Floats, Floats, Common]:
+    def _under(self, fit: Fitted, causes: tuple[Cause, ...]) -> tuple[Floats, Floats, _Common]:
         """The same under one explanation, whose first effects are these causes."""
         white, active = self.white, self.given.model.machine.active
         conditions, width = self.given.conditions, len(active)
@@ -225,7 +220,7 @@ class _Read:
         values = np.concatenate([fit.offsets + active, *theta]) / unit
         covariance = fit.covariance[np.ix_(chosen, chosen)] / np.outer(unit, unit)
         estimator = fit.covariance[chosen] @ fit.columns.T / fit.sigma**2 / unit[:, None]
-        common: Common = {}
+        common: _Common = {}
         for each in reversed(fit.uncertain):
             if each.source == Origin.GAUGE_PLACEMENT:
                 continue
@@ -394,21 +389,19 @@ class _Table:
             logs[:, number] = 0.5 * (apart2 * spread / scale - np.log(scale)).sum(axis=2)
         return logs
 
-    def scattered(self, parts: Sequence[_Move]) -> tuple[float, Floats]:
-        """Log evidence with scatter of any size and subset, and the likeliest scatter (p,)."""
-        width = len(self.unit)
-        tried = [size * own for own in (np.ones(width), *np.eye(width)) for size in SIZES]
-        logs = np.array([self.solve(parts, scatter)[2] for scatter in tried])
-        return log_mean(logs), tried[int(logs.argmax())]
-
     def tell(self, told: Sequence[Story]) -> _Tale:
         """A story with its best parts; its evidence sums over their sizes, places and subsets."""
-        scatter = np.zeros(len(self.unit))
+        width = len(self.unit)
+        scatter = np.zeros(width)
         parts = self._search(told, scatter)
         log = self.solve(parts, scatter)[2]
         if Story.SCATTERING in told:
-            parts = self._search(told, self.scattered(parts)[1])
-            log, scatter = self.scattered(parts)
+            # Of any size and subset; twice, because other parts fit with the likeliest scatter.
+            tried = [size * own for own in (np.ones(width), *np.eye(width)) for size in SIZES]
+            logs = [self.solve(parts, each)[2] for each in tried]
+            parts = self._search(told, tried[int(np.argmax(logs))])
+            logs = [self.solve(parts, each)[2] for each in tried]
+            log, scatter = log_mean(np.array(logs)), tried[int(np.argmax(logs))]
         for part in parts:
             # The chosen one stands for all that the other parts leave open.
             gains = self.gains(part.story, [each for each in parts if each is not part], scatter)

@@ -178,9 +178,8 @@ def _steps(found: History, machine_file: Path | None) -> doc.Instructions:
 
 def _courses(found: History) -> doc.Figure:
     """A plot for each parameter: marks with U bars, and what is fitted to them."""
-    starts = [
-        datetime.fromisoformat(s.started) for s in found.sessions if found.dated and s.started
-    ]
+    days = [each.started for each in found.sessions if found.dated and each.started]
+    starts = [datetime.fromisoformat(day) for day in days]
     times = [each.timestamp() for each in starts] or [*range(len(found.sessions))]
     labels = [f"{each:%Y-%m}" for each in starts] or [str(k + 1) for k in times]
     wide, bottom = 330.0, 124.0
