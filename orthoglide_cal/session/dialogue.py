@@ -178,17 +178,12 @@ class Dialogue:
         """After a simulated session, say what was hidden, and whether it was found."""
         if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
             return
-        columns = list(zip(found, gauge.offsets_mm.tolist(), strict=True))
-        hidden = " ".join(
-            f"{each.name} {signed(value, decimals_for(each.expanded))}" for each, value in columns
-        )
-        inside = all(
-            each.found is None or abs(value - each.found) <= each.expanded
-            for each, value in columns
-        )
-        told = "not all lie within U: expected once in seven sessions"
-        told = "all lie within U" if inside else told
-        self.asker.show(f"Simulated; hidden were {hidden} mm: {told}.")
+        hidden, told = list[str](), "all lie within U"
+        for each, value in zip(found, gauge.offsets_mm.tolist(), strict=True):
+            hidden.append(f"{each.name} {signed(value, decimals_for(each.expanded))}")
+            if each.found is not None and abs(value - each.found) > each.expanded:
+                told = "not all lie within U: expected once in seven sessions"
+        self.asker.show(f"Simulated; hidden were {' '.join(hidden)} mm: {told}.")
 
     def close(self) -> None:
         """Let go of the gauge and the journal."""
@@ -357,10 +352,8 @@ class Dialogue:
             self.write(taken)
             self._acknowledge(step, value)
             return
-        doubt, text, about = question
-        asked = Questioned(
-            **taken.model_dump(exclude={"kind"}), doubt=doubt, question=text, about=about
-        )
+        same, (doubt, text, about) = taken.model_dump(exclude={"kind"}), question
+        asked = Questioned(**same, doubt=doubt, question=text, about=about)
         before = [
             old.value_mm
             for old in (*(old.take for old in self.state.replaced), self.state.pending)

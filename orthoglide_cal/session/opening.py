@@ -43,15 +43,6 @@ from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import (
-    Event,
-    Following,
-    GaugeLabel,
-    Opened,
-    Planned,
-    State,
-    replay,
-)
 from orthoglide_cal.session.gauges.interface import LiveGauge
 from orthoglide_cal.session.gauges.serial_line import SerialGauge
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
@@ -90,7 +81,7 @@ class Request:
     until_mm: float | None = None  # end once every offset is known this well
     operator: str | None = None
     temperature_c: float | None = None
-    gauges: tuple[GaugeLabel, ...] = ()
+    gauges: tuple[events.GaugeLabel, ...] = ()
 
 
 def clock() -> str:
@@ -124,7 +115,7 @@ def open_session(
         first = _first_records(request, found.model if found else model, now(), found)
         journal = Journal.create(path.with_suffix(JOURNAL), *first)
     try:
-        state = replay(journal.recovered.events)
+        state = events.replay(journal.recovered.events)
         setting = _setting(journal, state)
         if request.resume:
             _refuse_changes(state.opened, setting.held, request)
@@ -162,18 +153,17 @@ def _check_options(request: Request) -> None:
             "Name another file for the session that will hold both.",
         )
     told = {
-        "--resume": request.resume or None,
+        "--resume": request.resume,
         "--protocol or --design": request.protocol,
         "--cycles": request.cycles,
         "--order": request.order,
         "--until": request.until_mm,
     }
-    for name, value in told.items():
-        if value is not None:
-            raise UsageError(
-                f"--then and {name} do not go together.",
-                "Leave out one of them: what is read follows from what was begun.",
-            )
+    if wrong := [name for name, value in told.items() if value]:
+        raise UsageError(
+            f"--then and {wrong[0]} do not go together.",
+            "Leave out one of them: what is read follows from what was begun.",
+        )
 
 
 def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | None]:
@@ -258,7 +248,7 @@ class Recommendation:
                 " measurement needs the machine and the stands as they were.",
                 "Leave out --choice for one with the stands set up again.",
             )
-        following = Following(
+        following = events.Following(
             data=self.first.following.data, what=option.what, minutes=option.minutes,
             continues=option.continues, entered=(x, y, z),
         )  # fmt: skip
@@ -290,9 +280,10 @@ def _recommended(path: str, request: Request) -> Recommendation:
             "Leave out --machine to use the machine of the session.",
         )
     model = read_input(data, given).model if given else own.model
-    first = PriorReadings(
-        Following(data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED), model
+    start = events.Following(
+        data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED
     )
+    first = PriorReadings(start, model)
     if not first.readings.plan.fixed:
         raise UsageError(
             f"{path} was measured with the single-posture protocol. What comes next is read with"
@@ -334,7 +325,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
 
 def _first_records(
     request: Request, model: Model, at: str, found: Recommendation | None
-) -> list[Event]:
+) -> list[events.Event]:
     """The first records of a new session; what the command line leaves open is standard."""
     said = dict(found.first.conditions.environment) if found else {}
     told = re.fullmatch("[0-9]{1,18}", said.get("seed", ""))
@@ -358,18 +349,18 @@ def _first_records(
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:
         steps = sequence(model.orthoglide, protocol, cycles, order, stands)
-    opened = Opened(
+    opened = events.Opened(
         at=at, version=2 if steps else 1, protocol=protocol,
         machine=machine_text(model), cycles=cycles, order=order, stands=stands,
         source=source, seed=seed if simulated else None, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
     readings, following = (step.planned for step in steps), found.first.following if found else None
-    planned = Planned(at=at, readings=tuple(readings), following=following)
+    planned = events.Planned(at=at, readings=tuple(readings), following=following)
     return [opened, planned] if steps else [opened]
 
 
-def _setting(journal: Journal, state: State) -> Setting:
+def _setting(journal: Journal, state: events.State) -> Setting:
     """What the session is measured with. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model, first = machine_from_text(opened.machine, path), None
@@ -402,7 +393,7 @@ def _serial_gauge(source: Sequence[str]) -> SerialGauge | None:
     return SerialGauge(source)
 
 
-def _refuse_changes(opened: Opened, model: Model, request: Request) -> None:
+def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> None:
     """Raises UsageError, naming every difference, if the session asked for is another one."""
     differences = []
     for name in ("protocol", "cycles", "order", "stands", "seed"):

@@ -102,11 +102,7 @@ class PriorReadings:
         """The time of a new reading on the clock of the first ones; None where they tell none.
 
         The clock runs on from their end, if that is known and was on the same day; else it stands
-        from the last of them to the beginning of the session.
-
-        Args:
-            opened_at: when the session began, ISO 8601.
-            own: minutes since then.
+        from the last of them to `opened_at`, when the session began (ISO 8601), `own` minutes ago.
         """
         if not self.readings.timed:
             return None
@@ -212,25 +208,18 @@ class ReadingsSoFar:
                 at = number
         return at
 
-    def place(self, number: int) -> ReadingRow:
-        """What a step reads, as a row of the session file."""
-        setting, step = self.setting, self.setting.steps[number - 1]
-        cycle = step.cycle + (setting.first.repeats[step.cell] if setting.first else 0)
+    def row(self, number: int, take: Arrived | None = None, **further: object) -> ReadingRow:
+        """A step as a row of the session file: what it reads, a reading, and what is said of it."""
+        setting, opened, step = self.setting, self.state.opened, self.setting.steps[number - 1]
+        first, said = setting.first, dict[str, object]()
+        said["cycle"] = step.cycle + (first.repeats[step.cell] if first else 0)
+        if take is not None:
+            own, gauge = take.file_minutes, opened.gauge_id(step.stand)
+            said |= {"reading_mm": take.value_mm, "gauge": gauge, "timestamp": take.at}
+            said["minutes"] = first.minutes(opened.at, own) if first else own
+            said["temperature_c"] = opened.temperature_c
         row = row_at(setting.plan, number - 1, str(step.posture))
-        return row.model_copy(update={"cycle": cycle})
-
-    def row(self, take: Arrived, **further: object) -> ReadingRow:
-        """One reading, with what is known of it further."""
-        first, opened, minutes = self.setting.first, self.state.opened, take.file_minutes
-        update = {
-            "reading_mm": take.value_mm,
-            "minutes": first.minutes(opened.at, minutes) if first else minutes,
-            "temperature_c": opened.temperature_c,
-            "gauge": opened.gauge_id(self.setting.steps[take.step - 1].stand),
-            "timestamp": take.at,
-            **further,
-        }
-        return self.place(take.step).model_copy(update=update)
+        return row.model_copy(update={**said, **further})
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
@@ -252,7 +241,8 @@ class ReadingsSoFar:
                 remarks.insert(0, QUESTIONED.format(take.step, take.question))
             if take.remark:
                 remarks.append(take.remark)
-            rows.append(self.row(take, seq=seq, gauge=label, note="; ".join(remarks) or None))
+            note = "; ".join(remarks) or None
+            rows.append(self.row(take.step, take, seq=seq, gauge=label, note=note))
         return rows
 
     @property
@@ -289,11 +279,8 @@ class ReadingsSoFar:
             finished=state.ended.at if state.ended else None,
             environment=said,
             readings=(*(first.rows if first else ()), *self.rows),
-            retaken=tuple(self.row(old.take, reason=old.reason) for old in state.replaced),
-            skipped=tuple(
-                self.place(number).model_copy(update={"reason": reason})
-                for number, reason in sorted(state.skipped.items())
-            ),
+            retaken=tuple(self.row(old.step, old, reason=why) for old, why in state.replaced),
+            skipped=tuple(self.row(n, reason=why) for n, why in sorted(state.skipped.items())),
         )
 
     @cached_property

@@ -43,13 +43,11 @@ class SimulatedGauge(LiveGauge):
         self._active: list[int] = steps.tolist() if steps.any() else []
         rng = np.random.default_rng([seed, _TRUTH])
         self.offsets_mm: Floats = rng.uniform(-OFFSETS_MM, OFFSETS_MM, 3) - active
-        zeros = [rng.uniform(-ZEROS_MM, ZEROS_MM, (3, 3))]
         plan = setting.plan
-        for part in range(1, plan.parts):
-            anew = np.random.default_rng([seed, _TRUTH, part])
-            zeros.append(anew.uniform(-ZEROS_MM, ZEROS_MM, (3, 3)))
+        later = (np.random.default_rng([seed, _TRUTH, part]) for part in range(1, plan.parts))
+        zeros = np.array([each.uniform(-ZEROS_MM, ZEROS_MM, (3, 3)) for each in (rng, *later)])
         exact = simulate(setting.model, self.offsets_mm, plan)
-        zero = np.array(zeros)[plan.part, plan.leg, plan.direction]
+        zero = zeros[plan.part, plan.leg, plan.direction]
         self._exact: list[float] = (exact + zero).tolist()
         self._before = len(setting.first.readings) if setting.first else 0
         self._wanted = (1, 0)  # step and take
