@@ -114,7 +114,7 @@ def _evidence(case: Case) -> Iterator[list[doc.Block]]:
     yield [*_sizes(case, offsets=True), *open_blocks(case)]
     yield [_rms_grid(case), *_baselines(case)]
     if case.answer.verdict is Verdict.NAMED:
-        yield brief_residuals(case.answer, case.words.many)
+        yield brief_residuals(case)
 
 
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
@@ -254,7 +254,7 @@ def _page(case: Case) -> doc.Page:
         sheet=(doc.next_steps(_steps(case)),),
         sections=(
             *([doc.Section("Causes", causes)] if causes else []),
-            *residual_sections(answer, case.words.many, _fit_blocks(case)),
+            *residual_sections(case, _fit_blocks(case)),
             doc.Section(parameters_title(case), tuple(told)),
         ),
     )

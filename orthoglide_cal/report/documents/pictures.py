@@ -27,15 +27,16 @@ _MOST_SERIES = 6  # on a screen, each in half as many postures
 _CELLS = 17  # of a bed in signs, along x and along y
 
 
-def residual_sections(answer: Answer, many: str, fit: Sequence[doc.Block]) -> list[doc.Section]:
+def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]:
     """Measured minus modelled in characters, without and with the causes found.
 
-    `many` is what the calibrated parameters are called; `fit` says whether they suffice.
+    `fit` says whether the parameters suffice.
     """
+    answer, sigma = case.answer, case.machine.instrument.noise_mm
     if answer.input.kind != DataKind.READINGS:
-        return [doc.Section("Differences, mm", (_differences(answer), *fit))]
-    bed, sigma, sections = _on_bed(answer), _sigma_mm(answer), []
-    for model, left in _left(answer, many).items():
+        return [doc.Section("Differences, mm", (_differences(case), *fit))]
+    bed, sections = _on_bed(answer), []
+    for model, left in _left(case).items():
         blocks: list[doc.Block] = [] if bed else [_by_leg(answer.residuals, left, sigma)]
         for title, own in _surfaces(answer).items() if bed else ():
             sketch = _signs(_places(answer)[own], left[own], sigma)
@@ -46,14 +47,14 @@ def residual_sections(answer: Answer, many: str, fit: Sequence[doc.Block]) -> li
     return [*sections, doc.Section(None, (legend, *fit))]
 
 
-def brief_residuals(answer: Answer, many: str) -> list[doc.Block]:
+def brief_residuals(case: Case) -> list[doc.Block]:
     """The same without and with the causes, side by side; nothing where a screen has no room."""
-    if answer.input.kind != DataKind.READINGS:
-        return [_differences(answer)]
-    if _on_bed(answer):
+    if case.answer.input.kind != DataKind.READINGS:
+        return [_differences(case)]
+    if _on_bed(case.answer):
         return []
-    left = _left(answer, many)
-    without, with_it = (_by_leg(answer.residuals, values) for values in left.values())
+    left = _left(case)
+    without, with_it = (_by_leg(case.answer.residuals, values) for values in left.values())
     if len(without.rows) > _MOST_SERIES or len(without.head) > _MOST_SERIES // 2 + 1:
         return []
     pairs = zip(without.rows, with_it.rows, strict=True)
@@ -96,11 +97,10 @@ def differences_figure(
 
 def residual_blocks(case: Case) -> list[doc.Block]:
     """The same as figures; nothing of differences, which have a figure of their own."""
-    answer = case.answer
-    rows, sigma = answer.residuals, _sigma_mm(answer)
+    answer, sigma = case.answer, case.machine.instrument.noise_mm
     if answer.input.kind != DataKind.READINGS:
         return []
-    left = _left(answer, case.words.many)
+    rows, left = answer.residuals, _left(case)
     if not _on_bed(answer):
         panels = figures.residual_panels(
             [_series_of(row) for row in rows],
@@ -132,17 +132,12 @@ def _on_bed(answer: Answer) -> bool:
     return any(row.x_mm is not None for row in answer.residuals)
 
 
-def _sigma_mm(answer: Answer) -> float:
-    """Standard deviation of one reading, as stated."""
-    if answer.lack_of_fit is not None:
-        return answer.lack_of_fit.noise_mm
-    return answer.noise.stated_mm if answer.noise else 0.0
-
-
-def _left(answer: Answer, many: str) -> dict[str, Floats]:
+def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]."""
-    rows, ids = answer.residuals, " and ".join(cause.id for cause in answer.causes)
-    left = {f"{many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])}
+    rows, ids = case.answer.residuals, " and ".join(cause.id for cause in case.answer.causes)
+    left = {
+        f"{case.words.many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])
+    }
     if ids:
         known = ((row.with_causes_mm, row.modelled_mm) for row in rows)
         modelled = [alone if both is None else both for both, alone in known]
@@ -211,9 +206,9 @@ def _sign(left_mm: float, sigma_mm: float) -> str:
 # --- differences, and readings at legs --------------------------------------------------------
 
 
-def _differences(answer: Answer) -> doc.Grid:
+def _differences(case: Case) -> doc.Grid:
     """One row per difference: measured, modelled, left without and with the causes [mm]."""
-    left = _left(answer, "offsets")
+    answer, left = case.answer, _left(case)
     names = ["left", f"left with the cause{'s' * (len(answer.causes) > 1)}"]
     rows = []
     for k, row in enumerate(answer.residuals):
@@ -231,14 +226,17 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = 
     """
     postures = list(dict.fromkeys(row.posture or "" for row in rows))
     several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
-    cells: dict[str, dict[str, list[tuple[int, float]]]] = {}
-    keys = [(_series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1) for row in rows]
+    cells: dict[str, dict[str, list[float]]] = {}
+    keys = [
+        (_series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1, row.order)
+        for row in rows
+    ]
     for k in sorted(range(len(rows)), key=keys.__getitem__):
         row, name = rows[k], keys[k][0].words
         name += f", {row.end} end" if row.end else f", at {row.gauge_at:g}" if several else ""
         name += f", part {row.part}" if parts else ""
         own = cells.setdefault(name, {posture: [] for posture in postures})
-        own[row.posture or ""].append((row.order, float(left_mm[k])))
+        own[row.posture or ""].append(float(left_mm[k]))
     columns = []
     for posture in postures:
         column = [_mean_and_signs(own[posture], sigma_mm) for own in cells.values()]
@@ -249,14 +247,13 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = 
     return doc.Grid(("leg, direction", *postures), tuple(zip(cells, *columns, strict=True)))
 
 
-def _mean_and_signs(left: Sequence[tuple[int, float]], sigma_mm: float | None) -> str:
+def _mean_and_signs(left: Sequence[float], sigma_mm: float | None) -> str:
     """The mean over the repeats [µm] and a sign for each, in order of time."""
     if not left:
         return ""
-    values = np.array([value for _, value in sorted(left)])
-    mean = signed(1000.0 * float(values.mean()), 1)
+    mean = signed(1000.0 * float(np.mean(left)), 1)
     if sigma_mm is None:
         return mean
-    parts = np.array_split(values, min(values.size, _SIGNS))
+    parts = np.array_split(left, min(len(left), _SIGNS))
     marks = "".join(_sign(float(part[np.argmax(np.abs(part))]), sigma_mm) for part in parts)
     return f"{mean} {marks}"
