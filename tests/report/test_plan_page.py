@@ -11,7 +11,7 @@ from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.plan import plan_document
-from orthoglide_cal.report.documents.solution import budget_section
+from orthoglide_cal.report.documents.solution import budget_sections
 from orthoglide_cal.report.figures import separation_lines
 from tests.machines import NOMINAL, both_models
 
@@ -42,7 +42,8 @@ def test_small_sources_are_counted(count: int, said: str) -> None:
 
     small = (Origin.RESOLUTION, Origin.GAUGE_SCALE)[:count]
     budget = Budget((source(Origin.NOISE, 1.0), *(source(name, 0.01) for name in small)))
-    rows = grid_of(budget_section(NOMINAL.machine, *budget_lines(budget))).rows
+    (section,) = budget_sections(NOMINAL.machine, *budget_lines(budget))
+    rows = grid_of(section).rows
     assert [row[0] for row in rows if "other" in str(row[0])] == [said]
 
 

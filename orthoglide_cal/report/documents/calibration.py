@@ -104,7 +104,10 @@ def calibration_document(
                 chosen = pages if answer.shims else sheet
                 chosen.append(doc.Section("What would be left if the result were entered", drawn))
             sheet += map(_other, others)
-            pages += [*_evidence(case), *origin]
+            residuals = tuple(residual_blocks(case))
+            pages.append(doc.Section("Residuals (measured − model)", residuals))
+            pages += [diagnosis_section(case)] if answer.verdict is not None else []
+            pages += [*budget_sections(machine, answer.budget, answer.total), *origin]
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
             sheet += [doc.next_steps(to_do(case)), *map(_other, others), *origin]
@@ -230,14 +233,6 @@ def _other(case: Case) -> doc.Section:
 
 
 # --- the evidence -----------------------------------------------------------------------------
-
-
-def _evidence(case: Case) -> Iterator[doc.Section]:
-    """What the result rests on: residuals, diagnosis, budget."""
-    yield doc.Section("Residuals (measured − model)", tuple(residual_blocks(case)))
-    if case.answer.verdict is not None:
-        yield diagnosis_section(case)
-    yield from budget_sections(case)
 
 
 def _workspace(

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import FoundCause, NextMeasurement, Verdict, nothing_wrong
+from orthoglide_cal.diagnosis import NextMeasurement, Verdict, nothing_wrong
 from orthoglide_cal.diagnosis.result import Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model import weighing
@@ -313,7 +313,17 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     yield from _sizes(case)
     yield _rms_grid(case)
     for cause in answer.causes:
-        yield doc.Facts(((cause.id, case.title_of(cause.id)), *_cause(case, cause)))
+        told = [(cause.id, case.title_of(cause.id))]
+        if cause.id in case.machine.companions:
+            told.append(("doubt", case.machine.companions[cause.id]))
+        if not cause.in_machine:
+            note = "It lies in the measurement: nothing for the controller to correct."
+            told.append(("note", note))
+        elif not cause.recommended:
+            told.append(("note", "Making it part of the machine's model is not recommended."))
+        if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
+            told.append(("looks like", ", ".join(cause.aliases)))
+        yield doc.Facts(tuple(told))
     share = percent(answer.causes[0].probability, 1)
     nothing = nothing_wrong(answer.explanations)
     if nothing is not None:
@@ -326,18 +336,6 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     if answer.causes[0].heldout_after_mm >= answer.causes[0].heldout_before_mm:
         facts.append(("note", "It does not predict better: not recommended as an extension."))
     yield doc.Facts(tuple(facts))
-
-
-def _cause(case: Case, cause: FoundCause) -> Iterator[tuple[str, doc.Blank]]:
-    doubt = case.machine.companions.get(cause.id)
-    if doubt is not None:
-        yield "doubt", doubt
-    if not cause.in_machine:
-        yield "note", "It lies in the measurement: nothing for the controller to correct."
-    elif not cause.recommended:
-        yield "note", "Making it part of the machine's model is not recommended."
-    if cause.aliases and case.answer.verdict is not Verdict.AMBIGUOUS:
-        yield "looks like", ", ".join(cause.aliases)
 
 
 def _next_step(case: Case) -> doc.Instruction:

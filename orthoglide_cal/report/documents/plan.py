@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -33,7 +32,7 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import about, to_follow
 from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import budget_section, common_unit, source_words
+from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
@@ -105,12 +104,14 @@ def plan_document(
             data = f"{file_words(visible(going_on.input.path))}, {going_on.input.readings}"
             facts, notice = doc.Facts((("Readings", data),)), _next_notice(plan, going_on)
         limits = map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))
-        sections += [_sessions(plan), doc.Section(None, tuple(limits))]
+        title = "Ways to measure, compared" if plan.gauges is None else "How many cycles"
+        sections.append(doc.Section(title, (_sessions_grid(plan),)))
+        sections.append(doc.Section(None, tuple(limits)))
         sections += [_ways(plan)] if plan.compare else []
         if plan.design:
             typed = _command(plan.design, plan, machine_file, source)
             sections.append(_design(plan, plan.design, typed))
-        sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
+        sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
             title=plan.machine,
@@ -295,23 +296,14 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if machine.rivals:
         sigma = [each.rivals_sigma for each in shown]
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
-    rows = [*zip(*columns.values(), strict=True)]
-    if fixed := _fixed(plan):
-        rows.append((*fixed, *[""] * bool(machine.rivals)))
-    return doc.Grid(tuple(columns), tuple(rows), words=() if cycles else (0,))
-
-
-def _fixed(plan: MeasurementPlan) -> tuple[str, ...]:
-    """The row of what no layout determines: ids, and what they add to U; () if nothing is."""
-    names = plan.model.machine.fixed_parameters
-    ids = " and ".join(each.source for each in plan.budget if each.source in names)
-    added = (two_figures(each.fixed) for each in plan.chosen.parameters.values())
-    return (ids, "", "", *added) if ids else ()
-
-
-def _sessions(plan: MeasurementPlan) -> doc.Section:
-    """The session with other numbers of cycles, or every layout."""
-    machine, cycles = plan.model.machine, plan.gauges is not None
+    rows, left = [*zip(*columns.values(), strict=True)], () if cycles else (0,)
+    # What no layout determines, and what it adds to U.
+    fixed = [each.source for each in plan.budget if each.source in machine.fixed_parameters]
+    if fixed:
+        added = (two_figures(each.fixed) for each in plan.chosen.parameters.values())
+        rows.append((" and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)))
+    if brief:
+        return doc.Grid(tuple(columns), tuple(rows), left)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     units = ", ".join(f"{name} {unit_words(unit)}" for name, unit in named)
     told = ["In mm." if common_unit(machine) else f"{units}; – is not determined."]
@@ -323,11 +315,12 @@ def _sessions(plan: MeasurementPlan) -> doc.Section:
     if machine.rivals:
         pair = " and ".join(machine.rivals)
         told.append(f"σ: how far {pair} of usual size are apart, in standard deviations.")
-    if fixed := _fixed(plan):
-        told.append(f"No layout determines {fixed[0]}, taken as stated: what it adds (by squares)")
-        told.append("is the last row. In solve, what the readings cannot rule out is added.")
-    title = "How many cycles" if cycles else "Ways to measure, compared"
-    return doc.Section(title, (replace(_sessions_grid(plan), caption=" ".join(told)),))
+    if fixed:
+        told.append(f"No layout determines {rows[-1][0]}, taken as stated: what it adds (by")
+        told.append(
+            "squares) is the last row. In solve, what the readings cannot rule out is added."
+        )
+    return doc.Grid(tuple(columns), tuple(rows), left, " ".join(told))
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
@@ -404,7 +397,18 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "" if now is None else f" Now it is ± {two_figures(now)} mm."
     worth = f"With it: {_reach(plan.model, best.expanded)}.{today}"
-    target = _target_line(plan)
+    target = []
+    if plan.target is not None:
+        # The quickest way to the U that was asked for, with the data that there are.
+        wanted = plan.target.expanded_mm
+        able = [each for each in plan.next if max(each.expanded_mm.values()) <= wanted]
+        said = "is reached by none of these."
+        if now is not None and now <= wanted:
+            said = "is reached already."
+        elif able:
+            quickest = min(able, key=lambda each: each.minutes)
+            said = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
+        target.append(f"± {wanted:g} mm {said}")
     if best.between:
         first, second = between_words(best)
         title = f"Next: {minutes} leave one answer with a chance of {percent(best.chance)}"
@@ -415,21 +419,6 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
         better = f"To know them better: {minutes}. {worth}"
         return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (may, better, *target))
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
-
-
-def _target_line(plan: MeasurementPlan) -> Iterator[str]:
-    """The quickest way to a U that was asked for, with the data that there are."""
-    if plan.target is None:
-        return
-    target_mm, now_mm = plan.target.expanded_mm, plan.now_mm
-    able = [each for each in plan.next if max(each.expanded_mm.values()) <= target_mm]
-    said = "is reached by none of these."
-    if now_mm is not None and now_mm <= target_mm:
-        said = "is reached already."
-    elif able:
-        quickest = min(able, key=lambda each: each.minutes)
-        said = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
-    yield f"± {target_mm:g} mm {said}"
 
 
 def _next_grid(

@@ -149,7 +149,7 @@ def _page(case: Case) -> doc.Page:
         sections=(
             doc.Section(parameters_title(case), (*blocks, _correlations(case))),
             doc.Section(title, tuple(_improvement(case, full=True))),
-            *budget_sections(case),
+            *budget_sections(case.machine, case.answer.budget, case.answer.total),
             doc.Section(None, tuple(map(doc.Paragraph, notes))),
         ),
     )
@@ -298,14 +298,13 @@ def _adds(each: BudgetLine) -> float:
     return sum(std**2 for std in each.std)
 
 
-def alone_block(case: Case) -> tuple[doc.Block, ...]:
+def alone_block(case: Case) -> Iterator[doc.Block]:
     """What the parameters would be without the causes that were found, in one line."""
     alone, digits = case.answer.alone, case.answer.decimals
-    if alone is None:
-        return ()
-    values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
-    left = f"({plain(alone.rms_after_mm, 4)} mm r.m.s. left)"
-    return (doc.Paragraph(f"{case.words.many.capitalize()} alone: {values} {left}."),)
+    if alone is not None:
+        values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
+        left = f"({plain(alone.rms_after_mm, 4)} mm r.m.s. left)"
+        yield doc.Paragraph(f"{case.words.many.capitalize()} alone: {values} {left}.")
 
 
 def open_blocks(case: Case) -> Iterator[doc.Block]:
@@ -323,16 +322,12 @@ def open_blocks(case: Case) -> Iterator[doc.Block]:
             yield doc.Paragraph(told)
 
 
-def budget_sections(case: Case) -> Iterator[doc.Section]:
-    """The budget of an answer; nothing without a result."""
-    if case.answer.total is not None:
-        yield budget_section(case.machine, case.answer.budget, case.answer.total)
-
-
-def budget_section(
-    machine: Machine, lines: Sequence[BudgetLine], total: BudgetTotal
-) -> doc.Section:
-    """Each source with its size, and what it adds to each parameter of the kind of machine."""
+def budget_sections(
+    machine: Machine, lines: Sequence[BudgetLine], total: BudgetTotal | None
+) -> Iterator[doc.Section]:
+    """Each source with its size, and what it adds to each parameter; nothing without a result."""
+    if total is None:
+        return
     unit, rows = common_unit(machine), list[tuple[str, ...]]()
     for each in sorted(lines, key=lambda each: -max(each.std)):
         if not each.minor:
@@ -350,7 +345,7 @@ def budget_section(
     heads = [name if unit else f"{name}, {own}" for name, own in named]
     grid = doc.Grid(("source", "type", "size", *heads), tuple(rows))
     told = doc.Paragraph(f"Largest contribution: {what}. {remedy}")
-    return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", (grid, told))
+    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", (grid, told))
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
