@@ -23,7 +23,6 @@ from orthoglide_cal.words import plain, signed
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
 
-MINUS = "\N{MINUS SIGN}"
 _LETTER = 6.3  # width of a letter or digit
 
 
@@ -56,17 +55,14 @@ class Scale:
 
 def tick_text(value: float, step: float) -> str:
     """A tick's number with as many decimals as its step needs."""
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if step > 0 else 2
-    if step > 0 and abs(round(step, decimals) - step) > step * 1e-6:
-        decimals += 1
-    written = f"{abs(value):.{decimals}f}"
-    return MINUS + written if value < 0 and float(written) else written
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    decimals += abs(round(step, decimals) - step) > step * 1e-6
+    return plain(value, decimals).replace("-", "−")
 
 
 def around(values: Sequence[float], least: float = 0.0) -> tuple[float, float]:
     """Limits that hold the values and zero with a little room; at least ±`least`."""
-    known = [v for v in values if math.isfinite(v)]
-    low, high = min([*known, -least, 0.0]), max([*known, least, 0.0])
+    low, high = min([*values, -least, 0.0]), max([*values, least, 0.0])
     room = 0.06 * (high - low) or 1.0
     return low - (room if low < 0 else 0.0), high + (room if high > 0 else 0.0)
 
@@ -369,8 +365,8 @@ def workspace_maps(
         pictures.append(("measured", after.maps.before_mm, after.worst_before_mm))
     limits = class_limits(0.0, max(float(error.max()) for _, error, _ in pictures))
     ends, panels = (float(before.axis_mm[0]), float(before.axis_mm[-1])), []
+    across = Scale(*ends, 0.0, _SIZE)
     for when, error, (x_mm, y_mm, z_mm) in pictures:
-        across, up = (Scale(*ends, 0.0, _SIZE) for _ in range(2))
         for k in reversed(range(len(before.levels_mm))):
             level = float(before.levels_mm[k])
             title = f"{when}, z = {tick_text(level, 1.0)} mm"
@@ -382,7 +378,7 @@ def workspace_maps(
                 *_axes(_LEFT, _ABOVE, _SIZE, ends),
             ]
             if abs(z_mm - level) < 1e-6:
-                x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - up(y_mm)
+                x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - across(y_mm)
                 body.append(tag("circle", cx=x, cy=y, r=5.0, class_="worst"))
             name = f"workspace-{when.replace(' ', '-')}-{k}"
             panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, body, "map"))
