@@ -72,8 +72,8 @@ class Case:
     @property
     def known(self) -> tuple[Cause, ...]:
         """Lasting causes of the machine: accepted ones, and those that were found."""
-        found = [CAUSES[cause.id] for cause in self.answer.causes]
-        named = found if self.answer.verdict is Verdict.NAMED else []
+        sure = self.answer.causes if self.answer.verdict is Verdict.NAMED else ()
+        named = [CAUSES[cause.id] for cause in sure]
         lasting = [cause for cause in named if cause.in_machine and cause.lasting]
         return (*(effect.cause for effect in self.given.model.accepted), *lasting)
 
@@ -92,14 +92,10 @@ class Case:
 
     def typed(self, verb: str, *options: str) -> str:
         """A command about the same input, with what was given for it, and further options."""
-        given = [*options]
-        if verb in _TAKING_METHODS:
-            given = [*(f"--method {each}" for each in self._method), *options]
-        if verb in _DIAGNOSING:
-            given += [f"--rule-out {id}" for id in self.answer.ruled_out]
-        return about(
-            verb, self.source, machine=self.machine_file, options=" ".join(filter(None, given))
-        )
+        given = [f"--method {each}" for each in self._method if verb in _TAKING_METHODS]
+        given += filter(None, options)
+        given += [f"--rule-out {id}" for id in self.answer.ruled_out if verb in _DIAGNOSING]
+        return about(verb, self.source, machine=self.machine_file, options=" ".join(given))
 
     def more(self, verb: str) -> doc.Paragraph:
         """Where the rest stands."""
@@ -141,18 +137,16 @@ class Case:
 
 def decision_notice(case: Case) -> doc.Notice:
     """The decision and what it rests on."""
-    answer, many = case.answer, case.words.many
-    release = answer.release
+    answer, release, many = case.answer, case.answer.release, case.words.many
+    tone, title, lines = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
     if not answer.parameters:
-        return doc.Notice(doc.Tone.BAD, "There is no result", release.reasons, case.about)
-    if not release.usable:
-        title = f"Do not enter these {many}"
-        return doc.Notice(doc.Tone.BAD, title, release.reasons, case.about)
-    title = SETTLED if release.settled else f"The {many} may be entered"
-    if release.cautions:
-        title = title if release.settled else f"{title}, with care"
-        return doc.Notice(doc.Tone.WARN, title, release.cautions, case.about)
-    return doc.Notice(doc.Tone.GOOD, title, (answer.judgement,), case.about)
+        title = "There is no result"
+    elif release.usable:
+        care = ", with care" * bool(release.cautions)
+        title = SETTLED if release.settled else f"The {many} may be entered{care}"
+        tone = doc.Tone.WARN if release.cautions else doc.Tone.GOOD
+        lines = release.cautions or (answer.judgement,)
+    return doc.Notice(tone, title, lines, case.about)
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:

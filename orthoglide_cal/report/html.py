@@ -78,7 +78,9 @@ def _block(block: doc.Block) -> Html:
         case doc.Paragraph():
             return tag("p", _line(block.content), class_="small" if block.small else None)
         case doc.Notice():
-            return _notice(block)
+            title = tag("h2", tag("span", f"{block.tone.sign} ", aria_hidden="true"), block.title)
+            lines = (tag("p", _line(line)) for line in block.lines)
+            return tag("div", title, *lines, class_=f"notice {block.tone}")
         case doc.Facts():
             rows = (join((tag("dt", name), tag("dd", _cell(value)))) for name, value in block.rows)
             return tag("dl", *rows)
@@ -99,25 +101,13 @@ def _instruction(item: doc.Instruction) -> Html:
     return tag("li", _line(item.content), command)
 
 
-def _notice(notice: doc.Notice) -> Html:
-    sign = tag("span", f"{notice.tone.sign} ", aria_hidden="true")
-    return tag(
-        "div",
-        tag("h2", sign, notice.title),
-        *(tag("p", _line(line)) for line in notice.lines),
-        class_=f"notice {notice.tone}",
-    )
-
-
 def _table(grid: doc.Grid) -> Html:
     kinds = ["words" if k in grid.words else None for k in range(len(grid.head))]
-    head = tag(
-        "tr",
-        *(
-            tag("th", title, scope="col", class_=kind) if title else tag("td")
-            for title, kind in zip(grid.head, kinds, strict=True)
-        ),
-    )
+    heads = [
+        tag("th", title, scope="col", class_=kind) if title else tag("td")
+        for title, kind in zip(grid.head, kinds, strict=True)
+    ]
+    head = tag("thead", tag("tr", *heads)) if any(grid.head) else None
     rows = []
     for first, *others in grid.rows:
         named = bool(first) and 0 in grid.words
@@ -128,7 +118,7 @@ def _table(grid: doc.Grid) -> Html:
         rows.append(tag("tr", *cells))
     scrolled = tag(
         "div",
-        tag("table", tag("thead", head) if any(grid.head) else None, tag("tbody", *rows)),
+        tag("table", head, tag("tbody", *rows)),
         class_="scroll",
         tabindex="0",
         role="region",
@@ -143,16 +133,11 @@ def _tiles(grid: doc.Grid) -> Html:
     """A name never leaves its value, however narrow the page."""
     tiles = []
     for name, *others, value in grid.rows:
-        below = zip(grid.head[1:-1], others, strict=True)
-        tiles.append(
-            tag(
-                "div",
-                tag("p", tag("span", _cell(name)), " ", tag("b", _cell(value)), class_="value"),
-                tag("p", grid.head[-1], class_="small label"),
-                *(tag("p", f"{title} ", _cell(cell), class_="small") for title, cell in below),
-                class_="tile",
-            )
-        )
+        shown = tag("p", tag("span", _cell(name)), " ", tag("b", _cell(value)), class_="value")
+        label = tag("p", grid.head[-1], class_="small label")
+        pairs = zip(grid.head[1:-1], others, strict=True)
+        below = (tag("p", f"{title} ", _cell(cell), class_="small") for title, cell in pairs)
+        tiles.append(tag("div", shown, label, *below, class_="tile"))
     caption = tag("p", grid.caption, class_="small") if grid.caption else None
     return tag("div", tag("div", *tiles, class_="tiles"), caption)
 
@@ -194,8 +179,6 @@ def _inline(part: doc.Inline) -> Html:
             return tag("strong", tag("bdi", part.text), class_="doubt")
         case doc.Given():
             return tag("bdi", part.text)
-        case Html():
-            return part
         case _:
             pieces = enumerate(_WHOLE.split(part))
             return join(tag("span", each, class_="nb") if k % 2 else each for k, each in pieces)
