@@ -116,32 +116,30 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
         measured = (signed(each.measured_mm, digits) for each in rows)
         expected = (signed(each.expected_mm, digits) for each in rows)
-        yield doc.Grid(
-            ("Deviation, mm", *(each.name for each in rows), "r.m.s."),
-            (
-                ("measured", *measured, plain(answer.as_found.rms_mm, digits)),
-                (after, *expected, plain(answer.expected.rms_mm, digits)),
-                ("± U", *(plain(each.expanded_mm, digits) for each in rows), ""),
-            ),
+        table = (
+            ("measured", *measured, plain(answer.as_found.rms_mm, digits)),
+            (after, *expected, plain(answer.expected.rms_mm, digits)),
+            ("± U", *(plain(each.expanded_mm, digits) for each in rows), ""),
         )
+        yield doc.Grid(("Deviation, mm", *(each.name for each in rows), "r.m.s."), table)
     if answer.rms is not None:
         of_what = "readings" if answer.input.kind == DataKind.READINGS else "differences"
         of_what += weighing(case.given.measured)
-        yield doc.Paragraph(
-            f"Residuals of the {of_what}: {plain(answer.rms.before_mm, 4)} mm r.m.s. before,"
-            f" {plain(answer.rms.after_mm, 4)} after."
-        )
+        before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
+        told = f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
+        yield doc.Paragraph(told)
 
 
 def _page(case: Case) -> doc.Page:
-    facts = doc.Facts((("Method", method_words(case)), ("Noise, mm", noise_words(case.answer))))
-    what, _ = comparison_words(case.answer.check is not None and case.answer.check.ends)
-    title = f"Differences, {what}" if case.answer.deviations else None
+    answer = case.answer
+    facts = doc.Facts((("Method", method_words(case)), ("Noise, mm", noise_words(answer))))
+    what, _ = comparison_words(answer.check is not None and answer.check.ends)
+    title = f"Differences, {what}" if answer.deviations else None
     blocks = (facts, parameters_grid(case), *open_blocks(case), *alone_block(case))
-    notes = [f"Note: {warning}" for warning in case.answer.warnings]
-    if not (case.answer.release.usable or case.answer.named):
+    notes = [f"Note: {warning}" for warning in answer.warnings]
+    if not (answer.release.usable or answer.named):
         # Otherwise it stands at the top, or is of the parameters alone.
-        notes.append(case.answer.judgement)
+        notes.append(answer.judgement)
     return doc.Page(
         kind="Solution",
         notice=decision_notice(case),
@@ -164,14 +162,11 @@ def method_words(case: Case) -> str:
 def _correlations(case: Case) -> doc.Paragraph:
     """How the parameters depend on each other."""
     names, matrix = [each.name for each in case.answer.parameters], case.answer.correlation
-    pairs = ", ".join(
-        f"{one}{other} {signed(matrix[i][k], 2)}"
-        for i, one in enumerate(names)
-        for k, other in enumerate(names[:i])
-    )
+    pairs = [(i, k) for i in range(len(names)) for k in range(i)]
+    told = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
     sigma = case.answer.sigma_rho_mm
     together = "" if sigma is None else f" Together: σ_ρ = {two_figures(sigma)} mm."
-    return doc.Paragraph(f"Correlations: {pairs}.{together}")
+    return doc.Paragraph(f"Correlations: {told}.{together}")
 
 
 def noise_words(answer: Answer) -> str:
@@ -186,9 +181,8 @@ def noise_words(answer: Answer) -> str:
         "resolution q/√12": noise.floor_mm,
         "used for U": noise.used_mm,
     }
-    said = ", ".join(
-        f"{name} {'unknown' if size is None else plain(size, 4)}" for name, size in sizes.items()
-    )
+    known = {name: "unknown" if mm is None else plain(mm, 4) for name, mm in sizes.items()}
+    said = ", ".join(f"{name} {size}" for name, size in known.items())
     return said + (f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else "")
 
 

@@ -199,9 +199,9 @@ def _triple(values: Mapping[str, float], found: Verification) -> str:
 
 def _decision(found: Verification) -> str:
     """The decision about the limit in one sentence; none where no limit was given."""
-    if found.decision is None:
-        return ""
     made = found.decision
+    if made is None:
+        return ""
     return (
         f"{made.outcome.capitalize()}: limit {made.limit_mm:g} mm, largest deviation"
         f" {plain(made.largest_mm, 3)} ± {plain(made.expanded_mm, 3)} mm"
@@ -223,12 +223,10 @@ def parameters_left(found: Verification) -> doc.Section:
         "now": ["unknown" if each is None else doc.Strong(plain(each, decimals)) for each in now],
         "left ± U": [with_uncertainty(each.left, each.left_expanded) for each in every],
     }
-    grid = doc.Grid(
-        tuple(columns),
-        tuple(zip(*columns.values(), strict=True)),
-        caption="Before, now: active in the controller. Found by the first measurement, left by the"
-        " second.",
-    )
+    caption = "Before, now: active in the controller. Found by the first measurement, left by the"
+    caption += " second."
+    rows = tuple(zip(*columns.values(), strict=True))
+    grid = doc.Grid(tuple(columns), rows, caption=caption)
     other = [name for name, each in found.parameters.items() if each.as_found is False]
     note = "Entered is what was found."
     if now.count(None) == len(now):
@@ -275,10 +273,8 @@ def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
 
 def left_figure(found: Verification) -> doc.Figure:
     """What is left of each difference."""
-    rows = [
-        (each.difference, each.before_mm, each.promised_mm, each.expanded_mm, each.after_mm)
-        for each in found.differences
-    ]
+    every = found.differences
+    rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
     sizes = (found.rms_before_mm, found.rms_promised_mm, found.rms_after_mm)
     limit = found.decision.limit_mm if found.decision else None
     return differences_figure(rows, sizes, found.kind == DataKind.SINGLE, limit)
@@ -291,11 +287,8 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
         applied, changed, low, high = (signed(value, _entered(found)) for value in values)
         coefficient = _interval(row.coefficient) if row.coefficient else ""
         rows.append((axis, applied, changed, f"{low} … {high}", coefficient))
-    grid = doc.Grid(
-        ("axis", "applied", "found", "95 % interval", "coefficient"),
-        tuple(rows),
-        caption="Change of each joint, mm, fitted together.",
-    )
+    head = ("axis", "applied", "found", "95 % interval", "coefficient")
+    grid = doc.Grid(head, tuple(rows), caption="Change of each joint, mm, fitted together.")
     lead = (
         "Response coefficient, all axes together: ",
         doc.Strong(_interval(response)),
@@ -304,25 +297,21 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
     blocks: list[doc.Block] = [doc.Paragraph(lead), grid]
     if found.other_change is not None:
         change = found.other_change
-        told = f"{1000 * change.rms_mm:.0f} µm per difference"
+        told = f"{'Something' if change.found else 'Nothing'} else changed:"
+        told += f" {1000 * change.rms_mm:.0f} µm per difference"
         told += f"{' that no offset explains,' * change.found} where noise gives"
         told += f" {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
         if change.found:
-            told = f"Something else changed: {told} Was the stand moved, a leg or rail adjusted, or"
-            told += " another gauge used?"
-        else:
-            told = f"Nothing else changed: {told}"
+            told += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
         blocks.append(doc.Paragraph(told))
     return doc.Section("How the machine responded", tuple(blocks))
 
 
-def compared_inputs(found: Verification) -> tuple[tuple[str, doc.Blank], ...]:
+def compared_inputs(found: Verification) -> Iterator[tuple[str, doc.Blank]]:
     """Where both sides come from: file and digest."""
-    rows: list[tuple[str, doc.Blank]] = []
     for name, (given, count) in zip(("Before", "After"), _measured(found), strict=True):
-        rows.append((name, doc.Given(f"{file_words(given.path)} ({count})")))
-        rows.append(("SHA-256", doc.Code(given.sha256)))
-    return tuple(rows)
+        yield name, doc.Given(f"{file_words(given.path)} ({count})")
+        yield "SHA-256", doc.Code(given.sha256)
 
 
 def _measured(found: Verification) -> Iterator[tuple[ComparedInput, str]]:
