@@ -107,9 +107,8 @@ class RelabelCause(Cause):
 class ExchangeCause(RelabelCause):
     """Readings of one leg and direction were written under another, and the other way round.
 
-    Each reading is exchanged with the one that was taken as the same step of the other leg and
-    direction, in the same part. Where these do not pair up, the readings are looked at under
-    another plan.
+    Each reading is exchanged with the one of the same step of the other leg and direction, in the
+    same part. Where these do not pair up, the readings are looked at under another plan.
     """
 
     def concerned(self, plan: Plan, place: Place) -> Bools:

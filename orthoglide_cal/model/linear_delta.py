@@ -121,11 +121,6 @@ class Probe(Instrument):
     texture_mm: Step | None = None
     scanning: bool = False  # it reads while it moves
 
-    @property
-    def texture_std_mm(self) -> float:
-        """`texture_mm`, or its default."""
-        return TEXTURE_MM if self.texture_mm is None else self.texture_mm
-
 
 class Endstops(NamedTuple):
     """Height of the nozzle above the bed, in the middle, with all carriages where that endstop
@@ -424,7 +419,8 @@ class LinearDelta(Machine):
         return telling(self.bed_radius_mm)
 
     def local_shape(self, plan: Plan) -> Influence:
-        assumed, size = self.probe.texture_mm is None, self.probe.texture_std_mm
+        assumed = self.probe.texture_mm is None
+        size = TEXTURE_MM if self.probe.texture_mm is None else self.probe.texture_mm
         columns = size * ProbePlan.require(plan).texture
         return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True)
 

@@ -1,8 +1,6 @@
 """A model: a machine with what is known to be wrong with it, and what every gauge reads on it.
 
-Predicted readings, tool positions and corrections are functions of a model and of the parameters
-that a calibration determines; nobody passes a machine and its causes as a pair. A reading is made
-in four stages, and whatever is wrong with it acts in exactly one of them:
+A reading is made in four stages, and whatever is wrong with it acts in exactly one of them:
 
     geometry   where the rails and legs are            a_i, u_i, L_i
     motion     where the carriages really stand        q = ρ + Δρ
@@ -126,13 +124,11 @@ def simulate_with_jacobian(
 def differentiate(
     model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect]
 ) -> tuple[Floats, Floats]:
-    """Readings (n,) and their derivatives by offsets and all parameters of `effects`, (n, q).
+    """Readings (n,) [mm] and their derivatives by offsets and parameters of `effects`, (n, q).
 
     Args:
-        model: what is fixed.
         offsets: Δρ, shape (3,) [mm].
-        plan: n readings.
-        effects: further causes, whose parameters vary.
+        effects: further causes than those of the model, whose parameters vary.
     """
     return differentiate_each(model, plan, [(offsets, effects)])[0]
 
@@ -169,8 +165,7 @@ def differentiate_each(
 def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:
     """What one standard deviation of each accepted cause's parameters adds to readings.
 
-    Returns:
-        Shape (n, p) [mm] for each accepted cause, p its independent uncertainties.
+    Shape (n, p) [mm] for each accepted cause, p its independent uncertainties.
     """
     accepted, before = model.accepted, simulate(model, offsets, plan)
     found = []

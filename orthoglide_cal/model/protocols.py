@@ -61,7 +61,8 @@ def double_posture(
 ) -> GaugePlan:
     """Iso → Max → Min, repeated, for the x-, y- and z-leg in turn (sec. 3.3, 4.1).
 
-    Two gauges stand at mid-leg, fixed in space; the leg moves under them.
+    Two gauges stand at mid-leg, fixed in space; the leg moves under them. The plan has
+    6·(len(postures)·cycles + closing) readings in time order.
 
     Args:
         machine: its joint limits are the Max and Min postures.
@@ -69,32 +70,21 @@ def double_posture(
         closing: take a last isotropic reading on each leg; it shows drift and knocks.
         postures: of one cycle.
         gauge_at: place of the gauges along the leg at the isotropic posture.
-
-    Returns:
-        A plan of 6·(len(postures)·cycles + closing) readings in time order.
     """
     visited = list(postures) * cycles + ([Posture.ISO] if closing else [])
     return visiting([machine.displacement_mm(posture) for posture in visited], gauge_at)
 
 
 def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> GaugePlan:
-    """The same postures for the x-, y- and z-leg in turn, two gauges next to each other.
+    """The same displacements [mm] of the x-, y- and z-leg in turn, two gauges next to each other.
 
-    Args:
-        displacements: of the leg's own carriage, in order [mm].
-        gauge_at: place of the gauges along the leg at the isotropic posture.
-
-    Returns:
-        A plan of 6·len(displacements) readings in time order.
+    The plan has 6·len(displacements) readings in time order; `gauge_at` as of `double_posture`.
     """
-    readings = []
-    minutes = 0.0
+    readings, minutes = [], 0.0
     for leg in range(3):
         for moved in displacements:
-            for direction in other_axes(leg):
-                readings.append(
-                    PlannedReading(leg, direction, moved, Contact.FIXED, minutes, gauge_at)
-                )
+            at = moved, Contact.FIXED, minutes, gauge_at
+            readings += [PlannedReading(leg, direction, *at) for direction in other_axes(leg)]
             minutes += MINUTES_PER_POSTURE
         minutes += MINUTES_PER_SETUP
     return plan_of(readings)
@@ -104,13 +94,10 @@ def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) 
     """Iso, Max, Min of the x-leg, then of the y-leg; at each, joint end and tool end along z.
 
     The height of both leg ends above the base, at the same posture (sec. 3.2); arguments as of
-    `double_posture`.
-
-    Returns:
-        A plan of 12·cycles readings in time order, 4 more if closed; one gauge zero per leg.
+    `double_posture`. The plan has 12·cycles readings in time order, 4 more if closed, and one
+    gauge zero per leg.
     """
-    readings = []
-    minutes = 0.0
+    readings, minutes = [], 0.0
     for leg in (0, 1):
         for posture in (*POSTURES * cycles, *[Posture.ISO] * closing):
             moved = machine.displacement_mm(posture)

@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from functools import cached_property
+from itertools import count
 from types import MappingProxyType
 from typing import NamedTuple, Self
 
@@ -182,10 +183,7 @@ class GaugePlan(Plan):
         return alike(*where, *self.state)[1]
 
     def subset(self, chosen: Ints | Bools) -> Self:
-        """As of any plan; set-ups are renumbered.
-
-        The first chosen reading of a set-up is then the one at which it began.
-        """
+        """As of any plan; set-ups are renumbered, and begin at their first chosen reading."""
         part = super().subset(chosen)
         return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
 
@@ -260,14 +258,12 @@ def number_setups(
     setup = np.zeros(len(places), dtype=np.intp)
     known: dict[Hashable, int] = {}
     last: dict[str, Hashable] = {}
-    count = 0
+    number = count()
     for index in in_time:
-        place, gauge = places[index], gauges[index]
-        key = (place, gauge)
+        key = place, gauge = places[index], gauges[index]
         returned = ordered and gauge and last.get(gauge, place) != place
         if returned or key not in known:
-            known[key] = count
-            count += 1
+            known[key] = next(number)
         last[gauge] = place
         setup[index] = known[key]
     return setup

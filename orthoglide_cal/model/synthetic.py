@@ -27,16 +27,13 @@ def written_down(
     gauge: Instrument,
     rng: np.random.Generator,
 ) -> Floats:
-    """Readings of gauges with arbitrary zeros, noise and a smallest step.
+    """Readings (..., n) [mm] of gauges with arbitrary zeros, noise and a smallest step.
 
     Args:
         signal: what ideal gauges would read, shape (..., n) [mm].
         plan: n readings; those of one set-up share a zero.
         gauge: its repeatability is the noise; a resolution of 0 means no rounding.
         rng: source of zeros and noise.
-
-    Returns:
-        Shape (..., n) [mm].
     """
     zeros = rng.uniform(-ZERO_RANGE_MM, ZERO_RANGE_MM, (*signal.shape[:-1], plan.setups))
     noise = gauge.repeatability_mm * rng.standard_normal(signal.shape)
@@ -52,11 +49,10 @@ def synthetic_session(
     rng: np.random.Generator,
     gauge: Instrument | None = None,
 ) -> Readings:
-    """One session on a machine with these joint offsets.
+    """One session on a machine with these joint offsets, of this plan.
 
     Args:
         model: the machine and whatever is wrong with it or with the measurement.
-        plan: readings to take.
         offsets: Δρ, shape (3,) [mm].
         rng: source of zeros and noise.
         gauge: the machine's own if None.
@@ -85,8 +81,6 @@ def bed_plan(
     """Touches spread evenly over the bed in a mixed order; all of one height, then the next.
 
     Args:
-        machine: its bed.
-        places: how many, at least 1.
         heights: of what lies under the probe [mm].
         cycles: repeats of all of them.
     """
@@ -101,8 +95,6 @@ def synthetic_probe_points(
     """What a probe would show on a machine with these parameters.
 
     Args:
-        model: the machine and whatever is wrong with it or with the measurement.
-        plan: touches to make.
         parameters: what each real value exceeds the controller's by, shape (6,) [mm, deg].
         rng: source of noise and of the bed's local shape.
         gauge: the probe; its repeatability is the noise, a resolution of 0 means no rounding.

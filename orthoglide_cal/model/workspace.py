@@ -88,10 +88,8 @@ def _corrected(model: Model) -> tuple[Floats, Floats]:
 def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
     """How far the tool is off once the offsets are entered, over the cube, each (n,) [mm].
 
-    Arguments and errors as of `workspace_error`.
-
-    Returns:
-        What the causes alone leave of it, and that with k·u of the tool position.
+    What the causes alone leave of it, and that with k·u of the tool position; arguments and errors
+    as of `workspace_error`.
     """
     left, jacobian = _corrected(model)
     spread = np.einsum("nij,jk,nik->n", jacobian, covariance, jacobian)
@@ -113,8 +111,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     axis, points = _grid(model, SAMPLES)
     before = np.linalg.norm(_reached(model, points, offsets)[1] - points, axis=-1)
     left, after = error_after(model, covariance, k)
-    shape = (SAMPLES, SAMPLES, SAMPLES)
-    levels = [0, SAMPLES // 2, SAMPLES - 1]
+    shape, levels = (SAMPLES,) * 3, [0, SAMPLES // 2, SAMPLES - 1]
     return Workspace(
         before_mm=float(before.max()),
         after_mm=float(after.max()),
@@ -152,9 +149,7 @@ class Compensation(ReadOnly):
 def compensation(model: Model, points: int) -> Compensation:
     """The table for the causes accepted for this machine.
 
-    Args:
-        model: the machine and its causes.
-        points: grid points along each edge of the cube inside the joint limits.
+    It has `points` along each edge of the cube inside the joint limits.
 
     Raises:
         UsageError: no accepted cause can be compensated, or the grid has a useless size.
@@ -171,13 +166,13 @@ def compensation(model: Model, points: int) -> Compensation:
             "The machine file holds no accepted cause that a table could compensate.",
             "Accept one first, with diagnose and its option --accept.",
         )
-    known = Model(model.machine, chosen)
     _, grid = _grid(model, points)
+    needed = _required_joints(Model(model.machine, chosen), grid)
     return Compensation(
         causes=tuple(effect.cause.id for effect in chosen),
         left_out=tuple(e.cause.id for e in model.accepted if not e.cause.compensable),
         points_mm=grid,
-        corrections_mm=_required_joints(known, grid) - model.machine.nominal_rails.joints_for(grid),
+        corrections_mm=needed - model.machine.nominal_rails.joints_for(grid),
     )
 
 
