@@ -43,11 +43,11 @@ from orthoglide_cal.model import (
     ReadOnly,
     differentiate_each,
     ideal_plan,
-    other_unit,
     reduction,
     simulate,
     zero_free,
 )
+from orthoglide_cal.model.gauge_doubts import other_unit
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.plan import read_only
 

@@ -1,13 +1,8 @@
 """What every gauge reads: plan, rails, causes, the forward model; tool error and compensation."""
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
-from orthoglide_cal.model.gauge_doubts import (
-    gauge_doubts,
-    off_scale,
-    other_unit,
-    too_steady,
-)
-from orthoglide_cal.model.machine import Details, Entered, Machine
+from orthoglide_cal.model.gauge_doubts import gauge_doubts
+from orthoglide_cal.model.machine import Entered, Machine
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
     DataKind,

@@ -346,12 +346,8 @@ class LinearDelta(Machine):
         return np.asarray(self.nominal_rails.tool_for(joints))
 
     def check_same(self, later: Machine) -> None:
-        sizes = np.array(
-            [
-                (*each.arm_length_mm, each.delta_radius_mm)
-                for each in (self, LinearDelta.require(later))
-            ]
-        )
+        both = self, LinearDelta.require(later)
+        sizes = np.array([(*each.arm_length_mm, each.delta_radius_mm) for each in both])
         # Endstops, rods and stored arms may be changed from date to date.
         if np.abs(sizes[1] / sizes[0] - 1.0).max() > ANOTHER:
             arms, radii = sizes[:, :-1].mean(axis=1), sizes[:, -1]

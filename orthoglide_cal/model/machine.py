@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self, TypeVar
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, RealMachine
+from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.readings import AXES
@@ -340,14 +340,6 @@ class Machine(Schema):
     @property
     def home_mm(self) -> float:
         """Joint value from which displacements count [mm]."""
-        raise NotImplementedError
-
-    def command(self, plan: Plan) -> Command:
-        """Where the controller sends the carriages for each reading of a plan.
-
-        Raises:
-            UnreachableError: a posture outside the machine's reach.
-        """
         raise NotImplementedError
 
     def sensed(

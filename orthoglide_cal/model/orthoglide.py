@@ -294,6 +294,11 @@ class Orthoglide(Machine):
         return low + excess, high - excess
 
     def command(self, plan: Plan) -> Command:
+        """Where the controller sends the carriages for each reading.
+
+        Raises:
+            UnreachableError: a posture outside the machine's reach.
+        """
         return _command(self, GaugePlan.require(plan))
 
     def sensed(
@@ -307,11 +312,7 @@ class Orthoglide(Machine):
             inside = Points.of(real.geometry, joints, strict=False)
             named = _which(inside, plan, moments[0])
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
-        heights, fraction = _touched(points, plan, moments)
-        jacobian = None
-        if derivative and real.still:
-            jacobian = behind_batch(_touched_derivative(points, plan, moments, fraction), 2)
-        return GaugeResponse(behind_batch(heights, 1), behind_batch(fraction, 1), jacobian)
+        return _touched(points, plan, moments, derivative and real.still)
 
     def reading_words(self, plan: Plan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -330,15 +331,10 @@ class Orthoglide(Machine):
         yield Influence(Origin.GAUGE_SCALE, gauge.scale_std, "", gauge.scale_u is None, scale)
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
-            along = gauge.placement_std_mm / self.leg_length_mm
-            shift = predict(known_plan(replace(plan, gauge_at=plan.gauge_at + along))) - predicted
-            yield Influence(
-                Origin.GAUGE_PLACEMENT,
-                gauge.placement_std_mm,
-                "mm",
-                gauge.placement_mm is None,
-                shift[:, None] * plan.zeros,
-            )
+            size, assumed = gauge.placement_std_mm, gauge.placement_mm is None
+            moved = replace(plan, gauge_at=plan.gauge_at + size / self.leg_length_mm)
+            shift = (predict(known_plan(moved)) - predicted)[:, None] * plan.zeros
+            yield Influence(Origin.GAUGE_PLACEMENT, size, "mm", assumed, shift)
 
 
 @functools.lru_cache(maxsize=16)
@@ -379,16 +375,18 @@ def _which(points: Points, plan: GaugePlan, moment: Ints) -> str:
     return f"Leg {AXES[plan.leg[bad[0]]]} displaced by {plan.displacement[bad[0]]:g} mm"
 
 
-def _touched(points: Points, plan: GaugePlan, moments: _Moments) -> tuple[Numbers, Numbers]:
-    """The points that the gauges touch (Table 2, eqs. 18–24, errata).
+def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: bool) -> GaugeResponse:
+    """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
-    Returns:
-        Their heights [mm], and where on the leg they are, from carriage joint (0) to tool (1);
-        readings first, then the batch.
+    Its derivative is in closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction =
+    (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed. In place,
+    because fresh memory for such long arrays costs more than the arithmetic.
     """
     moment, set_up = moments
     leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
-    gauge_at = column(plan.gauge_at, batch)
+    gauge_at, fixed = (
+        column(each, batch) for each in (plan.gauge_at, plan.contact == Contact.FIXED)
+    )
     carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
     # The gauge's place along the leg's axis, and the point of the leg that it now touches.
     place = (1.0 - gauge_at) * points.centres[leg, leg, set_up]
@@ -397,27 +395,12 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments) -> tuple[Number
     across = points.tool[direction, moment] - side
     fraction = (place - carriage) / span
     if not plan.fixed:
-        fixed = column(plan.contact == Contact.FIXED, batch)
         fraction = np.where(fixed, fraction, column(plan.contact == Contact.TOOL, batch))
-    return side + fraction * across, fraction
-
-
-def _touched_derivative(
-    points: Points, plan: GaugePlan, moments: _Moments, fraction: Numbers
-) -> Floats:
-    """∂heights/∂Δρ in closed form, shape (n, 3, ...).
-
-    d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction = (d place − d carriage −
-    fraction·d span)/span, zero where the gauge is not fixed. In place, because fresh memory
-    for such long arrays costs more than the arithmetic.
-    """
-    moment, set_up = moments
-    leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
-    gauge_at = column(plan.gauge_at, batch)
-    span = points.tool[leg, moment] - points.centres[leg, leg, moment]
-    across = points.tool[direction, moment] - points.centres[leg, direction, moment]
+    heights, where = behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
+    if not derivative:
+        return GaugeResponse(heights, where, None)
     tool_by_joint = tool_derivative(points.centres, points.directions, points.tool)
-    turn = column(plan.contact == Contact.FIXED, batch) * across / span
+    turn = fixed * across / span
     jacobian = tool_by_joint[direction, :, moment]
     jacobian *= fraction[:, None]
     part = tool_by_joint[leg, :, moment]
@@ -429,4 +412,4 @@ def _touched_derivative(
     own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
     jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
     jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
-    return jacobian
+    return GaugeResponse(heights, where, behind_batch(jacobian, 2))

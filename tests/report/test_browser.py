@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.files import Conditions, GaugeIdentity
-from orthoglide_cal.model import Details
+from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.html import html
 from tests.report.cases import changed, documents, report_of

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from orthoglide_cal.model import Details
+from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.document import MARK
 from orthoglide_cal.report.escape import Html, in_html, tag
 from orthoglide_cal.report.html import html
