@@ -169,7 +169,7 @@ def _entered(
         raise UsageError(
             known.keeps_itself, f"See what to give it: {shown}; or write it: {written}"
         )
-    export = released(path, machine, data=data, rule_out=rule_out)
+    export = released(common.read_input(path, machine, data, rule_out), machine)
     case = export.case
     if case.answer.release.settled:
         raise UsageError(f"{SETTLED}.", "Leave everything as it is.")

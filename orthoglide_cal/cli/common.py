@@ -215,16 +215,11 @@ def read_input(
     `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
     """
     from orthoglide_cal import files
+    from orthoglide_cal.causes import CAUSES
 
-    if rule_out:
-        from orthoglide_cal.causes import CAUSES
-
-        for id in rule_out:
-            if id not in CAUSES:
-                raise UsageError(
-                    f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}."
-                )
-
+    for id in rule_out or ():
+        if id not in CAUSES:
+            raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
     given = files.read_input(path, known_machine(machine_file), folder_machine, data)
     require_printer(given.measured.source, data)
     if rule_out:
@@ -342,18 +337,17 @@ def deliver(
     Raises:
         UsageError: a file exists and may not be replaced: only one that this wrote may ever be.
     """
-    if as_json and (html is not None or markdown is not None):
+    pages = html is not None or markdown is not None
+    if as_json and pages:
         raise UsageError(
             "--json cannot be combined with a page.", "Leave out --html and --markdown."
         )
     if as_json:
         print_json(document.data())
         return
-    if not details and document.screen and html is None and markdown is None:
-        page = document.screen()
-    else:
-        page = document.page()
-    if html is None and markdown is None:
+    brief = document.screen if not (details or pages) else None
+    page = brief() if brief else document.page()
+    if not pages:
         from orthoglide_cal.report.terminal import TerminalPage
 
         console().print(TerminalPage(page), crop=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,6 +10,7 @@ from orthoglide_cal.cli.common import MEASURED, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
+    from orthoglide_cal.files import Input
     from orthoglide_cal.report.controller import Export
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
@@ -45,6 +45,7 @@ def export(
     json: common.AsJson = False,
 ) -> None:
     """Print the new offsets for the controller, if released."""
+    from orthoglide_cal.model.machines import MACHINES
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.controller import FIRMWARES, as_firmware
@@ -53,9 +54,16 @@ def export(
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
 
     def judge(path: str) -> None:
-        found = released(
-            path, machine, method, force, data=data, format=format, details=json, rule_out=rule_out
-        )
+        given = common.read_input(path, machine, data, rule_out)
+        known = given.model.machine
+        owners = [kind for kind, each in MACHINES.items() if format in each.controller_formats]
+        if owners and known.kind not in owners:
+            raise UsageError(
+                f"--format {format} is for the controller of kind {owners[0]}; this machine is"
+                f" of kind {known.kind}.",
+                f"Choose one of {', '.join(known.controller_formats)}, or text.",
+            )
+        found = released(given, machine, method, force, details=json)
         case = found.case
         if format == "table":
             text = controller.as_table(compensation(case.given.model, points), found)
@@ -74,35 +82,21 @@ def export(
 
 
 def released(
-    path: str,
+    given: Input,
     machine: Path | None,
     method: str | None = None,
     force: bool | None = None,
-    data: common.Stored | None = None,
-    format: Format = "text",
     details: bool = False,
-    rule_out: Sequence[str] | None = None,
 ) -> Export:
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
     Raises:
-        UsageError: the format is of another kind of machine.
         UnusableResultError: they must not be used; with what to do instead.
     """
-    from orthoglide_cal.model.machines import MACHINES
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.controller import Export
     from orthoglide_cal.results import answer_to, identify
 
-    given = common.read_input(path, machine, data, rule_out)
-    known = given.model.machine
-    others = {each: kind for kind, other in MACHINES.items() for each in other.controller_formats}
-    if format in others and format not in known.controller_formats:
-        raise UsageError(
-            f"--format {format} is for the controller of kind {others[format]}; this machine is of"
-            f" kind {known.kind}.",
-            f"Choose one of {', '.join(known.controller_formats)}, or text.",
-        )
     answer = answer_to(given, method, details=details)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):

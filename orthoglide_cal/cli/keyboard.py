@@ -123,7 +123,7 @@ class StandardInput(Keyboard):
             source = (sys.stdin.fileno() if sys.stdin else 0, self._pipe)
             threading.Thread(target=_listen, args=source, daemon=True).start()
         try:
-            text = self._pipe.get(timeout=min(timeout_s, threading.TIMEOUT_MAX))
+            text = self._pipe.get(timeout=timeout_s)
         except Empty:
             return
         for character in text or "":

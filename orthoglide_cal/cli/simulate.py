@@ -137,11 +137,10 @@ def simulate(
 def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect that `--cause ID[@PLACE]=VALUES` describes.
 
-    `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit
+    `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit; everywhere
     `gauge_drift@x,y=0.05`      in one place: leg x, direction y
     `misread@12=0.1`            the twelfth reading in time; for gauge_slip `12+` is "and all after"
-    `sign_flip@z,x`             causes without a size take no value; without a place: everywhere
-    `wrong_unit@1`              the first of its units
+    `sign_flip@z,x`             causes without a size take no value
 
     Parameters that nobody can type (where a carriage with lost motion stands before its first
     motion) are drawn at random.

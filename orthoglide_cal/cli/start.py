@@ -67,7 +67,7 @@ def start() -> None:
 
 
 def _next(
-    path: Path | None,
+    file: Path | None,
     machine: Machine | None,
     to: str | None,
     sessions: list[FoundSession],
@@ -78,14 +78,18 @@ def _next(
 
     `to`: the controller's file of a change that is recorded and was not written.
     """
-    from orthoglide_cal.files import read_input
+    from orthoglide_cal.files import read_document, read_input
     from orthoglide_cal.report.case import Case, decision_notice, measure_again, to_do
     from orthoglide_cal.report.document import Instruction, Paragraph
     from orthoglide_cal.results import answer_to
 
-    last, applied = str(sessions[-1].path) if sessions else "", _applied(machine, sessions)
+    last = str(sessions[-1].path) if sessions else ""
+    entered = machine.history[-1].data_sha256 if machine and machine.history else None
+    paths = [str(each.path) for each in reversed(sessions)] if entered else []
+    # The session whose offsets were entered last.
+    applied = next((path for path in paths if read_document(path).sha256 == entered), None)
     if to:
-        yield Paragraph(f"{path} records a change of {to}, which was not written.")
+        yield Paragraph(f"{file} records a change of {to}, which was not written.")
         of = applied or "SESSION"
         yield Instruction("Write it", command("apply", of, options=f"--to {to}"))
         yield Instruction("Or take it back", command("apply", options=f"--undo --to {to}"))
@@ -121,18 +125,9 @@ def _next(
         yield from to_do(case, brief=True)
 
 
-def _applied(machine: Machine | None, sessions: list[FoundSession]) -> str | None:
-    """The session of this folder whose offsets were entered last."""
-    from orthoglide_cal.files.text import read_document
-
-    entered = machine.history[-1].data_sha256 if machine and machine.history else None
-    paths = [str(each.path) for each in reversed(sessions)] if entered else []
-    return next((path for path in paths if read_document(path).sha256 == entered), None)
-
-
 def _reported(*sessions: str) -> bool:
     """Whether a page in this folder is about these sessions: it holds their digests."""
-    from orthoglide_cal.files.text import read_document
+    from orthoglide_cal.files import read_document
     from orthoglide_cal.report.document import MARK
 
     digests = [read_document(path).sha256[:_DIGEST] for path in sessions]

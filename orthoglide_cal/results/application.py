@@ -53,14 +53,10 @@ class Application:
     data: bytes = b""
 
     @property
-    def before_mm(self) -> tuple[float, ...]:
-        """Offsets in the controller until then (x, y, z) [mm]; none of a printer."""
-        return (self.entry.after if self.undone else self.entry.before) or ()
-
-    @property
-    def after_mm(self) -> tuple[float, ...]:
-        """Offsets in the controller from then on (x, y, z) [mm]; none of a printer."""
-        return (self.entry.before if self.undone else self.entry.after) or ()
+    def offsets_mm(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """In the controller until then and from then on (x, y, z) [mm]; none of a printer."""
+        before, after = self.entry.before or (), self.entry.after or ()
+        return (after, before) if self.undone else (before, after)
 
 
 def apply(

@@ -21,15 +21,15 @@ def application_document(found: Application, session: str) -> doc.Document:
 
 def _data(found: Application) -> dict[str, object]:
     """What changes in the machine file; lengths in mm."""
-    entry = found.entry
+    entry, (before, after) = found.entry, found.offsets_mm
     return {
         "schema_version": 1,
         "machine_file": found.file.document.path,
         "machine": found.file.model.machine.name,
         "undone": found.undone,
         "date": entry.date,
-        "before": dict(zip(AXES, found.before_mm, strict=False)),
-        "after": dict(zip(AXES, found.after_mm, strict=False)),
+        "before": dict(zip(AXES, before, strict=False)),
+        "after": dict(zip(AXES, after, strict=False)),
         "data_sha256": entry.data_sha256,
         "written": entry.written.model_dump() if entry.written else None,
     }
@@ -45,7 +45,7 @@ def _page(found: Application, session: str) -> doc.Page:
     else:
         rows = tuple(
             (axis, signed(before, 4), signed(after - before, 4), doc.Strong(signed(after, 4)))
-            for axis, before, after in zip(AXES, found.before_mm, found.after_mm, strict=False)
+            for axis, before, after in zip(AXES, *found.offsets_mm, strict=False)
         )
         caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
         grid = doc.Grid(("axis", "before", "change", "from now on"), rows, caption=caption)
