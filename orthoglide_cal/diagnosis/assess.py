@@ -237,12 +237,7 @@ class Judgement:
 
 
 def judge(posterior: Posterior, misfit: float) -> Judgement:
-    """The verdict with the set that it accepts.
-
-    Args:
-        posterior: of all explanations.
-        misfit: chance that noise leaves more than the best set of causes does.
-    """
+    """The verdict; `misfit` is the chance that noise leaves more than the best set of causes."""
     nothing, best = posterior.listed[()], posterior.best
     something = sum(value for ids, value in posterior.listed.items() if ids)
     beyond = sum(posterior.unlisted.values())
@@ -292,7 +287,7 @@ class Assessment:
         return replace(self, posterior=posterior, judgement=Judgement(Verdict.NAMED, (shape,)))
 
     def fit(self, ids: Ids) -> Fitted:
-        """The nonlinear fit of a set of causes; made when first asked for."""
+        """The nonlinear fit of a set of causes, made when first asked for."""
         return self.fit_all([ids])[0]
 
     def fit_all(self, sets: Sequence[Ids]) -> list[Fitted]:

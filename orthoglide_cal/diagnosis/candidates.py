@@ -47,9 +47,8 @@ class Candidates:
         Two act together only if at least one lies in the contact or the record, or is a companion
         of all on that kind of machine; two others of the machine at once are left to "unlisted".
 
-        Args:
-            model: tolerances, gauge, and the causes that are known already or ruled out.
-            ordered: whether the time order of the readings is known.
+        Not those that the model knows already or rules out; `ordered` if the time order of the
+        readings is known.
         """
         known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
         usable = [

@@ -48,8 +48,7 @@ def diagnose(
     """Say what the offsets-only model gets wrong, if anything.
 
     Args:
-        measured: readings or differences.
-        model: nominal machine, gauge and tolerances, and the causes accepted already.
+        measured, model: the data, and what they are of, with the causes accepted already.
         holdout: later data that no fit may see.
         applied: offsets entered in the controller before the held-out data, shape (3,) [mm].
         then: the model at the time of the held-out data; None for the same.
@@ -155,10 +154,8 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
     """The model with one more accepted cause.
 
     Args:
-        measured: the data that it is identified from.
-        model: as known so far.
-        id: cause to accept.
-        on: date to note.
+        measured, model: the data that it is identified from, and what is known so far.
+        id, on: cause to accept, and date to note.
 
     Raises:
         UsageError: there is no such cause.
@@ -366,11 +363,9 @@ def _lack_of_fit(found: Assessment, measured: Measured, nominal: Floats) -> Lack
 def _predicted(
     white: Whitened, measured: Measured, residual: Floats, effects: Sequence[Effect] = ()
 ) -> Floats:
-    """What a fit says of each measured value, in the order of the file, shape (n,) [mm].
+    """What a fit with some effects says of each value, in the order of the file, (n,) [mm].
 
-    Args:
-        residual: what it leaves of the whitened data, shape (k,) [mm].
-        effects: its causes.
+    `residual` is what it leaves of the whitened data, shape (k,) [mm].
     """
     for effect in effects:
         cause, place = effect.cause, effect.place

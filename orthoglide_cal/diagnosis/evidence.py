@@ -47,12 +47,9 @@ class NoiseGrid(ReadOnly):
     def around(
         cls, stated_mm: float, spectrum: Floats | None = None, assumed: bool = False
     ) -> NoiseGrid:
-        """Log-normal around the stated noise; with a local shape also around its size.
+        """Log-normal around the stated noise [mm]; with a local shape also around its size.
 
-        Args:
-            stated_mm: standard deviation of one reading [mm].
-            spectrum: as of the class.
-            assumed: True if nobody stated that there is a local shape: as likely there is none.
+        `assumed` if nobody stated that there is a local shape: as likely there is none.
         """
         if spectrum is not None:
             ratio = -0.5 * (np.log(_PROBE_RATIO) / PROBE_SPREAD[assumed]) ** 2
@@ -92,12 +89,10 @@ class NoiseGrid(ReadOnly):
         )
 
     def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:
-        """Density of residuals under the same columns at several sizes.
+        """Density of residuals under the same columns (..., k, r) at several sizes.
 
-        Args:
-            columns: shape (..., k, r).
-            sizes: plausible size of the unknown of each column, shape (..., s, r).
-            log_share: ln prior share of each of the sizes, shape (s,).
+        `sizes` are the plausible ones of the unknown of each column, shape (..., s, r); `log_share`
+        is ln of their prior shares, shape (s,).
         """
         if self.spectrum is None:
             return Gaussian(columns[..., None, :, :] * sizes[..., None, :], self, log_share)
@@ -122,11 +117,8 @@ def log_mean(values: Floats) -> float:
 class Gaussian:
     """Density of residuals under B for each σ of a grid, of noise that no two data share.
 
-    Args:
-        columns: B, shape (..., k, r), scaled by the plausible sizes [mm]; a column of zeros
-            adds nothing.
-        noise: the grid.
-        log_share: ln prior share of each B, of the shape of the leading axes.
+    B (..., k, r) is scaled by the plausible sizes [mm]; a column of zeros adds nothing. `log_share`
+    is ln of the prior share of each B, of the shape of the leading axes.
     """
 
     def __init__(self, columns: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0) -> None:
@@ -178,11 +170,8 @@ class Gaussian:
 class Patchy(Gaussian):
     """The same of noise that differs from datum to datum: S = diag(σ² + rough²·spectrum) + B Bᵀ.
 
-    By the lemma of Woodbury, with M = I + Bᵀ D⁻¹ B for the diagonal D.
-
-    Args:
-        columns, sizes, log_share: as of `NoiseGrid.density`.
-        noise: the grid, with a spectrum.
+    By the lemma of Woodbury, with M = I + Bᵀ D⁻¹ B for the diagonal D. Arguments as of
+    `NoiseGrid.density`, for a grid with a spectrum.
     """
 
     def __init__(

@@ -166,16 +166,6 @@ class Whitened(ReadOnly):
         anew = {each.source: each.reduced(self.matrix) for each in gauges}
         return tuple(anew.get(each.source, each) for each in uncertain)
 
-    def inverted(self, cause: RelabelCause, place: Place) -> Floats | None:
-        """The data with a fault of the record put right, shape (k,) [mm].
-
-        None where they cannot express it, or the gauge does not show such readings in that unit.
-        """
-        unit_mm = cause.unit_mm(place)
-        if unit_mm not in (1.0, self.unit_mm) or not cause.reversible(self.plan, place):
-            return None
-        return self.relabelled(self.data, cause, place) * unit_mm
-
     def linearised(self, *points: tuple[Floats, Sequence[Effect]]) -> list[tuple[Floats, Floats]]:
         """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
         if not points:
@@ -327,12 +317,14 @@ class Linearised:
         """
         machine = white.machine
         places, patterns = _places(white.problem, candidates.extras)
+        # Faults of the record put right, where the data can express it, and the gauge shows
+        # readings in that unit.
         undone = {
-            (cause, place): data
+            (cause, place): white.relabelled(white.data, cause, place) * cause.unit_mm(place)
             for cause, own in places.items()
             if isinstance(cause, RelabelCause)
             for place in own
-            if (data := white.inverted(cause, place)) is not None
+            if cause.unit_mm(place) in (1.0, white.unit_mm) and cause.reversible(white.plan, place)
         }
         versions = np.stack([white.data, *undone.values()])
         problem, precision = white.problem, np.ones(len(white))

@@ -159,11 +159,8 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
     """Fit explanations by Gauss–Newton with their priors, then judge each there.
 
     First with the linear model that it was scored with, then with that of the fit this gives, which
-    is enough for ranking; of causes far beyond their size again.
-
-    Args:
-        scores: the explanations.
-        scale_factor: as of `Fitted`; as large as these data make it if None.
+    is enough for ranking; of causes far beyond their size again. `scale_factor` is as of `Fitted`;
+    as large as these data make it if None.
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the next linear models of all; the second is enough but for large causes.
@@ -322,8 +319,7 @@ class _Search:
     def move(self, predicted: Floats, own: Floats) -> float:
         """Solve with the linear model of where it stands: prediction (k,), derivatives.
 
-        Returns:
-            How far this moves the prediction, r.m.s. [mm].
+        How far this moves the prediction, r.m.s. [mm].
         """
         self.own, theta = own, self.found[self.width : own.shape[1]]
         self.linear = self.at.versions[self.version] - self.added - predicted
@@ -347,12 +343,8 @@ class _Search:
             self._solve()
 
     def fitted(self, score: Score, by_noise: Floats, log_evidence: float) -> Fitted:
-        """The fit, of this explanation or of one that holds an exchange besides.
-
-        Args:
-            score: that one, or its own.
-            by_noise, log_evidence: as `_weighed` gives them.
-        """
+        """The fit, of this explanation or of the score of one that holds an exchange besides;
+        the rest as `_weighed` gives it."""
         at, columns, linear = self.at, self.columns, self.linear
         log = float(log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
@@ -418,15 +410,10 @@ class HeldOut:
 
 
 def leave_out_cells(white: Whitened, fit: Fitted, judged: Fitted) -> HeldOut:
-    """Predict each (leg, direction, posture) cell, or each difference, from all others.
+    """Predict each (leg, direction, posture) cell, or each difference, from all others by a fit.
 
-    A single reading that the accepted explanation calls wrong cannot be predicted by any model;
-    it is not scored.
-
-    Args:
-        white: the data.
-        fit: the model that predicts.
-        judged: the accepted explanation.
+    A single reading that the accepted explanation, `judged`, calls wrong cannot be predicted by any
+    model; it is not scored.
     """
     # What each reading, or each printed difference, adds to the whitened data.
     entries = white.matrix if white.raw else np.asarray(np.linalg.inv(white.root), np.float64)
@@ -470,8 +457,7 @@ def predict_later(
     record that belong to the first session alone are not expected again.
 
     Args:
-        later: the held-out data.
-        fit: from the first data only.
+        later, fit: the held-out data, and a fit to the first data only.
         applied: offsets entered in between, shape (3,) [mm].
         free: so many of the parameters, the first ones, are unknown again and fitted to the later
             data; nothing else is. All of them where the machine was calibrated anew.
@@ -534,8 +520,7 @@ def known_then(
     """How other data depend on what is uncertain of them, and how well a fit knows that.
 
     Args:
-        fit: to the first data.
-        effects: those of it that are expected again.
+        fit, effects: of the first data; and those of it that are expected again.
         jacobians: derivatives of the other data by the offsets and their parameters, shape (k, q).
         uncertain: what else is uncertain of the other data; the gauges are the same.
         stands: of the first set-ups, how many are still there, before those that are new.

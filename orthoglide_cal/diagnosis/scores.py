@@ -58,9 +58,7 @@ class Score:
     def at_places(self, least: float, most: int) -> list[tuple[float, Score]]:
         """The same with its extra at each of the likeliest places, with their shares.
 
-        Args:
-            least: share below which a place is left out, all but the likeliest.
-            most: number of places.
+        No more than `most`, and none below a share of `least` but the likeliest.
         """
         if self.extra is None or self.by_place is None:
             return [(1.0, self)]
@@ -175,9 +173,8 @@ def density_of(
     """Densities under many bases at every scale, leading axes (b, s).
 
     Args:
-        at: the linear model.
+        at, bases: the linear model, and which of its causes.
         columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p).
-        bases: padded with columns of zeros to one width.
         seen: what is uncertain of the data and shows, with each base; as of `at` without.
     """
     seen = seen or [at.seen] * len(bases)
@@ -209,10 +206,7 @@ def all_or_one(
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
 
-    Args:
-        acting: the causes.
-        noise: the grid.
-        scales: of their sizes, and the share of each.
+    `scales` are of their sizes, with the share of each.
     """
     if not acting:
         return []
@@ -240,8 +234,7 @@ def all_or_one(
 def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Score]:
     """Scores of an extra with every base of at most one cause.
 
-    `log` is the log density for each base, scale, σ, size and then place, shape
-    (bases, scales, g, sizes·places).
+    `log` is the log density, of shape (bases, scales, g, sizes·places).
     """
     cause = placed.cause
     by_scale = log_sum(log, 2)
@@ -266,17 +259,10 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
 def pattern_density(
     machine: Machine, cause: PatternCause, power: Floats, match: Floats, without: Floats
 ) -> Floats:
-    """Log density with a pattern c at each place and size, and ln of the size's share.
+    """Log density with a cause's pattern c at each size and place, and ln of the size's share.
 
-    Args:
-        machine: its tolerances and gauge.
-        cause: whose pattern it is.
-        power: cᵀ S⁻¹ c, shape (..., g, places) [1].
-        match: cᵀ S⁻¹ r, shape (..., g, places).
-        without: log density without it, shape (..., g).
-
-    Returns:
-        Shape (..., g, sizes, places).
+    From cᵀ S⁻¹ c and cᵀ S⁻¹ r, shape (..., g, places), and the log density without it, shape
+    (..., g), to shape (..., g, sizes, places).
     """
     power, match = power[..., None, :], match[..., None, :]
     if cause.counts:
