@@ -39,23 +39,16 @@ class Baselines(Schema):
 
 
 def baselines(
-    white: Whitened,
-    later: Whitened | None,
-    entered: Floats,
-    free: int,
-    parameters_mm: float,
-    extension_mm: float,
-) -> Baselines:
-    """Of the touches of a printer, all alike.
+    white: Whitened, later: Whitened | None, entered: Floats, free: int
+) -> tuple[float | None, float | None]:
+    """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike.
 
     Args:
         white: the data.
         later: other touches, to be predicted; None predicts each patch of the bed from the others.
         entered: taken off the parameters in between, shape (6,) [mm, deg].
         free: so many of the parameters, the first ones, are fitted to the later data.
-        parameters_mm, extension_mm: as of `Baselines`.
     """
-    own = Baselines(parameters_mm=parameters_mm, extension_mm=extension_mm)
     offsets = fit_offsets(white.problem, white.data).offsets_mm
     place, left, jacobian, _ = _touches(white, offsets)
     touch = ~ProbePlan.require(white.plan).distance
@@ -63,7 +56,7 @@ def baselines(
     enough = len(left) > np.linalg.matrix_rank(columns) == columns.shape[1]
     if later is None:
         errors = list(_patches(white, columns, left)) if enough else []
-        return own.changed(quartic_mm=rms(np.concatenate(errors)) if errors else None)
+        return rms(np.concatenate(errors)) if errors else None, None
     anew = free == offsets.size
     there, error, then, _ = _touches(later, None if anew else offsets - entered)
     quartic = None
@@ -72,8 +65,7 @@ def baselines(
         fixed = found[: jacobian.shape[1]] * (np.arange(jacobian.shape[1]) >= free)
         predicted = then @ fixed + _surface(white, there) @ found[-len(QUARTIC) :]
         quartic = rms(unexplained(then[:, :free], error - predicted))
-    earlier = rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
-    return own.changed(quartic_mm=quartic, earlier_map_mm=earlier)
+    return quartic, rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
 
 
 def repeats(white: Whitened, later: Whitened | None) -> float | None:

@@ -6,13 +6,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
+from types import MappingProxyType
 
 import numpy as np
 from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.assess import BEYOND, DISMISSED, Assessment, assess
-from orthoglide_cal.diagnosis.baselines import REPEATS, baselines, repeats
+from orthoglide_cal.diagnosis.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.diagnosis.explanations import Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import HeldOut, leave_out_cells, moved_origin, predict_later
@@ -110,8 +111,14 @@ def diagnose(
             before = replace(before, rms_mm=before.rms_mm * unit)
             causes = _named(found, before, after)
             if probes:
-                own = before.rms_mm, after.rms_mm
-                beside = baselines(white, later, entered, free, *own).changed(repeats=again)
+                quartic, earlier = baselines(white, later, entered, free)
+                beside = Baselines(
+                    parameters_mm=before.rms_mm,
+                    extension_mm=after.rms_mm,
+                    quartic_mm=quartic,
+                    earlier_map_mm=earlier,
+                    repeats=again,
+                )
         changes: dict[str, Otherwise] = {}
         if sensitivity and found.judgement.verdict is not Verdict.CONSISTENT:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
@@ -142,7 +149,7 @@ def diagnose(
             explained_mm=_predicted(white, measured, accepted.left, accepted.effects)
             if accepted.effects
             else nominal,
-            sensitivity=changes,
+            sensitivity=MappingProxyType(changes),
             explanations=_explanations(found),
             unshown=unshown,
             beyond_tolerance=tuple(TimesStated(id=id, times=times) for id, times in found.beyond),

@@ -30,6 +30,8 @@ _PROBE_RATIO = np.array([0.7, 1.0, 1.4])
 ROUGH_SPREAD = {False: math.log(1.4), True: math.log(2.0)}
 SMOOTH = 0.5
 _ROUGH = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
+# Squared sizes below this fraction of the largest are lost in rounding, and far below any noise.
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +124,15 @@ class Gaussian:
     """
 
     def __init__(self, columns: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0) -> None:
-        self._left, size2 = _principal(columns)
+        # Left singular vectors of B and squared singular values, from the smaller of BᵀB and BBᵀ,
+        # which costs much less than a singular value decomposition.
+        (k, r), turned = columns.shape[-2:], np.swapaxes(columns, -1, -2)
+        size2, self._left = np.linalg.eigh(turned @ columns if r < k else columns @ turned)
+        size2 = np.where(size2 > _ROUNDING * size2[..., -1:], size2, 0.0)[..., None, :]
+        if r < k:
+            stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=size2 > 0.0)
+            self._left = columns @ (self._left * stretch)
         self._sigma2 = noise.sigma[:, None] ** 2
-        size2 = size2[..., None, :]
         self._shrink = size2 / (self._sigma2 + size2)  # (..., g, r)
         own = columns.shape[-2] * np.log(self._sigma2[:, 0])
         log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + own
@@ -223,24 +231,3 @@ class Patchy(Gaussian):
         turned = np.swapaxes(self._columns, -1, -2)[..., None, :, :]
         scaled = self._root[..., g, :, :] * self._sizes[..., 0, :, 0][..., None, :]
         return np.asarray(scaled @ (turned @ (self._weight[g][:, None] * vectors)))
-
-
-# Squared sizes below this fraction of the largest are lost in rounding, and far below any noise.
-_ROUNDING = 1e-13
-
-
-def _principal(columns: Floats) -> tuple[Floats, Floats]:
-    """Left singular vectors (..., k, r') of B and squared singular values (..., r').
-
-    Those lost in rounding are zero. From the smaller of BᵀB and BBᵀ, which costs much less than
-    a singular value decomposition.
-    """
-    k, r = columns.shape[-2:]
-    turned = np.swapaxes(columns, -1, -2)
-    size2, vectors = np.linalg.eigh(turned @ columns if r < k else columns @ turned)
-    kept = size2 > _ROUNDING * size2[..., -1:]
-    size2 = np.where(kept, size2, 0.0)
-    if r >= k:
-        return vectors, size2
-    stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=kept)
-    return columns @ (vectors * stretch[..., None, :]), size2

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 from pydantic import Field
@@ -212,10 +211,6 @@ class Diagnosis(ReadOnly):
     # Causes that would explain what is unexplained, far beyond their size.
     beyond_tolerance: tuple[TimesStated, ...] = ()
     notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "sensitivity", MappingProxyType(dict(self.sensitivity)))
 
     @property
     def effects(self) -> tuple[Effect, ...]:

@@ -21,7 +21,7 @@ from orthoglide_cal.estimation.accuracy import (
     sum_of_squares,
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
-from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, Problem, fit_offsets
+from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose, pose_differences
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model import (
@@ -273,7 +273,15 @@ def solve(
     else:
         found = _search(posed, start)
         offsets = found.offsets_mm
-    _require_plausible(offsets, posed.problem)
+    largest = float(np.abs(offsets).max())
+    # No carriage stands half of its travel from where it seems to be: then it could not move.
+    if largest > model.machine.travel_mm / 2.0:
+        require_determined(posed.problem)
+        raise UnusableResultError(
+            f"The {model.machine.vocabulary.many} would be as large as {largest:.0f} mm, more than"
+            " half of the travel.",
+            "Check the unit and the decimal marks of the readings, and the machine file.",
+        )
     plan, gauge = posed.problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
@@ -375,16 +383,3 @@ def budget_of_readings(
     """Of parameters that a linear estimator makes of readings, (p, n): of equally precise ones."""
     equal = [replace(each, columns=plan.precision[:, None] * each.columns) for each in uncertain]
     return budget_of(estimator / plan.precision, gauge, scatter, equal)
-
-
-def _require_plausible(offsets: Floats, problem: Problem) -> None:
-    """No carriage stands half of its travel from where it seems to be: then it could not move."""
-    travel = problem.model.machine.travel_mm
-    largest = float(np.abs(offsets).max())
-    if largest > travel / 2.0:
-        require_determined(problem)
-        many = problem.model.machine.vocabulary.many
-        raise UnusableResultError(
-            f"The {many} would be as large as {largest:.0f} mm, more than half of the travel.",
-            "Check the unit and the decimal marks of the readings, and the machine file.",
-        )
