@@ -11,13 +11,13 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.candidates import Candidates, Ids
-from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, unit_of
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations
 from orthoglide_cal.diagnosis.result import Verdict
 from orthoglide_cal.diagnosis.scores import Score, Unlisted, score_all, score_unlisted
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.model import Floats, Stage
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.model import Floats, ReadOnly
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
@@ -99,21 +100,6 @@ class NoiseGrid(ReadOnly):
         if self.spectrum is None:
             return Gaussian(columns[..., None, :, :] * sizes[..., None, :], self, log_share)
         return Patchy(columns, sizes, self, log_share)
-
-
-def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats:
-    """ln Σ exp along one axis or several, or of all entries."""
-    if isinstance(axis, int) and values.shape[axis] == 1:
-        return values.squeeze(axis)
-    top = values.max(axis=axis, keepdims=True)
-    share = values - top
-    np.exp(share, out=share)
-    return np.asarray(np.log(share.sum(axis=axis)) + top.squeeze(axis))
-
-
-def log_mean(values: Floats) -> float:
-    """ln of the mean of exp of all entries."""
-    return float(log_sum(values)) - math.log(values.size)
 
 
 class Gaussian:

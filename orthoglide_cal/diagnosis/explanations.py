@@ -24,7 +24,7 @@ from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.candidates import Candidates
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.errors import NotConvergedError
-from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose
+from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
@@ -91,7 +91,7 @@ class Whitened(ReadOnly):
             unit = other_unit(measured, model.machine.instrument)
             data = white.matrix @ measured.value
             return replace(white, data=data, unit_mm=None if unit is None else unit.mm)
-        posed = pose(measured, model, Method(measured.kind))
+        posed = pose(measured, model, measured.kind)
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix
         if measured.kind is DataKind.SIX:

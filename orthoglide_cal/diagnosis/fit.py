@@ -18,7 +18,6 @@ from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.candidates import Ids, ids_of
-from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.scores import (
     BLUNDER_SCALES,
@@ -34,7 +33,7 @@ from orthoglide_cal.diagnosis.scores import (
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
-from orthoglide_cal.estimation.gaussian import condition, fit_size, unexplained, whiten
+from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.model import Effect, Floats, Ints, Machine, ReadOnly, differentiate
 from orthoglide_cal.model.machine import Influence, Instrument, Origin

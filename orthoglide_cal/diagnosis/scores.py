@@ -17,10 +17,11 @@ import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids, ids_of
-from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_mean, log_sum
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
+from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.model import Cause, Floats, Machine, Place, Plan
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.

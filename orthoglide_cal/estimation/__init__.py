@@ -5,7 +5,6 @@ from orthoglide_cal.estimation.methods import (
     Method,
     Posed,
     pose,
-    pose_differences,
     pose_plan,
     usable_methods,
 )

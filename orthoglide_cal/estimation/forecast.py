@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import erfc
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.gaussian import log_density, predict
+from orthoglide_cal.estimation.gaussian import log_density, log_sum, predict
 from orthoglide_cal.model import (
     Floats,
     GaugePlan,
@@ -83,18 +83,15 @@ class Forecast:
         prior = self._covariance(one, one)
         means, variance = predict(covariance, off, self._covariance(past, one), prior)
         fits = self.log_likelihoods(values, past)
-        chances = np.exp(fits - fits.max(axis=-1, keepdims=True))
         return Prediction(
             self.base[new] + means[:, 0].T.reshape(fits.shape),
             np.sqrt(np.maximum(variance[:, 0, 0], self.sigma_mm**2)),
-            chances / chances.sum(axis=-1, keepdims=True),
+            np.exp(fits - log_sum(fits, -1)[..., None]),
         )
 
     def log_likelihood(self, values: Floats, rows: Ints) -> Floats:
         """Log-density of readings (..., k) at these rows, over all sizes of the misfit, (...)."""
-        fits = self.log_likelihoods(values, rows)
-        best = fits.max(axis=-1)
-        return np.asarray(best + np.log(np.exp(fits - best[..., None]).mean(axis=-1)))
+        return log_sum(self.log_likelihoods(values, rows), -1) - math.log(len(self.misfits))
 
     def log_likelihoods(self, values: Floats, rows: Ints) -> Floats:
         """Log-density of readings (..., k) at these rows for each size of the misfit, (..., T)."""
@@ -129,10 +126,7 @@ class PlanForecast:
         self._cells = _same(plan.cells)
         drifts = (CAUSES[id].size(machine) for id in ("thermal_drift", "gauge_drift"))
         self._drift, self._settling = math.hypot(*drifts), CAUSES["backlash"].size(machine)
-        self._noise_mm = machine.instrument.noise_mm
         self._misfits = _SIZES * misfit_mm(model.orthoglide)
-        # Where time plays a part in a known effect, what is expected depends on when it is read.
-        self._timeless = model.repeats
 
     def forecast(
         self,
@@ -148,13 +142,12 @@ class PlanForecast:
         Args:
             rows: which readings of the plan.
             setup: 0 … k−1; readings of one set-up share a zero.
-            order: rank in time.
-            hours: when they are taken [h].
+            order, hours: rank in time, and when they are taken [h].
             fresh: where not 0, nothing is known of a reading but its repeats with the same
                 number; 0 everywhere if None.
             scatter_mm: standard deviation of one reading, if that exceeds the stated one.
         """
-        sigma_mm = max(self._noise_mm, scatter_mm)
+        sigma_mm = max(self._model.machine.instrument.noise_mm, scatter_mm)
         fresh = np.zeros(len(rows), dtype=np.intp) if fresh is None else fresh
         known = fresh == 0
         pairs = np.ix_(rows, rows)
@@ -169,7 +162,8 @@ class PlanForecast:
             + sigma_mm**2 * np.eye(len(rows))
         )
         base = self._base[rows]
-        if not self._timeless:
+        if not self._model.repeats:
+            # Time plays a part in a known effect: what is expected depends on when it is read.
             parts = {name: getattr(self._plan, name)[rows] for name in PLACE}
             plan = GaugePlan(**parts, setup=setup, order=order, hours=hours)
             base = simulate(self._model, self._zero, plan)

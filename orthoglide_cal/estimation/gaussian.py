@@ -1,4 +1,4 @@
-"""Linear-Gaussian models: whiten, condition, predict, log density.
+"""Linear-Gaussian models: whiten, condition, predict, log density; sums of densities.
 
     d = C u + e,   unknowns u ~ N(0, P),   noise e ~ N(0, S)
 
@@ -6,6 +6,8 @@ Leading axes (...) are many models at once. Values are vectors (k,) or columns (
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -128,3 +130,18 @@ def root_of(covariance: Floats) -> Floats:
     """
     size2, directions = np.linalg.eigh(covariance)
     return np.asarray(directions * np.sqrt(np.maximum(size2, 0.0)))
+
+
+def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats:
+    """ln Σ exp along one axis or several, or of all entries."""
+    if isinstance(axis, int) and values.shape[axis] == 1:
+        return values.squeeze(axis)
+    top = values.max(axis=axis, keepdims=True)
+    share = values - top
+    np.exp(share, out=share)
+    return np.asarray(np.log(share.sum(axis=axis)) + top.squeeze(axis))
+
+
+def log_mean(values: Floats) -> float:
+    """ln of the mean of exp of all entries."""
+    return float(log_sum(values)) - math.log(values.size)

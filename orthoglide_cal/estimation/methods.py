@@ -24,7 +24,6 @@ from orthoglide_cal.model import (
     DIFFERENCES,
     DataKind,
     Difference,
-    Differences,
     Floats,
     Measured,
     Model,
@@ -129,21 +128,6 @@ class Posed(ReadOnly):
         return replace(self, problem=replace(problem, matrix=matrix), data=data)
 
 
-def pose(measured: Measured, model: Model, method: Method, *, folded: bool = False) -> Posed:
-    """Reduce the data to what the method compares with the model.
-
-    Args:
-        measured, model: the data, and what they are of.
-        method: one that can use these data.
-        folded: of raw readings that repeat each other keep the mean only, where no accepted cause
-            can distinguish them; their scatter is not in the data then.
-    """
-    if isinstance(measured, Differences):
-        return pose_differences(measured, model, method.uses)
-    problem, which = pose_plan(measured.plan, model, method.uses, folded=folded)
-    return Posed(problem, problem.matrix @ measured.value, which)
-
-
 @functools.lru_cache(maxsize=8)
 def pose_plan(
     plan: Plan, model: Model, kind: DataKind, *, folded: bool = False
@@ -162,10 +146,17 @@ def pose_plan(
     return Problem(model, plan, matrix[present]), kept
 
 
-def pose_differences(measured: Measured, model: Model, kind: DataKind) -> Posed:
-    """Differences of this kind from the data; those that the data lack are left out."""
+def pose(measured: Measured, model: Model, kind: DataKind, *, folded: bool = False) -> Posed:
+    """Reduce the data to what is compared with the model; differences that they lack are left out.
+
+    Args:
+        measured, model: the data, and what they are of.
+        kind: one that can be made of these data.
+        folded: of raw readings that repeat each other keep the mean only, where no accepted cause
+            can distinguish them; their scatter is not in the data then.
+    """
     if isinstance(measured, Readings):
-        problem, kept = pose_plan(measured.plan, model, kind)
+        problem, kept = pose_plan(measured.plan, model, kind, folded=folded)
         return Posed(problem, problem.matrix @ measured.value, kept)
     wanted = DIFFERENCES[kind]
     values = dict(zip(measured.which, measured.value.tolist(), strict=True))

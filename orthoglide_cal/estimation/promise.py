@@ -10,7 +10,7 @@ from pydantic import Field
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.methods import pose_differences, table_kind
+from orthoglide_cal.estimation.methods import pose, table_kind
 from orthoglide_cal.model import DataKind, Floats, Measured, Model, ReadOnly
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.schema import Schema
@@ -63,9 +63,9 @@ def promise(
     if all(kind is DataKind.READINGS for kind in measured.kinds):
         return ()  # no differences of the paper can be made of these data
     kind = table_kind(measured)
-    posed = kept = pose_differences(measured, known.model, kind)
+    posed = kept = pose(measured, known.model, kind)
     if right is not None and right is not measured:
-        kept = pose_differences(right, known.model, kind)
+        kept = pose(right, known.model, kind)
     problem = posed.problem
     after = known.offsets_mm - entered
     modelled, first = problem.predict_with_jacobian(known.offsets_mm)

@@ -22,9 +22,10 @@ from orthoglide_cal.estimation.accuracy import (
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
 from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, fit_offsets
-from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose, pose_differences
+from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model import (
+    DataKind,
     Differences,
     Floats,
     Measured,
@@ -138,7 +139,7 @@ class Solution(ReadOnly):
         """
         measured, model = self.measured, self.model
         if isinstance(measured, Differences):
-            every = pose_differences(measured, model, measured.kind)
+            every = pose(measured, model, measured.kind)
             order = [every.which.index(each) for each in measured.which]
             predicted = every.problem.predict(self.offsets_mm)[order]
             return rms(self.posed.data), rms(self.residuals_mm), read_only(predicted)
@@ -262,7 +263,7 @@ def solve(
         UnusableResultError: the offsets are larger than any machine has.
     """
     chosen = choose_method(measured, method)
-    plain = posed = pose(measured, model, chosen, folded=True)
+    plain = posed = pose(measured, model, chosen.uses, folded=True)
     require_rank(posed.problem)
     if chosen.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
@@ -359,7 +360,7 @@ def _scatter(
     total, dof = 0.0, len(posed.data) - known
     if isinstance(measured, Readings):
         if posed.which:
-            posed = pose(measured, posed.problem.model, Method.READINGS, folded=True)
+            posed = pose(measured, posed.problem.model, DataKind.READINGS, folded=True)
         dof = len(measured) - measured.plan.setups - known
     if dof <= 0:
         return None

@@ -29,7 +29,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.candidates import Candidates, Ids
-from orthoglide_cal.diagnosis.evidence import log_mean, log_sum
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations
 from orthoglide_cal.diagnosis.result import CauseParameter as Known
@@ -37,6 +36,7 @@ from orthoglide_cal.diagnosis.scores import Score
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
+from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.files import Input, machine_values
 from orthoglide_cal.model import Cause, Floats, Model
 from orthoglide_cal.model.linear_delta import LinearDelta

@@ -35,7 +35,7 @@ from orthoglide_cal.estimation import (
     Problem,
     PromisedDifference,
     Solution,
-    pose_differences,
+    pose,
     solve,
 )
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
@@ -270,7 +270,7 @@ def verify(
     first, right = _solved(before, model)
     second, _ = _solved(after, model)
     shared = shared_contrasts(before.measured, after.measured, model)
-    later = pose_differences(after.measured, model, table_kind(before.measured))
+    later = pose(after.measured, model, table_kind(before.measured))
     held = {each.name for each in later.which}
     promise = [row for row in first.promised(applied, right) if row.name in held]
     rows = _differences(promise, later)
@@ -525,7 +525,7 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
             "Measure both with the same protocol.",
         )
     kind = kinds.pop()
-    posed = [pose_differences(each, model, kind) for each in (before, after)]
+    posed = [pose(each, model, kind) for each in (before, after)]
     both = [each for each in posed[0].which if each in posed[1].which]
     rows = [[each.which.index(one) for one in both] for each in posed]
     pairs = zip(posed, rows, strict=True)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid, log_sum
+from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.model import Floats
 
 GRID = NoiseGrid.around(0.004)

@@ -9,9 +9,9 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.candidates import Candidates
-from orthoglide_cal.diagnosis.evidence import log_sum
 from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Whitened
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.model import DIFFERENCES, DataKind, Differences, Place, Readings
 from orthoglide_cal.results.release import release
 from tests import truth

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation import Method, pose, pose_differences, solve
+from orthoglide_cal.estimation import Method, pose, solve
 from orthoglide_cal.model import DIFFERENCES, DataKind, Model
 from tests.estimation.sessions import (
     BENT,
@@ -25,7 +25,7 @@ from tests.machines import NOMINAL, both_models, extended
 def test_six_differences_of_twelve_are_max_minus_min(model: Model) -> None:
     twelve = differences(TWELVE, model)
     value = dict(zip(twelve.which, twelve.value.tolist(), strict=True))
-    posed = pose_differences(twelve, model, SIX)
+    posed = pose(twelve, model, SIX)
     assert posed.which == DIFFERENCES[SIX]
     assert posed.data == pytest.approx(
         [value[NAMED[f"{each.name}+"]] - value[NAMED[f"{each.name}-"]] for each in posed.which],
@@ -47,7 +47,7 @@ def test_six_of_twelve_are_predicted_at_the_times_of_the_twelve() -> None:
 def test_six_of_twelve_need_both_ends() -> None:
     names = [each.name for each in DIFFERENCES[TWELVE]]
     twelve = only(differences(TWELVE, NOMINAL), *(n for n in names if n not in ("dx_z-", "dy_x+")))
-    posed = pose_differences(twelve, NOMINAL, SIX)
+    posed = pose(twelve, NOMINAL, SIX)
     assert [each.name for each in posed.which] == ["dx_y", "dy_z", "dz_x", "dz_y"]
     assert solve(twelve, NOMINAL, "six").offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
     assert len(solve(twelve, NOMINAL).promised()) == 4
@@ -76,7 +76,7 @@ def test_rms_are_of_what_the_method_uses_and_predicted_what_the_file_holds(metho
     solution = solve(data, NOMINAL, method)
     predicted = problem_of(TWELVE, NOMINAL).predict(solution.offsets_mm)
     assert solution.predicted_mm == pytest.approx(predicted, abs=1e-12)
-    posed = pose(data, NOMINAL, Method(method))
+    posed = pose(data, NOMINAL, Method(method).uses)
     assert len(posed.data) == (6 if "six" in method else 12)
     assert solution.rms_before_mm == pytest.approx(np.sqrt(np.mean(posed.data**2)), rel=1e-12)
     if "linear" not in method:

@@ -118,7 +118,7 @@ def test_repeats_are_joined_where_nothing_tells_them_apart() -> None:
     assert len(solve(session, BENT).posed.data) == 3 * 6 - 6
     drifting = extended(thermal_drift=(0.1, -0.2, 0.15))
     assert len(solve(session, drifting).posed.data) == 60 - 6
-    assert len(pose(session, NOMINAL, Method.READINGS).data) == 60 - 6
+    assert len(pose(session, NOMINAL, Method.READINGS.uses).data) == 60 - 6
 
 
 def test_a_whole_leg_may_be_missing() -> None:

@@ -8,7 +8,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.methods import pose_differences
+from orthoglide_cal.estimation.methods import pose
 from orthoglide_cal.files import Conditions, Input, read_input
 from orthoglide_cal.model import (
     DIFFERENCES,
@@ -322,9 +322,7 @@ def test_a_turned_bar_is_compared_with_a_turned_bar() -> None:
 
 def test_the_papers_differences_are_those_of_the_machine_as_it_was_found() -> None:
     (alone, model), (stepped, _) = known(FIRST), known(again(FIRST, entered=STEP))
-    usual, found = (
-        pose_differences(each, model, DataKind.TWELVE).data for each in (alone, stepped)
-    )
+    usual, found = (pose(each, model, DataKind.TWELVE).data for each in (alone, stepped))
     assert found == pytest.approx(usual, abs=1e-12)
     # All of them would give something else.
     plan = stepped.plan
