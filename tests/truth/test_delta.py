@@ -3,8 +3,6 @@
 Its kinematics are compared with the program's in `tests/model/test_linear_delta.py`.
 """
 
-import csv
-import io
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -12,13 +10,11 @@ import numpy as np
 import pytest
 
 from .delta import (
-    KOSSEL,
     TOLERANCES,
     V400,
     Layout,
     Surface,
     Truth,
-    delta_csv,
     feet,
     grain,
     make_delta_session,
@@ -119,29 +115,11 @@ def test_each_cause_shows_in_the_touches(cause: str) -> None:
     assert session.label == cause
 
 
-def test_sessions_come_from_their_arguments_alone() -> None:
-    first, again = (make_delta_session(3, V400, ("tower_lean",)) for _ in range(2))
-    np.testing.assert_array_equal(first.readings, again.readings)
-    assert (first.readings != make_delta_session(4, V400, ("tower_lean",)).readings).all()
-    with pytest.raises(KeyError, match="wobble"):
-        make_delta_session(1, V400, ("wobble",))
-
-
 def test_another_day_at_the_same_machine() -> None:
     session = make_delta_session(6, V400, ("bed_shape",), bumps=(0.02, 30.0))
     second = probe_bed(V400, session.truth, (), session.layout, np.random.default_rng(8))
     np.testing.assert_array_equal(second.clean, session.clean)
     assert (second.readings != session.readings).all()
-
-
-def test_the_record_holds_the_touches_and_no_word_of_the_truth() -> None:
-    session = make_delta_session(7, KOSSEL, ("tower_lean",), Layout(13, (0.0, 25.0)))
-    rows = list(csv.DictReader(io.StringIO(delta_csv(session))))
-    np.testing.assert_allclose([float(r["reading_mm"]) for r in rows], session.readings, atol=1e-6)
-    np.testing.assert_allclose([float(r["z_mm"]) for r in rows], session.block)
-    np.testing.assert_allclose([float(r["x_mm"]) for r in rows], session.x, atol=0.005)
-    np.testing.assert_array_equal(np.round(session.x, 2), session.x)
-    assert "lean" not in delta_csv(session)
 
 
 @pytest.mark.parametrize(

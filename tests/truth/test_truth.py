@@ -7,8 +7,6 @@ Its geometry and its effects are compared with the program's, which stand on oth
 import csv
 import io
 import re
-from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +14,10 @@ import pytest
 
 from . import (
     DIAL,
-    GAUGES,
     LARGE,
-    MACHINES,
     MICRON,
     OUTSIDE,
     PROTOTYPE,
-    Effect,
     Machine,
     Session,
     make_session,
@@ -33,7 +28,7 @@ from . import (
     standard_plan,
 )
 from .effects import state_with, swapped_rows, transposed
-from .forward import PARTS, SIZE, jacobian
+from .forward import PARTS
 from .plan import Floats, Plan, frozen
 from .session import Setting
 
@@ -49,19 +44,6 @@ def _healthy(session: Session) -> Floats:
     state = state_with(session.offsets, ())
     surface: Floats = signals(session.plan, session.machine, state[None])[0]
     return surface + session.zeros[session.plan.setup]
-
-
-def test_healthy_noise_has_the_stated_size() -> None:
-    """2 x 40 x 60 readings each: the r.m.s. is within 5 %, 4.9 of its standard deviations."""
-    for gauge in GAUGES.values():
-        drawn = product(range(40), MACHINES.values())
-        sessions = [make_session(seed, machine, gauge, exact=True) for seed, machine in drawn]
-        noise = np.concatenate([s.readings - s.clean for s in sessions])
-        assert noise.size == 4800
-        assert np.sqrt(np.mean(noise**2)) == pytest.approx(gauge.sigma, rel=0.05)
-        assert abs(noise.mean()) < 5.0 * gauge.sigma / np.sqrt(noise.size)
-        steps = np.concatenate([s.readings for s in sessions]) / gauge.resolution
-        assert np.allclose(steps, np.round(steps), atol=1e-6)
 
 
 def test_legs_places_and_scale_act_as_drawn() -> None:
@@ -94,38 +76,6 @@ def test_settings_have_the_stated_sizes() -> None:
     assert not second_session(exact, 3).setting.misplaced.any()
 
 
-def test_the_clock_walks_through_the_standard_session() -> None:
-    plan = _plan()
-    assert np.all(np.diff(plan.minutes) > 0.0)
-    per_leg = ["iso", "max", "min"] * 3 + ["iso"]
-    assert list(plan.posture) == [name for name in per_leg * 3 for _ in range(2)]
-    assert plan.cycle[18:20].tolist() == [4, 4]
-    assert plan.minutes[-1] - plan.minutes[0] < 25.0
-
-
-def test_the_same_seed_gives_the_same_record() -> None:
-    first, again, other = (
-        make_session(seed, LARGE, DIAL, ("backlash", "misread")).readings for seed in (9, 9, 10)
-    )
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, other)
-
-
-def test_motion_causes_move_the_carriages_as_stated() -> None:
-    """Each is undone by the joint offsets it amounts to at one posture."""
-    plan = _plan()
-    linear = jacobian(plan, PROTOTYPE, np.zeros(SIZE))
-    offsets = linear[:, PARTS["offsets"]]
-    travel = plan.indicated - PROTOTYPE.leg
-    assert np.allclose(linear[:, PARTS["encoder_scale"]], 1e-3 * travel * offsets, atol=1e-6)
-    assert np.allclose(linear[:, PARTS["thermal_drift"]], plan.hours[:, None] * offsets, atol=1e-5)
-    widths = linear[:, PARTS["backlash"]][:, :3]
-    # The gauge was set up at the first iso, whose approach differs: second order only.
-    assert np.allclose(widths, -0.5 * plan.approach * offsets, atol=1e-5)
-    assert np.abs(linear[2:, 18:21]).max() < 1e-12
-    assert np.abs(linear[0, 18:21]).max() == pytest.approx(0.5, abs=1e-6)
-
-
 def test_tired_eyes_exchange_neighbouring_digits() -> None:
     assert transposed(-3.147, 3, 1) == -3.417
     assert transposed(0.652, 3, 2) == 0.625
@@ -155,18 +105,6 @@ def test_next_day_keeps_the_machine_and_forgets_the_blunders() -> None:
     assert later.effects[0].parameters[3:] != first.effects[0].parameters[3:]
     assert np.array_equal(later.offsets, first.offsets)
     assert not np.allclose(later.zeros, first.zeros)
-
-
-def test_two_effects_add_up() -> None:
-    effects = (Effect("axis_gap", "", (0.2, -0.3, 0.4)), Effect("misread", "", (0.1,), 2, 24))
-    both, gap, still = (
-        measure(PROTOTYPE, gauge, _plan(), OFFSETS, own, np.random.default_rng(0))
-        for gauge, own in (
-            (MICRON, effects), (MICRON, effects[:1]), (replace(MICRON, noise=0.0), effects)
-        )
-    )  # fmt: skip
-    assert np.flatnonzero(np.abs(both.clean - gap.clean) > 1e-12).tolist() == [24]
-    assert np.abs(still.readings - still.clean).max() < 0.00051
 
 
 def test_the_file_is_the_contracts_and_tells_nothing() -> None:
