@@ -36,14 +36,27 @@ def release(
         diagnosis: of the same data; None if it was not or could not be made.
         following: what would distinguish the explanations that it leaves open; None without.
     """
-    failures = tuple(_failures(solution, diagnosis))
-    judged = Release() if diagnosis is None else _judged(solution, diagnosis, following)
+    failures, vocabulary = tuple(_failures(solution, diagnosis)), solution.model.machine.vocabulary
+    if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
+        judged = Release()
+    elif diagnosis.verdict is Verdict.NAMED:
+        judged = _named(solution, diagnosis)
+    elif diagnosis.verdict is Verdict.AMBIGUOUS:
+        judged = _ambiguous(solution, diagnosis, following)
+    elif failures:
+        # What the check found is the explanation.
+        judged = Release()
+    else:
+        usual, lack = " of usual size" * bool(diagnosis.beyond_tolerance), diagnosis.lack_of_fit
+        reason = (
+            f"No listed cause{usual} explains these data: they leave {lack.left_mm:.3f} mm r.m.s.,"
+            f" where the {vocabulary.noise}'s noise{vocabulary.also} would leave"
+            f" {lack.expected_mm:.3f} mm."
+        )
+        judged = Release(reasons=(reason,), remedies=(Remedy(sentence=vocabulary.again),))
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
         return judged.changed(cautions=(*judged.cautions, *more))
-    if diagnosis is not None and diagnosis.verdict is Verdict.UNEXPLAINED:
-        # What the check found is the explanation.
-        judged = Release()
     return Release(
         reasons=(*(reason for reason, _ in failures), *judged.reasons),
         remedies=(*(remedy for _, remedy in failures), *judged.remedies),
@@ -96,26 +109,6 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         yield solution.judgement, Remedy(sentence=vocabulary.more)
 
 
-def _judged(solution: Solution, diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
-    """What the diagnosis has against the offsets."""
-    vocabulary = solution.model.machine.vocabulary
-    if diagnosis.verdict is Verdict.CONSISTENT:
-        return Release()
-    if diagnosis.verdict is Verdict.NAMED:
-        return _named(solution, diagnosis)
-    if diagnosis.verdict is Verdict.AMBIGUOUS:
-        return _ambiguous(solution, diagnosis, following)
-    usual = " of usual size" if diagnosis.beyond_tolerance else ""
-    return Release(
-        reasons=(
-            f"No listed cause{usual} explains these data: they leave"
-            f" {diagnosis.lack_of_fit.left_mm:.3f} mm r.m.s., where the {vocabulary.noise}'s"
-            f" noise{vocabulary.also} would leave {diagnosis.lack_of_fit.expected_mm:.3f} mm.",
-        ),
-        remedies=(Remedy(sentence=vocabulary.again),),
-    )
-
-
 def _ambiguous(
     solution: Solution, diagnosis: Diagnosis, following: NextMeasurement | None
 ) -> Release:
@@ -150,14 +143,9 @@ def _to_check(diagnosis: Diagnosis, names: str, faults: Sequence[UnshownFault]) 
             f"If {title} as well{where}, which these readings would not show, the"
             f" {machine.vocabulary.many} change by up to {fault.change:.3f} {fault.unit}."
         )
-        remedies.append(
-            Remedy(
-                sentence=f"Look whether {title}{where}. What shows it: {fault.check}. If all is"
-                " in order, say so:",
-                verb="diagnose",
-                options=f"--rule-out {fault.id}",
-            )
-        )
+        look = f"Look whether {title}{where}. What shows it: {fault.check}. If all is in order,"
+        ruled_out = f"--rule-out {fault.id}"
+        remedies.append(Remedy(sentence=f"{look} say so:", verb="diagnose", options=ruled_out))
     return Release(reasons=tuple(reasons), remedies=tuple(remedies))
 
 
@@ -172,9 +160,8 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
     if check:
         return _to_check(diagnosis, ids, check)
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
-        return Release(
-            cautions=(f"{ids} moves no {one} by more than {largest}, which is within U.",),
-        )
+        within = f"{ids} moves no {one} by more than {largest}, which is within U."
+        return Release(cautions=(within,))
     remedies = [
         Remedy(
             sentence=f"Correct it, or make {cause.id} part of the machine and use the new machine"
@@ -186,11 +173,6 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
         else Remedy(sentence=cause.remedy)
         for cause in diagnosis.causes
     ]
-    return Release(
-        reasons=(
-            f"{titles[0].upper()}{titles[1:]} ({ids},"
-            f" {percent(diagnosis.causes[0].probability, 1)}):"
-            f" {many} alone would be wrong by up to {largest}.",
-        ),
-        remedies=tuple(dict.fromkeys(remedies)),
-    )
+    sure = f"{titles[0].upper()}{titles[1:]} ({ids}, {percent(diagnosis.causes[0].probability, 1)})"
+    reason = f"{sure}: {many} alone would be wrong by up to {largest}."
+    return Release(reasons=(reason,), remedies=tuple(dict.fromkeys(remedies)))

@@ -253,8 +253,8 @@ def verify(
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     if limit_mm is not None and not 0.0 < limit_mm < np.inf:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    first_machine, second_machine = machine_values(before.model), machine_values(after.model)
-    different = [name for name in SAME if first_machine.get(name) != second_machine.get(name)]
+    one, other = machine_values(before.model), machine_values(after.model)
+    different = [name for name in SAME if one.get(name) != other.get(name)]
     if different:
         raise UsageError(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
@@ -541,10 +541,9 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
 
 def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    found = [GaugePlan.require(each.plan) for each in (before, after)]
-    plans = [plan.subset(plan.as_found) for plan in found]
-    both = zip((before, after), found, strict=True)
-    values = [each.value[plan.as_found] for each, plan in both]
+    whole = [GaugePlan.require(each.plan) for each in (before, after)]
+    plans = [plan.subset(plan.as_found) for plan in whole]
+    values = [before.value[whole[0].as_found], after.value[whole[1].as_found]]
     keys: list[Floats] = [
         np.column_stack((p.leg, p.direction, p.displacement, p.contact, p.gauge_at, p.turned))
         for p in plans
@@ -601,12 +600,8 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     gauge = problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    change, predicted, jacobian = whiten(
-        shared.covariance,
-        shared.after - shared.before,
-        problem.change(offsets, applied),
-        jacobian,
-    )
+    values = shared.after - shared.before, problem.change(offsets, applied), jacobian
+    change, predicted, jacobian = whiten(shared.covariance, *values)
     dof, spare = len(change) - 1, len(change) - 3
     # Each joint, fitted together. No reading is known better than its gauge's resolution allows.
     inverse = np.linalg.pinv(jacobian)
