@@ -33,14 +33,8 @@ def verify(
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         found = verified(*inputs, applied, limit)
         document = verification_document(found, identify(found.inputs, *found.options))
-        common.deliver(
-            document,
-            as_json=json,
-            html=html,
-            markdown=markdown,
-            overwrite=overwrite,
-            details=details,
-        )
+        pages = {"html": html, "markdown": markdown}
+        common.deliver(document, as_json=json, overwrite=overwrite, details=details, **pages)
 
     common.for_each([before], judge, as_json=json)
 
@@ -84,7 +78,7 @@ def history(
         for each in inputs:
             common.require_printer(each.measured.source, data)
         found = compare(inputs, dates.split(",") if dates else (), limit)
-        document, own = history_document(found, machine), {"overwrite": overwrite}
-        common.deliver(document, as_json=json, html=html, markdown=markdown, details=details, **own)
+        document, pages = history_document(found, machine), {"html": html, "markdown": markdown}
+        common.deliver(document, as_json=json, overwrite=overwrite, details=details, **pages)
 
     common.for_each(files[:1], judge, as_json=json)
