@@ -168,7 +168,7 @@ class Journal:
         except OSError as error:
             # Remove what was written of it; if even that fails, the next resume ignores it.
             with suppress(OSError):
-                if not self._lost:
+                if not self._lost and os.fstat(self._descriptor).st_size > self._size:
                     os.ftruncate(self._descriptor, self._size)
                     os.fsync(self._descriptor)
             raise InputError(

@@ -266,3 +266,14 @@ def test_a_journal_that_is_taken_away_stops_the_session(tmp_path: Path, what: st
         journal.append(taken(1, 0.1))
     journal.close()
     assert what != "replaced" or path.read_text() == "other"
+
+
+def test_a_journal_that_was_cut_by_another_program_is_not_filled_up(tmp_path: Path) -> None:
+    path = tmp_path / "s.journal"
+    with closing(Journal.create(path, opened())) as journal:
+        journal.append(taken(1, 0.1))
+        cut = path.read_bytes()[:-20]
+        os.truncate(path, len(cut))
+        with pytest.raises(InputError, match="another program changed it"):
+            journal.append(taken(2, 0.2))
+    assert path.read_bytes() == cut
