@@ -549,12 +549,11 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         gaps_mm: "xy" → how far rail x lies above rail y, along z; and so on.
     """
     most = max(map(abs, gaps_mm.values())) or 1.0
+    pairs = [[AXES.index(axis) for axis in name] for name in gaps_mm]
     through = np.zeros((3, 3))  # a point of each rail [px]
-    for name, gap in gaps_mm.items():
-        first, second = (AXES.index(axis) for axis in name)
-        along = 3 - first - second
-        through[first, along] += 0.5 * _NEAR * gap / most
-        through[second, along] -= 0.5 * _NEAR * gap / most
+    for (first, second), gap in zip(pairs, gaps_mm.values(), strict=True):
+        through[first, 3 - first - second] += 0.5 * _NEAR * gap / most
+        through[second, 3 - first - second] -= 0.5 * _NEAR * gap / most
     parts: list[Html] = []
     for rail, axis in enumerate(AXES):
         places = (-_FAR, _FAR, _FAR + 12.0)
@@ -563,8 +562,7 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         drawn = _straight(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     taken: list[Floats] = []
-    for name in gaps_mm:
-        first, second = (AXES.index(axis) for axis in name)
+    for first, second in pairs:
         # The common perpendicular: where each rail passes the other.
         ends = through[[first, second]].copy()
         ends[0, first], ends[1, second] = through[second, first], through[first, second]

@@ -73,43 +73,32 @@ def _written(value: object) -> str:
 def check_document(
     check: Check, source: Source | None = None, refused: UnusableResultError | None = None
 ) -> doc.Document:
-    """A line for a sound file, every fault of another; lines that other programs can search.
+    """One line for the file; two for each fault: where and what, then the remedy.
 
     Args:
         check, source: what was found of the file, and what was measured.
         refused: why its data give no offsets although nothing is wrong with the file.
     """
     told = check.changed(refused=str(refused) if refused else None)
-    listing = doc.Listing(tuple(_lines(check, source, refused)))
-    page = doc.Page("Validation", sections=(doc.Section(None, (listing,)),))
-    return doc.Document(partial(told.model_dump, mode="json"), lambda: page)
-
-
-def _lines(
-    check: Check, source: Source | None, refused: UnusableResultError | None
-) -> Iterator[str]:
-    """One line for the file; two for each fault: where and what, then the remedy."""
     path, kind = file_words(check.input.path), check.input.kind
+    lines = [f"{path}: {counted(len(check.problems), 'fault')}"]
     if kind == "machine":
-        yield f"{path}: machine {check.machine!r}, fine"
+        lines = [f"{path}: machine {check.machine!r}, fine"]
     elif check.valid and kind is not None:
         word = "which give no offsets" if refused else "fine"
         data = data_words(source, kind, check.input.readings)
-        yield f"{path}: {data}, {word} (for {check.machine})"
-    else:
-        yield f"{path}: {counted(len(check.problems), 'fault')}"
+        lines = [f"{path}: {data}, {word} (for {check.machine})"]
     for problem in check.problems:
         line = f"line {problem.line}" if problem.line is not None else ""
         column = f"column {problem.column}" if problem.column is not None else ""
         where = ", ".join(filter(None, (line, column)))
         value = f" ({problem.value!r})" if problem.value is not None else ""
-        yield f"  {where}{': ' if where else ''}{problem.what}{value}"
-        if problem.remedy:
-            yield f"    → {problem.remedy}"
-    if refused:
-        yield f"  {refused.what}"
-        yield f"    → {refused.remedy}"
-    yield from (f"  note: {remark}" for remark in check.remarks)
+        lines.append(f"  {where}{': ' if where else ''}{problem.what}{value}")
+        lines += [f"    → {problem.remedy}"] if problem.remedy else []
+    lines += [f"  {refused.what}", f"    → {refused.remedy}"] if refused else []
+    lines += [f"  note: {remark}" for remark in check.remarks]
+    page = doc.Page("Validation", sections=(doc.Section(None, (doc.Listing(tuple(lines)),)),))
+    return doc.Document(partial(told.model_dump, mode="json"), lambda: page)
 
 
 def paper_document(found: Reproduction) -> doc.Document:

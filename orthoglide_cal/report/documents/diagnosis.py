@@ -343,19 +343,15 @@ def _next_step(case: Case) -> doc.Instruction:
     answer, following = case.answer, case.answer.next_measurement
     if following is not None and following.between:
         first, second = between_words(following)
-        told = (
-            f"{following.what} About {following.minutes:.0f} min; it distinguishes {first} from"
-            f" {second} ({following.separation_sigma:.1f} σ)."
-        )
+        told = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
+        told += f" from {second} ({following.separation_sigma:.1f} σ)."
         typed = to_follow(case.machine, case.source, following.session, case.machine_file)
         return doc.Instruction(told, typed)
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
-    again = (
-        " What is open lies in the measurement: measure there again, and leave the old readings"
-        " out. Then it does not matter which it was."
-    )
-    passing = all(not CAUSES[id].in_machine for id in open_ids)
-    told = f"No further reading of this kind is likely to decide.{again if passing else ''}"
+    told = "No further reading of this kind is likely to decide."
+    if not any(CAUSES[id].in_machine for id in open_ids):
+        told += " What is open lies in the measurement: measure there again, and leave the old"
+        told += " readings out. Then it does not matter which it was."
     return doc.Instruction(told)
 
 
@@ -393,13 +389,11 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
     answer = case.answer
     notes = [note for note in answer.notes if note not in answer.release.cautions]
     notes += _doubts(case)
-    if answer.assumed_sizes:
+    if assumed := answer.assumed_sizes:
         # Without its size where the cause has none: it happens or it does not.
-        sizes = ", ".join(
-            f"{each.id} {each.size:.3g} {unit_words(each.unit)}" if each.unit else each.id
-            for each in answer.assumed_sizes
-        )
-        notes.append(f"Assumed sizes (not in the machine file): {sizes}.")
+        known = {e.id: f" {e.size:.3g} {unit_words(e.unit)}" if e.unit else "" for e in assumed}
+        told = ", ".join(f"{id}{size}" for id, size in known.items())
+        notes.append(f"Assumed sizes (not in the machine file): {told}.")
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
     found = answer.verdict, {cause.id for cause in answer.causes}

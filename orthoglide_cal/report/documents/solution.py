@@ -191,13 +191,11 @@ def noise_words(answer: Answer) -> str:
 
 def parameters_title(case: Case) -> str:
     """Heading of the table: what it is of, in which unit, and how it is meant."""
-    usable = case.answer.release.usable
-    kind = case.words.title if usable else f"{case.words.title} as found"
-    causes = " and ".join(case.answer.named)
-    return (
-        f"{kind}{f' with {causes}' if causes else ''}{common_unit(case.machine)}"
-        f" ({case.words.relation.replace('true position', 'true')})"
-    )
+    words, named = case.words, case.answer.named
+    kind = words.title if case.answer.release.usable else f"{words.title} as found"
+    causes = f" with {' and '.join(named)}" if named else ""
+    relation = words.relation.replace("true position", "true")
+    return f"{kind}{causes}{common_unit(case.machine)} ({relation})"
 
 
 def common_unit(machine: Machine) -> str:
