@@ -62,7 +62,16 @@ def diagnosis_document(case: Case) -> doc.Document:
 
 def _screen(case: Case) -> doc.Page:
     answer = case.answer
-    sections = [doc.Section(None, tuple(blocks)) for blocks in _evidence(case)]
+    # The numbers that decide, one thought each.
+    groups: list[Sequence[doc.Block]]
+    if answer.verdict is Verdict.AMBIGUOUS:
+        groups = [[_open_grid(case)], [*_baselines(case)]]
+    else:
+        decisive = [*_sizes(case, offsets=True), *open_blocks(case)]
+        groups = [decisive, [_rms_grid(case), *_baselines(case)]]
+    if answer.verdict is Verdict.NAMED:
+        groups.append(brief_residuals(case))
+    sections = [doc.Section(None, tuple(blocks)) for blocks in groups]
     open_ = [*_doubts(case, all=False)]
     if answer.ruled_out:
         open_.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
@@ -103,18 +112,6 @@ def _notice(case: Case) -> doc.Notice:
         why = f": until that is decided they have U = {u}" if case.unit else ""
         told = (" ".join((f"Do not enter the {words.many}{why}.", *release.reasons[1:])),)
     return doc.Notice(tone if release.sound else doc.Tone.BAD, title, told, case.about)
-
-
-def _evidence(case: Case) -> Iterator[list[doc.Block]]:
-    """The numbers that decide, one thought each."""
-    if case.answer.verdict is Verdict.AMBIGUOUS:
-        yield [_open_grid(case)]
-        yield [*_baselines(case)]
-        return
-    yield [*_sizes(case, offsets=True), *open_blocks(case)]
-    yield [_rms_grid(case), *_baselines(case)]
-    if case.answer.verdict is Verdict.NAMED:
-        yield brief_residuals(case)
 
 
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
