@@ -65,6 +65,18 @@ def test_one_screen_says_what_happened(tmp_path, story, count, says, changed):
         assert run(*typed.split()).exit_code in (0, 4)
 
 
+@pytest.mark.parametrize(("story", "count"), [("drift", 10), ("steps", 12), ("scatter", 25)])
+def test_a_screen_is_full_before_a_session_is_left_out(tmp_path, story, count):
+    folder = written(tmp_path / "mill", story, count)
+    with chdir(folder):
+        lines = done("history", ".").splitlines()
+    shown = [path.stem for path in folder.iterdir() if f"  {path.stem}  " in "\n".join(lines)]
+    left_out = [int(line.split()[1]) for line in lines if line.strip().startswith("…")]
+    assert len(shown) + sum(left_out) == count
+    assert min(left_out, default=2) >= 2
+    assert not left_out or 23 <= len(lines) <= 24
+
+
 def test_json_and_page_say_the_same(tmp_path):
     with chdir(written(tmp_path / "mill", "step", 4)):
         found = answer("history", ".", "--limit", "0.5")
