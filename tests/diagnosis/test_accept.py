@@ -59,17 +59,6 @@ class TestAccept:
             errors.append(np.abs(offsets - session.offsets).max())
         assert errors[0] > 0.03 > 0.015 > errors[1]
 
-    def test_what_is_simulated_carries_it(self, tmp_path: Path) -> None:
-        extended = tmp_path / "machine-axis_gap.yaml"
-        assert diagnose(GAP, "--accept", "axis_gap", "--output", extended).code == 0
-        options = ("simulate", "--seed", "5", "--offsets", "0.2", "-0.4", "0.1", "--noise", "0.001")
-        made = CliRunner().invoke(app, [*options, "--machine", str(extended)])
-        assert made.exit_code == 0
-        plain = diagnose("-", "--json", text=made.stdout)
-        assert [cause["id"] for cause in plain.lines()[0]["causes"]] == ["axis_gap"]
-        knowing = diagnose("-", "--json", "--machine", extended, text=made.stdout)
-        assert knowing.lines()[0]["verdict"] == "consistent"
-
     def test_the_default_name_says_what_was_accepted(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -15,39 +15,10 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model import Readings
 from tests import truth
-from tests.diagnosis.sessions import known, model_of, read, readings_of
+from tests.diagnosis.sessions import known, model_of, read
 from tests.readings import some
 
 ON = date(2024, 5, 6)
-
-
-@pytest.mark.slow
-def test_offsets_of_a_second_session_are_covered() -> None:
-    """Slopes of the bars are correlated: without that the r.m.s. would be near 1.3."""
-    scores = []
-    for seed in range(3000, 3100):
-        gauge = (truth.MICRON, truth.DIAL)[seed % 2]
-        first = truth.make_session(seed, truth.PROTOTYPE, gauge, ("bar_skew",))
-        try:
-            extended = extend(*known(first), "bar_skew", ON)
-        except UnusableResultError:  # too small to be told from other causes
-            continue
-        solution = solve(readings_of(truth.second_session(first, seed)), extended)
-        scores.append((solution.offsets_mm - first.offsets) / solution.std_mm)
-    assert len(scores) >= 80
-    # Three standard deviations of the root mean square, as if a session were one number.
-    spread = 3.0 / np.sqrt(2.0 * len(scores))
-    assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=spread)
-
-
-def test_an_accepted_cause_is_moved_along_its_correlations() -> None:
-    first = truth.make_session(301, truth.PROTOTYPE, truth.MICRON, ("bar_skew",))
-    (effect,) = extend(*known(first), "bar_skew", ON).accepted
-    stds = np.array([estimate.std for estimate in effect.estimates.values()])
-    expected = 1e-6 * np.outer(stds, stds) * effect.correlation
-    assert np.abs(effect.correlation - np.eye(6)).max() > 0.3
-    moved = [other.theta - effect.theta for other in effect.moved()]
-    assert sum(np.outer(d, d) for d in moved) == pytest.approx(expected, rel=1e-6)
 
 
 def test_an_accepted_cause_stays_as_uncertain_as_it_was_found() -> None:

@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES, RelabelCause
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.files import read_input
 from orthoglide_cal.model import DIFFERENCES, DataKind, Model, Series, double_posture, simulate
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import readings_of
-
-RELABELS = [cause for cause in CAUSES.values() if isinstance(cause, RelabelCause)]
 
 
 def sample(name: str) -> Whitened:
@@ -48,24 +46,6 @@ def test_six_differences_pass_the_isotropic_posture() -> None:
     assert white.in_file.tolist() == list(range(6))
     assert differences == pytest.approx(expected, abs=1e-12)
     assert white.plain(white.matrix @ readings) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("cause", RELABELS, ids=[cause.id for cause in RELABELS])
-def test_undoing_it_in_the_data_is_undoing_it_in_the_readings(cause: RelabelCause) -> None:
-    """On the whitened data it acts as W T Wᵀ: zeros of any size have no part in it."""
-    plan = double_posture(PROTOTYPE)
-    rng = np.random.default_rng(6)
-    clean = simulate(NOMINAL, np.array([0.6, -0.9, 0.3]), plan) + rng.normal(0.0, 0.1, len(plan))
-    for place in cause.places(plan, PROTOTYPE):
-        zeros = rng.uniform(-4.0, 4.0, 6)[plan.setup]
-        written = cause.record(clean + zeros, cause.at(np.zeros(0), place), plan, PROTOTYPE)
-        white = Whitened.of(readings_of(PROTOTYPE, plan, written), NOMINAL)
-        unit = cause.unit_mm(place)
-        undone = white.relabelled(white.data, cause, place) * unit
-        assert undone == pytest.approx(white.matrix @ clean, abs=1e-11)
-        again = white.relabelled(undone, cause, place) / unit
-        assert again == pytest.approx(white.data, rel=1e-9, abs=1e-11)
-        assert np.abs(white.data - white.matrix @ clean).max() > 0.1
 
 
 def test_a_clock_that_was_only_assumed_leaves_rates_three_times_as_open() -> None:

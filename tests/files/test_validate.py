@@ -81,7 +81,3 @@ def test_the_machine_decides_what_is_within_limits(tmp_path):
     path.write_text("leg,posture,direction,reading_mm\nx,85,y,0.1\n")
     assert run(str(path)).exit_code == 3
     assert run(str(path), "--machine", MACHINE).exit_code == 4
-
-
-def test_usage():
-    assert run().exit_code == 2

@@ -47,39 +47,6 @@ def test_what_is_not_said_is_as_before() -> None:
 
 
 @pytest.mark.parametrize("wrong", [(), WRONG])
-def test_offsets_entered_before_a_set_up_are_gone(wrong: tuple) -> None:
-    model = Model(PROTOTYPE, wrong)
-    entered = replace(PLAN, entered=STEP)
-    values, slope = simulate_with_jacobian(model, OFFSETS, entered)
-    expected, expected_slope = simulate_with_jacobian(model, OFFSETS - STEP, PLAN)
-    assert values == pytest.approx(expected, abs=1e-12)
-    assert slope == pytest.approx(expected_slope, abs=1e-12)
-
-
-@pytest.mark.parametrize("wrong", [(), WRONG])
-def test_a_stand_does_not_follow_what_is_entered_later(wrong: tuple) -> None:
-    """The touched place stays where the leg's middle was, so the leg's slope shows."""
-    model, step, offsets = Model(PROTOTYPE, wrong), (3.0, 0.0, 0.0), np.array([1.0, -3.0, 2.0])
-    nothing = (0.0, 0.0, 0.0)
-    states = ((0.0, nothing), (60.0, step), (60.0, nothing))
-    plan = plan_of([PlannedReading(0, 1, d, Contact.FIXED, entered=e) for d, e in states])
-    assert plan.setups == 1
-    assert not plan.stood.any()
-    first, stepped, back = simulate(model, offsets, plan)
-    usual = replace(plan, entered=0.0)
-    assert [first, back] == pytest.approx(simulate(model, offsets, usual)[[0, 2]], abs=1e-12)
-    left = offsets - step
-    joint, tool, followed = (
-        simulate(model, left, replace(usual, contact=[contact] * 3))[1]
-        for contact in (Contact.JOINT, Contact.TOOL, Contact.FIXED)
-    )
-    # The leg slid back under the stand by the step: it is touched that much nearer the carriage.
-    nearer = -step[0] / PROTOTYPE.leg_length_mm * (tool - joint)
-    assert abs(nearer) > 0.01
-    assert stepped - followed == pytest.approx(nearer, rel=0.02)
-
-
-@pytest.mark.parametrize("wrong", [(), WRONG])
 def test_derivatives_are_those_of_the_readings(wrong: tuple) -> None:
     model, plan = Model(PROTOTYPE, wrong), stepped_within(PLAN)
     many = OFFSETS + np.random.default_rng(1).normal(scale=0.3, size=(4, 3))
@@ -95,14 +62,6 @@ def test_derivatives_are_those_of_the_readings(wrong: tuple) -> None:
     assert columns[:, :3] == pytest.approx(
         simulate_with_jacobian(full, many[0], plan)[1], abs=1e-10
     )
-
-
-def test_a_turned_bar_rises_where_it_fell() -> None:
-    straight = simulate(Model(PROTOTYPE), OFFSETS, PLAN)
-    model = Model(PROTOTYPE, (CAUSES["bar_skew"].at(SKEW),))
-    rise, fall = (simulate(model, OFFSETS, replace(PLAN, turned=t)) for t in (False, True))
-    assert np.abs(rise - straight).min() > 0.01
-    assert fall - straight == pytest.approx(straight - rise, abs=1e-12)
 
 
 def test_readings_that_differ_in_it_are_no_repeats() -> None:
@@ -121,14 +80,3 @@ def test_readings_that_differ_in_it_are_no_repeats() -> None:
     assert len(plan.moments[0]) == 4
     plain = replace(plan, turned=False, entered=0.0)
     assert len(set(plain.cells.tolist())) == len(plain.distinct[0]) == 2
-
-
-def test_a_carriage_comes_from_where_it_stood_before_the_step() -> None:
-    """A step that is entered moves a carriage: it comes from the other side."""
-    rows = [
-        PlannedReading(0, 1, 60.0, Contact.FIXED),
-        PlannedReading(0, 1, 0.0, Contact.FIXED),
-        PlannedReading(0, 1, 0.0, Contact.FIXED, entered=(-0.5, 0.0, 0.0)),
-    ]
-    command = Model(PROTOTYPE).machine.command(plan_of(rows))
-    assert command.approach[:, 0].tolist() == [0.0, -1.0, 1.0]

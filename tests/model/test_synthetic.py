@@ -5,20 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import UnreachableError
 from orthoglide_cal.model import (
-    DataKind,
     Gauge,
-    Posture,
     double_posture,
-    ideal_plan,
     simulate,
     zero_free,
 )
 from orthoglide_cal.model.protocols import PlannedReading, plan_of
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.model.synthetic import synthetic_session, written_down
-from tests.estimation.sessions import PERFECT
 from tests.machines import NOMINAL, PROTOTYPE
 
 OFFSETS = np.array([0.4, -0.9, 0.6])
@@ -40,19 +35,6 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
     assert zeros.max() > 0.9
 
 
-def test_a_gauge_without_steps_or_noise_shows_what_there_is() -> None:
-    plan = double_posture(PROTOTYPE)
-    signal = simulate(NOMINAL, OFFSETS, plan)
-    rest = written_down(signal, plan, PERFECT, np.random.default_rng(3)) - signal
-    assert zero_free(plan) @ rest == pytest.approx(0.0, abs=1e-12)
-    assert np.unique(np.round(rest, 9)).size == 6
-    made = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4), PERFECT)
-    assert zero_free(plan) @ (made.value - signal) == pytest.approx(0.0, abs=1e-8)
-    own = synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(4))
-    assert np.array_equal(own.value, np.round(own.value, 2))
-    assert np.abs(own.value - made.value).max() > 1e-3
-
-
 def test_the_noise_of_a_gauge_is_its_repeatability_and_its_rounding() -> None:
     """q/√12 by hand: 0.012/3.4641 = 0.003464; √(0.003464² + 0.0035²) = 0.004925."""
     gauge = Gauge.model_construct(
@@ -60,19 +42,6 @@ def test_the_noise_of_a_gauge_is_its_repeatability_and_its_rounding() -> None:
     )
     assert gauge.rounding_mm == pytest.approx(0.0034641, abs=1e-7)
     assert gauge.noise_mm == pytest.approx(0.0049244, abs=1e-7)
-
-
-def test_the_same_seed_gives_the_same_session() -> None:
-    plan = ideal_plan(DataKind.TWELVE, PROTOTYPE)
-    one, two, other = (
-        synthetic_session(NOMINAL, plan, OFFSETS, np.random.default_rng(seed)) for seed in (4, 4, 5)
-    )
-    assert np.array_equal(one.value, two.value)
-    assert not np.array_equal(one.value, other.value)
-    assert one.posture[:4] == ("iso", "iso", "max", "max")
-    assert set(one.cycle.tolist()) == {1}
-    assert one.kind is DataKind.READINGS
-    assert len(one) == len(plan)
 
 
 def test_cycles_are_counted_in_time_within_a_set_up() -> None:
@@ -89,10 +58,3 @@ def test_cycles_are_counted_in_time_within_a_set_up() -> None:
     made = synthetic_session(NOMINAL, shuffled, OFFSETS, np.random.default_rng(1))
     assert made.posture == ("iso", "30", "iso", "30", "30", "30", "30")
     assert made.cycle.tolist() == [2, 3, 1, 1, 2, 1, 1]
-
-
-def test_a_machine_that_cannot_take_the_postures_is_an_error() -> None:
-    plan = ideal_plan(DataKind.SIX, PROTOTYPE)
-    with pytest.raises(UnreachableError):
-        synthetic_session(NOMINAL, plan, np.full(3, 400.0), np.random.default_rng(1))
-    assert {PROTOTYPE.posture_at(d) for d in plan.displacement} == {Posture.MAX, Posture.MIN}

@@ -139,20 +139,6 @@ def test_monte_carlo_is_reproducible_and_reports_progress() -> None:
     assert seen == [50] * 15
 
 
-def test_monte_carlo_scatters_with_the_noise_it_is_given() -> None:
-    """2 × 2000 solves: standard error of the ratio 0.9 %."""
-    one, two = (
-        monte_carlo(
-            NOMINAL_LARGE, TWELVE, 0.5, np.random.default_rng(3), sigma_mm=sigma,
-            replications=1, runs=2000,
-        ).mean()
-        for sigma in (0.01, 0.03)
-    )  # fmt: skip
-    assert one == pytest.approx(0.01 * accuracy_factor(NOMINAL_LARGE, TWELVE), rel=0.05)
-    # The same noise, three times as large.
-    assert two == pytest.approx(3.0 * one, rel=1e-3)
-
-
 def test_monte_carlo_has_the_offsets_it_is_given() -> None:
     """20 mm of offset make it 5 % worse; 2 × 6000 solves have a standard error of 0.4 %."""
     rng = np.random.default_rng(4)

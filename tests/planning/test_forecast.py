@@ -22,7 +22,7 @@ from orthoglide_cal.planning.steps import (
 from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.diagnosis.sessions import model_of, readings_of
-from tests.machines import NOMINAL, both_models, extended, sure
+from tests.machines import NOMINAL, both_models, sure
 from tests.planning.truth import true_readings
 from tests.results.sessions import given
 
@@ -175,13 +175,3 @@ def test_minutes_and_moves_are_those_of_measure(model: Model) -> None:
     one, two = (forecast(model, DOUBLE, 3, stands=stands) for stands in (1, 2))
     assert one.minutes > two.minutes
     assert one.noise_std_mm == pytest.approx(two.noise_std_mm)
-
-
-def test_a_known_leg_leaves_less() -> None:
-    """An accepted cause is part of the machine: its uncertainty takes the tolerance's place."""
-    known = extended(leg_length=(0.03, -0.02, 0.01))
-    assert forecast(known, DOUBLE, 3).budget.expanded_mm == pytest.approx(
-        forecast(NOMINAL, DOUBLE, 3).budget.expanded_mm, rel=0.01
-    )
-    without = [c.source for c in forecast(sure(NOMINAL), DOUBLE, 3).budget.contributions]
-    assert "leg_length" not in without

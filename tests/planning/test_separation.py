@@ -142,12 +142,6 @@ def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
     assert set(ids) == set(OWN) - {"backlash"}
 
 
-def test_a_machine_on_which_nothing_can_be_wrong_has_no_pairs() -> None:
-    sound = NOMINAL.machine.changed(tolerances=dict.fromkeys(OWN, 0.0))
-    found = separations(Model(sound), session_of(NOMINAL, DOUBLE, 3).plan)
-    assert found.causes == found.invisible == found.pairs == ()
-
-
 def test_every_cause_says_what_shows_it() -> None:
     for cause in CAUSES.values():
         assert cause.instrument[0].islower()

@@ -1,6 +1,5 @@
 """The sequences of steps: every cell, in the right order, with the right targets."""
 
-import math
 from collections import Counter
 from itertools import pairwise
 
@@ -22,8 +21,6 @@ from orthoglide_cal.planning.steps import (
 )
 from tests.machines import PROTOTYPE
 from tests.session.virtual import DOUBLE, SINGLE, both_protocols
-
-SMALL: Machine = PROTOTYPE.changed(leg_length_mm=200.0, joint_limits_mm=(-70.0, 45.0))
 
 
 def usual(
@@ -96,18 +93,6 @@ def test_one_gauge_has_six_set_ups() -> None:
     assert {s.setup for s in steps} == set(range(1, 7))
     for setup in range(1, 7):
         assert len({s.series for s in steps if s.setup == setup}) == 1
-
-
-def test_where_to_drive_puts_the_tool_on_the_axis_of_the_leg() -> None:
-    """The nominal legs then reach the same point: (d, 0, 0) for leg x (sec. 2.5)."""
-    for step in usual(DOUBLE, 1, machine=SMALL):
-        joints = SMALL.joints_at(step.leg, step.displacement_mm)
-        tool = [0.0, 0.0, 0.0]
-        tool[step.leg] = {"iso": 0.0, "max": 45.0, "min": -70.0}[step.posture]
-        for axis in range(3):
-            carriage = [0.0, 0.0, 0.0]
-            carriage[axis] = joints[axis]
-            assert math.dist(carriage, tool) == pytest.approx(200.0, abs=1e-9)
 
 
 def test_time_left_counts_postures_and_moves_of_the_stand() -> None:

@@ -51,22 +51,3 @@ def test_healthy_sessions_are_consistent_and_their_intervals_hold(
     low, high = band(count, 0.93, 0.97)
     assert low <= covered / (3 * count) <= high
     assert count - verdicts[Verdict.CONSISTENT] <= 5, verdicts
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("gauge", truth.GAUGES)
-@pytest.mark.parametrize("cause", truth.CAUSES)
-def test_the_intervals_of_named_sessions_hold(cause: str, gauge: str) -> None:
-    """Of those named rightly among 100; a coverage of 93 to 97 % fails in 1 of 500 cases."""
-    covered, named = 0, 0
-    for seed in range(100):
-        session = truth.make_session(
-            9000 + seed, truth.PROTOTYPE, truth.GAUGES[gauge], (cause,), offset_sd=OFFSETS
-        )
-        found = answer_to(given(*known(session)))
-        if tuple(each.id for each in found.causes) == (cause,):
-            named += 1
-            covered += inside(found, session)
-    if named:
-        low, high = band(named, 0.93, 0.97)
-        assert low <= covered / (3 * named) <= high, (covered, named)
