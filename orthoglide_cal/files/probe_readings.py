@@ -34,7 +34,7 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     """The touches of a CSV. Raises InvalidFileError with everything that is wrong."""
     faults = table.faults
     remarks = table.check_header((*PLACE_COLUMNS, "reading_mm"), PROBE_COLUMNS)
-    table.check_split_numbers(("reading_mm",), PROBE_COLUMNS[:-1])
+    table.check_split_numbers(PROBE_COLUMNS[:-1])
     faults.check()
     if table.rows and not any("reading_mm" in row.cells for row in table.rows):
         # The empty cells are no faults of their own.
@@ -42,18 +42,16 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
         line = table.rows[0].line
         faults.add("No reading was filled in.", remedy, line=line, column="reading_mm")
         faults.check()
-    wide, high, arm = 2.0 * machine.bed_radius_mm, max(machine.arm_length_mm), "an arm is long"
-    longest = {
-        **dict.fromkeys(PLACE_COLUMNS, (wide, "coordinate", "the bed is wide")),
-        **dict.fromkeys(("reading_mm", "z_mm"), (high, "height", arm)),
-    }
+    away = (2.0 * machine.bed_radius_mm, "coordinate", "the bed is wide")
+    high = (max(machine.arm_length_mm), "height", "an arm is long")
+    longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
     checking = Rows(table.rows, ProbeRow, Reading(table.number, longest), faults)
     checking.check_complete(("seq", "minutes"))
     check_order(checking)
     for index, row in checking.sound:
-        away = math.hypot(row.x_mm, row.y_mm)
-        if away > BEYOND * machine.bed_radius_mm:
-            what = f"The place is {away:.0f} mm from the middle of the bed."
+        apart = math.hypot(row.x_mm, row.y_mm)
+        if apart > BEYOND * machine.bed_radius_mm:
+            what = f"The place is {apart:.0f} mm from the middle of the bed."
             remedy = f"Check it, or bed_radius_mm ({machine.bed_radius_mm:g}) in the machine file."
             checking.note(index, "x_mm", what, remedy)
     rows = checking.checked()
@@ -123,8 +121,7 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     """What a printer.cfg stores, as readings.
 
     Args:
-        stored: "calibration" or "mesh"; None for the calibration where there is one, else the
-            mesh.
+        stored: "calibration" or "mesh"; None for the first of the two that there is.
         machine: by whose parameters the places are meant.
 
     Raises:

@@ -142,10 +142,9 @@ class Conditions(Circumstances):
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
-    remarks = table.check_header(
-        ("leg", "posture", "direction", "reading_mm"), READING_COLUMNS, "reading_in"
-    )
-    table.check_split_numbers(("reading_mm", "reading_in"), CODED_COLUMNS)
+    needed = ("leg", "posture", "direction", "reading_mm")
+    remarks = table.check_header(needed, READING_COLUMNS, "reading_in")
+    table.check_split_numbers(CODED_COLUMNS)
     # What only a session may have is no part of a table.
     records = [
         replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})

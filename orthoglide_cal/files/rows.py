@@ -35,6 +35,7 @@ LATEST_MINUTES = 1e6  # two years
 TURNED = "turned"
 _POSTURES = {posture.value for posture in Posture}
 _AXIS = "Write x, y or z."
+_POSTURE = "Write iso, max, min or a displacement in mm."
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ def _posture(text: str, info: ValidationInfo) -> str:
     if info.context is None:
         return text
     low, high = info.context.travel
-    remedy = "Write iso, max, min or a displacement in mm."
+    remedy = _POSTURE
     if low > -math.inf:
         remedy = f"Write iso, max, min or a displacement from {low:g} to {high:g} mm."
     try:
@@ -213,10 +214,7 @@ class ReadingRow(Row):
     reason: str | None = None
 
     inches = "reading_in"
-    empty: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("leg", "direction"), _AXIS),
-        "posture": "Write iso, max, min or a displacement in mm.",
-    }
+    empty: ClassVar[Mapping[str, str]] = {"leg": _AXIS, "direction": _AXIS, "posture": _POSTURE}
 
     @field_validator("direction")
     @classmethod

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import pairwise
 
-from orthoglide_cal.files.faults import Faults, unused
+from orthoglide_cal.files.faults import FaultPlace, Faults, unused
 from orthoglide_cal.files.rows import Record
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import parse_number, shortened
@@ -82,16 +82,15 @@ class Table:
             raise self.faults.error()
         return unused("Columns", others, known)
 
-    def check_split_numbers(self, columns: Sequence[str], coded: Sequence[str]) -> None:
+    def check_split_numbers(self, coded: Sequence[str]) -> None:
         """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.
 
-        Args:
-            columns: those that hold readings.
-            coded: those that never hold free text.
+        A column beside the readings that never holds free text (`coded`) has not got the 123.
         """
         if self.decimal_comma or not self.rows:
             return
-        pairs = (pair for pair in pairwise(self.columns) if pair[0] in columns)
+        readings = ("reading_mm", "reading_in")
+        pairs = (pair for pair in pairwise(self.columns) if pair[0] in readings)
         value, beside = next(pairs, ("", ""))
         if not value or beside in coded:
             return
@@ -99,14 +98,11 @@ class Table:
         cells = [row.cells.get(value, "") for row in self.rows]
         whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
         if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
-            self.faults.add(
-                f"Every reading is a whole number with digits in the next column, {beside!r}:"
-                " decimal commas?",
-                "Write decimal points, or separate the columns with semicolons.",
-                line=self.rows[0].line,
-                column=value,
-                value=f"{cells[0]},{fractions[0]}",
-            )
+            what = f"Every reading is a whole number with digits in the next column, {beside!r}:"
+            what += " decimal commas?"
+            remedy = "Write decimal points, or separate the columns with semicolons."
+            place = FaultPlace(self.rows[0].line, value, f"{cells[0]},{fractions[0]}")
+            self.faults.at(place, what, remedy)
 
 
 def read_table(file: FileText, coded: Sequence[str]) -> Table:
@@ -114,10 +110,8 @@ def read_table(file: FileText, coded: Sequence[str]) -> Table:
 
     Blank lines are skipped, and so are lines that start with # and Excel's `sep=;` line.
 
-    Args:
-        file: as read.
-        coded: columns that never hold free text. If another column comes first, a # after the
-            header belongs to its text: skipping the line would lose a reading.
+    If the first column is not one of those that never hold free text (`coded`), a # after the
+    header belongs to its text: skipping the line would lose a reading.
     """
     faults, lines = Faults(file.path), file.text.split("\n")
     at, delimiter = _start(lines)
@@ -152,9 +146,8 @@ def read_table(file: FileText, coded: Sequence[str]) -> Table:
             what = f"The row has {len(cells)} cells, the header {len(columns)}."
             remedy = f"Put a cell that holds {delimiter!r} in quotes."
             if delimiter == ",":
-                remedy = (
-                    "For decimal commas separate the columns with semicolons, in the header too."
-                )
+                remedy = "For decimal commas separate the columns with semicolons"
+                remedy += ", in the header too."
             faults.add(what, remedy, line=line, value=shown)
         elif any(cells):
             pairs = zip(columns, cells, strict=False)
