@@ -11,6 +11,7 @@ Sources: Klipper's documents "Delta calibration" and "Bed Mesh", and its message
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -49,15 +50,11 @@ def read_klippy_log(document: FileText) -> PrinterFile:
     lines = document.text.split("\n")
     starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]
     if not starts:
-        raise InputError(
-            "The log does not hold the configuration: its beginning is missing.",
-            "Give the whole klippy.log, or the printer.cfg.",
-            file=document.path,
-        )
+        what = "The log does not hold the configuration: its beginning is missing."
+        raise InputError(what, "Give the whole klippy.log, or the printer.cfg.", file=document.path)
     start = starts[-1] + 1
-    rest = range(start, len(lines))
-    end = next((number for number in rest if _ENDS.fullmatch(lines[number].strip())), len(lines))
-    kept = [""] * start + lines[start:end]
+    inside = itertools.takewhile(lambda line: not _ENDS.fullmatch(line.strip()), lines[start:])
+    kept = [""] * start + list(inside)
     found = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
     unsaved = bool(found) and found[-1] > start
     calculated = None
@@ -110,10 +107,5 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
         remarks += (f"The probe's z offset is not known: {ZERO_UNKNOWN}",)
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
-    return replace(
-        settings,
-        probe=offset,
-        mesh=StoredMesh.of_touches("console", touches[:, :4]),
-        source=document.source,
-        remarks=remarks,
-    )
+    mesh, source = StoredMesh.of_touches("console", touches[:, :4]), document.source
+    return replace(settings, probe=offset, mesh=mesh, source=source, remarks=remarks)

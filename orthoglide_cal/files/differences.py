@@ -68,39 +68,30 @@ def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
             "These names were taken as max and min relative to the isotropic posture; a"
             " single-posture file also has dz_x0 or dz_y0."
         )
-    return Differences(
-        kind=kind,
-        which=tuple(known[name] for name in rows),
-        value=np.array(list(rows.values())),
-        source=table.file.source,
-        remarks=tuple(remarks),
-    )
+    which, value = tuple(known[name] for name in rows), np.array(list(rows.values()))
+    return Differences(kind, which, value, table.file.source, remarks=tuple(remarks))
 
 
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
-    names: list[str | None] = [None] * len(rows.records)
+    names: dict[int, str] = {}
     for index, record in enumerate(rows.records):
         with suppress(InputError):
             names[index] = _canonical(record.cells.get("difference", ""))
     order = [DataKind.TWELVE, DataKind.SIX]
-    if {"dz_x0", "dz_y0"} & set(names):
+    if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)
-    kind = max(order, key=lambda each: sum(name in known[each] for name in names))
+    kind = max(order, key=lambda each: sum(name in known[each] for name in names.values()))
     first: dict[str, int] = {}
-    for index, name in enumerate(names):
-        if name is None:
-            continue
+    for index, name in names.items():
         if name not in known[kind]:
-            what = (
-                f"The name is of another kind than the others, which are {kind} ({_KINDS[kind]})."
-            )
-            remedy = f"Give one kind in one file. {_KNOWN}"
-            rows.note(index, "difference", what, remedy)
+            others = f"{kind} ({_KINDS[kind]})"
+            what = f"The name is of another kind than the others, which are {others}."
+            rows.note(index, "difference", what, f"Give one kind in one file. {_KNOWN}")
         elif name in first:
-            what = f"The difference is already in line {first[name]} already."
+            what = f"The difference is already in line {first[name]}."
             remedy = "Give each difference once; average repeats, or give the raw readings."
             rows.note(index, "difference", what, remedy)
         first.setdefault(name, rows.records[index].line)

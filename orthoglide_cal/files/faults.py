@@ -95,9 +95,8 @@ class Faults:
         if self.full:
             self._more += 1
             return
-        self.problems.append(
-            InputError(what, remedy, file=self.file, line=line, column=column, value=value)
-        )
+        fault = InputError(what, remedy, file=self.file, line=line, column=column, value=value)
+        self.problems.append(fault)
 
     def at(self, place: FaultPlace, what: str, remedy: str, value: str | None = None) -> None:
         """Note one fault at a place; `value` instead of the text there."""

@@ -43,10 +43,8 @@ Words = dict[str, tuple[float, ...]]
 def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     """The machine and the probe that these files state; the last of them wins.
 
-    The radius of the bed is NaN where it is not stated.
-
-    Raises:
-        InvalidFileError: with everything that is wrong in one of them.
+    The radius of the bed is NaN where it is not stated. Raises InvalidFileError with everything
+    that is wrong in one of them.
     """
     said: Words = {}
     for file in (document, *overriding):
@@ -84,8 +82,7 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
 def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
     """What config.g, and config-override.g if M501 loads it, state; None if there are no arms.
 
-    Args:
-        measured: what these settings were in force for, to be compared with their date.
+    The date of what was measured by these settings is compared with theirs.
     """
     paths = [folder / name for name in ("config.g", "config-override.g")]
     files = [read_document(str(path)) for path in paths if path.is_file()]

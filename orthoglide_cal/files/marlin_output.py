@@ -139,8 +139,7 @@ class _Reader:
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings after all that was printed, with G33's heights, and what else was probed.
 
-    Args:
-        settings: those before it; the radius of the bed is NaN where it is not known.
+    The radius of the bed is NaN where the settings before it do not have it.
 
     Raises:
         InvalidFileError: everything that is wrong.

@@ -371,8 +371,7 @@ def _rows(settings: Settings, section: str, across: int, along: int) -> tuple[li
     if along and len(points.texts) != along:
         what = f"The mesh has {len(points.texts)} rows, y_count says {along}."
         settings.note(section, "points", what, _AGAIN, points.line)
-    heights = np.empty((0, 0)) if settings.faults else np.array(rows)
-    return [line for line, _ in points.texts], heights
+    return [line for line, _ in points.texts], np.array([] if settings.faults else rows)
 
 
 def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:

@@ -72,12 +72,7 @@ class GaugeIdentity(Schema):
 
 
 class Circumstances(Schema):
-    """What a session says around its readings; None or empty where not given, never invented.
-
-    Attributes:
-        protocol, operator, started, finished: as `measure` was told; times are ISO 8601.
-        gauges: that were used.
-    """
+    """What a session says around its readings; None or empty where not given, never invented."""
 
     protocol: str | None = None
     operator: str | None = None
@@ -357,10 +352,8 @@ def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide)
             " check the unit, and the gauge in the machine file."
         )
     if not readings.timed:
-        remarks.append(
-            "Times were not given, or are all the same;"
-            f" {_MINUTES_PER_READING:g} minutes per reading were assumed."
-        )
+        assumed = f"{_MINUTES_PER_READING:g} minutes per reading were assumed."
+        remarks.append(f"Times were not given, or are all the same; {assumed}")
     if readings.timed or "cycle" in records[0].cells:
         # Cycle or minutes should tell repeats apart.
         lines: dict[frozenset[tuple[str, str]], int] = {}

@@ -69,10 +69,8 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
             remedy = "Give it with --machine, and a file of readings as the input."
             raise InputError(what, remedy, file=tree.file.path)
         what = "This is neither a table of readings or differences nor a session."
-        remedy = (
-            "A CSV has a header with leg, posture, direction, reading_mm or difference, value_mm; a"
-            " session has `readings:`."
-        )
+        header = "leg, posture, direction, reading_mm or difference, value_mm"
+        remedy = f"A CSV has a header with {header}; a session has `readings:`."
         raise InputError(what, remedy, file=tree.file.path, line=1)
     if model and model.machine.probes:
         what = f"The session was read with gauges; a machine of kind {model.machine.kind} has none."
@@ -133,12 +131,9 @@ def session_of_readings(
 ) -> Session:
     """The session that holds these readings of this machine, in the order of time."""
     rows, plan = reading_rows(readings), readings.plan
-    return Session(
-        machine=model,
-        protocol="double-posture" if plan.fixed else "single-posture",
-        environment=dict(environment),
-        readings=tuple(rows[index] for index in plan.in_time.tolist()),
-    )
+    protocol = "double-posture" if plan.fixed else "single-posture"
+    ordered = tuple(rows[index] for index in plan.in_time.tolist())
+    return Session(machine=model, protocol=protocol, environment=environment, readings=ordered)
 
 
 def _recorded(tree: Tree, machine: Model | None) -> Session | None:

@@ -24,20 +24,15 @@ def together(inputs: Sequence[Input]) -> Input:
     carriages at the same heights. What the parameters of another date differ by beyond that is
     unknown, and has no part in the evidence.
 
-    Args:
-        inputs: in the order of the dates, the latest last.
-
-    Raises:
-        UsageError: they are not all touches of one printer.
+    The latest date is the last. Raises UsageError: they are not all touches of one printer.
     """
     last = inputs[-1]
     if not all(isinstance(each.model.machine, LinearDelta) for each in inputs):
-        raise UsageError(
-            "--together is for touches of one printer's bed on several dates.",
-            "Leave it out: each file is then judged alone.",
-        )
+        what = "--together is for touches of one printer's bed on several dates."
+        raise UsageError(what, "Leave it out: each file is then judged alone.")
     machine = LinearDelta.require(last.model.machine)
-    zero, plans, values, start = np.zeros(len(machine.parameter_names)), [], [], 0
+    zero, start = np.zeros(len(machine.parameter_names)), 0
+    reads, plans, values = [], [], []
     for number, each in enumerate(inputs):
         own, read = LinearDelta.require(each.model.machine), each.measured
         own.check_same(machine)
@@ -50,12 +45,10 @@ def together(inputs: Sequence[Input]) -> Input:
         values.append(np.where(plan.distance, read.value + grown, place[:, 2] - plan.surface))
         slope = differentiate(last.model, zero, now, ())[1] * (each is not last)
         plans.append(replace(now, slope=slope, date=day))
+        reads.append(read)
         start += len(plan)
-    every = {
-        item.name: np.concatenate([getattr(plan, item.name) for plan in plans])
-        for item in fields(ProbePlan)
-    }
-    reads = [each.measured for each in inputs]
+    names_of = (item.name for item in fields(ProbePlan))
+    every = {name: np.concatenate([getattr(plan, name) for plan in plans]) for name in names_of}
     sources = [read.source for read in reads]
     excerpt = sources[-1].excerpt
     words = f"{start} readings of {len(inputs)} dates"
@@ -74,8 +67,8 @@ def together(inputs: Sequence[Input]) -> Input:
     measured = Readings(
         ProbePlan(**every),
         np.concatenate(values),
-        np.concatenate([read.line for read in reads if isinstance(read, Readings)]),
-        all(read.timed for read in reads if isinstance(read, Readings)),
+        np.concatenate([read.line for read in reads]),
+        all(read.timed for read in reads),
         source,
         remarks=tuple(dict.fromkeys((*changed, *(r for read in reads for r in read.remarks)))),
     )
