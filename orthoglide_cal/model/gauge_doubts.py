@@ -61,12 +61,7 @@ UNITS = (
 
 
 def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...]:
-    """What this gauge can hardly have shown; empty for healthy data.
-
-    Args:
-        measured: readings or differences; of differences only the decimals say something.
-        gauge: as stated in the machine file.
-    """
+    """What this gauge can hardly have shown; of differences only the decimals say something."""
     if not isinstance(measured, Readings):
         return tuple(_finer_differences(measured.value, gauge))
     if not isinstance(measured.plan, GaugePlan):
@@ -134,7 +129,6 @@ def too_steady(
         value: shape (n,) [mm].
         setup: of each reading; each gauge set-up is looked at alone, and all together.
         cell: of each reading: those of one set-up and cell repeat each other.
-        gauge: with its stated repeatability and resolution.
 
     Returns:
         Their set-up, None for all together, and the standard deviation of the repeats [mm], exactly
@@ -173,7 +167,6 @@ def chance_of_less_scatter(squares: float, sizes: Counter[int], gauge: Instrumen
     Args:
         squares: s [mm²].
         sizes: number of readings in a cell → number of such cells.
-        gauge: repeatability and resolution.
     """
     noise, step = gauge.repeatability_mm, gauge.resolution_mm
     if noise <= 0.0:

@@ -89,14 +89,14 @@ def _turning(angles: tuple[float, float, float]) -> tuple[float, float, float]:
     return angles
 
 
+_ONE_ARM: TypeAdapter[float] = TypeAdapter(Length)
+
+
 def _of_each(given: object, check: ValidatorFunctionWrapHandler) -> object:
     """One length for all arms, or one for each tower."""
     if isinstance(given, list | tuple):
         return check(given)
     return (_ONE_ARM.validate_python(given),) * len(TOWERS)
-
-
-_ONE_ARM: TypeAdapter[float] = TypeAdapter(Length)
 
 
 # Where the machine file says nothing of a calliper: it shows hundredths, but is put to edges that
@@ -217,8 +217,7 @@ class LinearDelta(Machine):
     # Counter-clockwise from x.
     tower_angles_deg: Annotated[tuple[Number, Number, Number], AfterValidator(_turning)]
     endstops_mm: Annotated[
-        Named[Endstops],
-        told("Endstop", "height of the nozzle, in the middle, where it triggers"),
+        Named[Endstops], told("Endstop", "height of the nozzle, in the middle, where it triggers")
     ]
     bed_radius_mm: Annotated[Length, told("Radius of the bed", "as far as the probe may touch")]
     probe: Probe
@@ -226,7 +225,6 @@ class LinearDelta(Machine):
     @field_validator("delta_radius_mm")
     @classmethod
     def _within_arms(cls, radius: float, given: ValidationInfo) -> float:
-        """Where the arms are known, too."""
         if radius >= min(given.data.get("arm_length_mm", (math.inf,))):
             raise InputError(
                 "The radius is as large as an arm is long.",
@@ -264,10 +262,7 @@ class LinearDelta(Machine):
 
     @property
     def plausible(self) -> tuple[float, ...]:
-        """Beyond this it is another machine [mm, deg].
-
-        A radius is measured with a ruler, and towers are bolted to plates.
-        """
+        """A radius is measured with a ruler, and towers are bolted to plates."""
         return (*[self.homing_std_mm] * len(TOWERS), 5.0, 2.0, 2.0)
 
     @property
@@ -282,8 +277,7 @@ class LinearDelta(Machine):
     @property
     def nominal_rails(self) -> Geometry:
         """Upright rails on a circle; arms as long as the controller has them."""
-        points = np.zeros((3, 3))
-        points[:, :2] = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
+        points = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
         upright = np.tile([0.0, 0.0, 1.0], (3, 1))
         return Geometry(points, upright, np.array(self.arm_length_mm))
 
@@ -316,11 +310,9 @@ class LinearDelta(Machine):
             parameters: what each real value exceeds them by, (..., 6) [mm, deg].
         """
         radius = self.delta_radius_mm + parameters[..., 3, None]
-        third = 0.0 * parameters[..., :1]
-        turned = np.concatenate((parameters[..., 4:], third), axis=-1)
+        turned = np.concatenate((parameters[..., 4:], 0.0 * parameters[..., :1]), axis=-1)
         angles = np.radians(self.tower_angles_deg) + np.radians(1.0) * turned
-        moved = _on_circle(radius, angles) - self.nominal_rails.points[:, :2]
-        shift = np.concatenate((moved, 0.0 * moved[..., :1]), axis=-1)
+        shift = _on_circle(radius, angles) - self.nominal_rails.points
         # The carriage stands where the endstop says for a tool in the middle.
         raised = self._above(radius) - self._above(self.delta_radius_mm)
         real = Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
@@ -339,9 +331,8 @@ class LinearDelta(Machine):
             other: the controller of the same printer on another date.
             place: where that one believed it to be then, shape (n, 3) [mm].
         """
-        ends, others = (
-            each.endstops_mm + each._above(each.delta_radius_mm) for each in (self, other)
-        )
+        both = self, other
+        ends, others = (each.endstops_mm + each._above(each.delta_radius_mm) for each in both)
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))
 
@@ -435,5 +426,5 @@ def _spread(place: Floats, count: int) -> Ints:
 
 
 def _on_circle(radius: Numbers | float, angles: Numbers) -> Numbers:
-    """Places (..., 3, 2) at angles (..., 3) on a circle of radius (..., 1)."""
-    return np.stack((radius * np.cos(angles), radius * np.sin(angles)), axis=-1)
+    """Places (..., 3, 3) at angles (..., 3) on a level circle of radius (..., 1)."""
+    return np.stack((radius * np.cos(angles), radius * np.sin(angles), 0.0 * angles), axis=-1)

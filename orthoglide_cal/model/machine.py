@@ -24,8 +24,7 @@ from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
 
-# Nobody enters more [mm].
-LARGEST_OFFSET_MM = 1000.0
+LARGEST_OFFSET_MM = 1000.0  # nobody enters more
 # The home switch or index pulse of a carriage is set to within a few millimetres; an offset beyond
 # that is a wrong unit, label or machine file.
 HOMING_MM = 5.0

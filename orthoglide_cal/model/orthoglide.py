@@ -64,8 +64,7 @@ class Gauge(Instrument):
     resolution_mm: Annotated[Fine, told("Gauge: one division", "the smallest step that it shows")]
     range_mm: Annotated[Travel, told("Gauge: range", "travel of its plunger")]
     revolution_mm: Annotated[
-        Travel | None,
-        told("Gauge: one turn", "travel of one turn; 0 without a dial"),
+        Travel | None, told("Gauge: one turn", "travel of one turn; 0 without a dial")
     ] = None
     repeatability_mm: Annotated[
         Fine, told("Gauge: repeatability", "standard deviation of one reading")
@@ -129,12 +128,7 @@ class Orthoglide(Machine):
         going_on="measure --then",
         further="two more postures of each leg between the isotropic one and its limits",
     )
-    geometry_keys = (
-        "leg_length_mm",
-        "parallelogram_width_mm",
-        "tool_offset_mm",
-        "joint_limits_mm",
-    )
+    geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
     # One fault in five is several times as large as its tolerance. Priced at the tolerance alone a
     # bar skewed by three of them would be taken for a smaller skew together with a second fault.
     tolerance_scales: ClassVar[Mapping[float, float]] = MappingProxyType(
@@ -149,8 +143,7 @@ class Orthoglide(Machine):
         told("r of the tool", "from the legs' ends to its centre point"),
     ]
     joint_limits_mm: Annotated[
-        tuple[Number, Number],
-        told("Travel", "lowest and highest, from the isotropic posture"),
+        tuple[Number, Number], told("Travel", "lowest and highest, from the isotropic posture")
     ]
     workspace_mm: Annotated[Length, told("Workspace", "edge of the cube in which errors are shown")]
     gauge: Gauge  # normally used on it

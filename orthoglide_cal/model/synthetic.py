@@ -22,10 +22,7 @@ ZERO_RANGE_MM = 1.0
 
 
 def written_down(
-    signal: Floats,
-    plan: GaugePlan,
-    gauge: Instrument,
-    rng: np.random.Generator,
+    signal: Floats, plan: GaugePlan, gauge: Instrument, rng: np.random.Generator
 ) -> Floats:
     """Readings (..., n) [mm] of gauges with arbitrary zeros, noise and a smallest step.
 
