@@ -12,7 +12,6 @@ different size comparable.
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -125,13 +124,6 @@ class Gaussian:
         share = np.asarray(log_share)[..., None] + noise.log_weight
         self._log_share = share - 0.5 * log_det
 
-    def first(self, count: int, log_total: float) -> Gaussian:
-        """The same at the first sizes only, of which e^`log_total` is the whole share."""
-        few = copy.copy(self)
-        few._left, few._shrink = self._left[..., :count, :, :], self._shrink[..., :count, :, :]
-        few._log_share = self._log_share[..., :count, :] - log_total
-        return few
-
     def log_density(self, residuals: Floats) -> Floats:
         """ln p of each column of (..., k, q) with each σ's weight, (..., g, q); no constant."""
         quadratic = self._quadratic(residuals, self._inside(residuals))
@@ -183,13 +175,6 @@ class Patchy(Gaussian):
         log_det = 2.0 * np.log(np.einsum("...ii->...i", root)).sum(axis=-1)
         share = np.asarray(log_share)[..., None] + noise.log_weight
         self._log_share = share - 0.5 * (log_det + np.log(variance).sum(axis=-1))
-
-    def first(self, count: int, log_total: float) -> Gaussian:
-        """As of `Gaussian`."""
-        few = copy.copy(self)
-        few._sizes, few._root = self._sizes[..., :count, :, :, :], self._root[..., :count, :, :, :]
-        few._log_share = self._log_share[..., :count, :] - log_total
-        return few
 
     def log_density(self, residuals: Floats) -> Floats:
         """As of `Gaussian`."""

@@ -390,13 +390,13 @@ class Linearised:
         return self.white.machine.tolerance_scales
 
     @cached_property
-    def usual(self) -> tuple[int, float]:
-        """Of the scales, how many are tried together with another fault, and ln of their share.
+    def usual(self) -> Mapping[float, float]:
+        """Those of the scales that are tried together with another fault, with their shares.
 
         Two causes follow nearly any pattern, if they may be of any size.
         """
-        few = [share for scale, share in self.scales.items() if scale <= BESIDE]
-        return len(few), math.log(sum(few))
+        few = {scale: share for scale, share in self.scales.items() if scale <= BESIDE}
+        return {scale: share / sum(few.values()) for scale, share in few.items()}
 
     @cached_property
     def seen(self) -> Floats:

@@ -196,29 +196,30 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
 
     Of a relabelling only the place at which it was undone.
     """
-    residuals = [each.linear + each.added for each in group]
-    columns, bases = [each.own for each in group], [each.base for each in group]
-    density = density_of(at, columns, bases, [each.seen for each in group])
-    every = density.log_density(np.stack(residuals)[:, None, :, None])[..., 0]
-    few, share = at.usual
     found, acting = dict[_Search, Floats](), dict[_Search, Acting]()
-    for each, residual, by_noise in zip(group, residuals, every, strict=True):
-        base, extra, width = each.base, each.score.extra, each.width
-        if extra is not None or len(base) > 1:
-            by_noise = by_noise[:few] - share
+    alone = [each for each in group if each.score.extra is None and len(each.base) < 2]
+    if alone:
+        columns, bases = [each.own for each in alone], [each.base for each in alone]
+        density = density_of(at, columns, bases, at.scales, [each.seen for each in alone])
+        residuals = np.stack([each.linear for each in alone])[:, None, :, None]
+        found |= zip(alone, density.log_density(residuals)[..., 0], strict=True)
+    for each in (each for each in alone if each.base):
+        width, log = each.width, log_sum(found[each])
+        mine = each.own[:, width:] * at.sizes(each.base)[width:]
+        others = offsets_and_seen(at, each.own[:, :width])
+        acting[each] = Acting(each.base[0], mine, others, each.linear, float(log))
+    for each in [each for each in group if each not in found]:
+        extra, residual = each.score.extra, each.linear + each.added
+        density = density_of(at, [each.own], [each.base], at.usual, [each.seen])
+        by_noise = density.by_noise(residual)[0]
         if extra is not None:
             placed = at.extras[extra.cause.id]
             if isinstance(extra.cause, RelabelCause):
                 by_noise = by_noise + placed.log_weight[extra.place]
             else:
-                alone = density_of(at, [each.own], [base], [each.seen]).first(*at.usual)
-                power, match = alone.against(at.patterns[:, placed.own], residual)
+                power, match = density.against(at.patterns[:, placed.own], residual)
                 log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
                 by_noise = log_sum(log[0] + placed.weights, (-2, -1))
-        elif len(base) == 1:
-            mine, log = each.own[:, width:] * at.sizes(base)[width:], log_sum(by_noise)
-            others = offsets_and_seen(at, each.own[:, :width])
-            acting[each] = Acting(base[0], mine, others, residual, float(log))
         found[each] = by_noise
     logs = {each: float(log_sum(own)) + LOG_ALL * bool(each.base) for each, own in found.items()}
     either = all_or_one(list(acting.values()), at.noise, at.scales)

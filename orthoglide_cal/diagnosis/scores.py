@@ -126,9 +126,8 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
     """Scores of all sets of which every relabelling can be undone in the data."""
     machine, residual = at.white.machine, at.residuals[0]
     broad, bases, pairs = at.candidates.broad, at.candidates.bases, at.candidates.pairs
-    density = density_of(at, [at.columns(base) for base in bases], bases)
-    by_noise = density.by_noise(residual)
-    scores = _alone(at, bases, by_noise)
+    columns = [at.columns(base) for base in bases]
+    scores = _alone(at, bases, density_of(at, columns, bases, at.scales).by_noise(residual))
     if broad:
         others = offsets_and_seen(at, at.jacobian)
         acting = [
@@ -138,8 +137,8 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         ]
         for cause, mean in zip(broad, all_or_one(acting, at.noise, at.scales), strict=True):
             scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
-    density, by_noise = density.first(*at.usual), by_noise[:, : at.usual[0]] - at.usual[1]
-    power, match = density.against(at.patterns, residual)
+    density = density_of(at, columns, bases, at.usual)
+    by_noise, (power, match) = density.by_noise(residual), density.against(at.patterns, residual)
     for placed in at.extras.values():
         cause, here = placed.cause, placed.own
         if isinstance(cause, RelabelCause):
@@ -149,7 +148,7 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         if placed.tried:
             scores |= _at_best_place(at, placed, log.reshape(*by_noise.shape, -1))
     if pairs:
-        both = density_of(at, [at.columns(pair) for pair in pairs], pairs).first(*at.usual)
+        both = density_of(at, [at.columns(pair) for pair in pairs], pairs, at.usual)
         scores |= _alone(at, pairs, both.by_noise(residual) + LOG_ALL)
     return scores
 
@@ -169,27 +168,31 @@ def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
 
 
 def density_of(
-    at: Linearised, columns: Sequence[Floats], bases: Bases, seen: Sequence[Floats] = ()
+    at: Linearised,
+    columns: Sequence[Floats],
+    bases: Bases,
+    scales: Mapping[float, float],
+    seen: Sequence[Floats] = (),
 ) -> Gaussian:
-    """Densities under many bases at every scale, leading axes (b, s).
+    """Densities under many bases at several scales, leading axes (b, s).
 
     Args:
         at, bases: the linear model, and which of its causes.
         columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p).
+        scales: of their sizes, and the share of each.
         seen: what is uncertain of the data and shows, with each base; as of `at` without.
     """
     seen = seen or [at.seen] * len(bases)
     width = max(own.shape[1] + more.shape[1] for own, more in zip(columns, seen, strict=True))
     padded = np.zeros((len(bases), len(at.white), width))
-    sizes = np.ones((len(bases), len(at.scales), width))
-    first, scales = at.jacobian.shape[1], np.array(list(at.scales))[:, None]
+    sizes, first = np.ones((len(bases), len(scales), width)), at.jacobian.shape[1]
     for number, (own, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
         end = own.shape[1]
         padded[number, :, :end] = own
         padded[number, :, end : end + more.shape[1]] = more
         sizes[number, :, :end] = at.sizes(base)
-        sizes[number, :, first:end] *= scales
-    return at.noise.density(padded, sizes, np.log(list(at.scales.values())))
+        sizes[number, :, first:end] *= np.array(list(scales))[:, None]
+    return at.noise.density(padded, sizes, np.log(list(scales.values())))
 
 
 class Acting(NamedTuple):
