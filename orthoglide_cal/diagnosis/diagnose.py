@@ -29,7 +29,7 @@ from orthoglide_cal.diagnosis.result import (
     Verdict,
     estimated,
 )
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
 from orthoglide_cal.model import Effect, Floats, Measured, Model
 
@@ -165,13 +165,10 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         id, on: cause to accept, and date to note.
 
     Raises:
-        UsageError: there is no such cause.
         UnusableResultError: these data do not support it, the machine file rules it out, or it
             lies in the measurement.
     """
-    cause = CAUSES.get(id)
-    if cause is None:
-        raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
+    cause = CAUSES[id]
     if not cause.lasting:
         raise UnusableResultError(
             f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
@@ -190,8 +187,13 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
                 f"These data are {verdict}: they do not support {id} as an extension.",
                 "See what diagnose says about them.",
             )
-        doubtful = _doubtful(found, id) if verdict is Verdict.AMBIGUOUS else []
-        if doubtful:
+        # Faults of the measurement that stand in its place in an explanation without it; those that
+        # hold it may differ in what else was wrong with the measurement.
+        sets = (accepted, *found.posterior.rivals())
+        shared = set.intersection(*map(set, sets))
+        others = dict.fromkeys(other for ids in sets for other in ids if other not in (id, *shared))
+        doubtful = [other for other in others if not CAUSES[other].in_machine]
+        if verdict is Verdict.AMBIGUOUS and id not in shared and doubtful:
             raise UnusableResultError(
                 f"These data do not distinguish what lies in the machine from"
                 f" {', '.join(doubtful)}, which lies in the measurement.",
@@ -226,20 +228,6 @@ def _weighable(model: Model) -> Iterator[None]:
             " readings.",
             "Check gauge and tolerances in the machine file.",
         ) from error
-
-
-def _doubtful(found: Assessment, id: str) -> list[str]:
-    """Faults of the measurement that stand in the place of a cause in an explanation without it.
-
-    The explanations that hold it may differ in what else was wrong with the measurement.
-    """
-    sets = (found.judgement.accepted, *found.posterior.rivals())
-    shared = set.intersection(*map(set, sets))
-    return [
-        other
-        for other in dict.fromkeys(other for ids in sets for other in ids)
-        if id not in shared and other not in (id, *shared) and not CAUSES[other].in_machine
-    ]
 
 
 def _explanations(found: Assessment) -> tuple[Explanation, ...]:

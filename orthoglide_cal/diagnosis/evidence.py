@@ -13,8 +13,7 @@ different size comparable.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -79,16 +78,6 @@ class NoiseGrid(ReadOnly):
         if self.spectrum is None or self.scale_factor is None:
             return own
         return np.asarray(own + self.scale_factor[:, None] ** 2 * self.spectrum)
-
-    def wider(self, factors: Sequence[float]) -> NoiseGrid:
-        """As plausible at several times the noise, factor by factor."""
-        sigma, count, sizes = np.outer(factors, self.sigma), len(factors), self.scale_factor
-        return replace(
-            self,
-            sigma=sigma.reshape(-1),
-            log_weight=np.tile(self.log_weight, count),
-            scale_factor=None if sizes is None else np.tile(sizes, count),
-        )
 
     def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:
         """Density of residuals under the same columns (..., k, r) at several sizes.

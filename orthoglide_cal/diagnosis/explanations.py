@@ -109,12 +109,10 @@ class Whitened(ReadOnly):
 
     @property
     def machine(self) -> Machine:
-        """The nominal machine."""
         return self.problem.model.machine
 
     @property
     def plan(self) -> Plan:
-        """What the n readings are of."""
         return self.problem.plan
 
     @property

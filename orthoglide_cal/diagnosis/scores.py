@@ -319,13 +319,9 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
         sizes[:, common:] = np.array(SIZES)[:, None]
         own = log_sum(noise.density(columns, sizes).by_noise(residual), 1)
         found.append(Unlisted(what, share, log_mean(own), white * SIZES[np.argmax(own)], stated))
-    wider = noise.wider(NOISIER)
-    logs = log_sum(
-        wider.density(offsets, np.ones((1, offsets.shape[1])))
-        .by_noise(residual)
-        .reshape(len(NOISIER), -1),
-        1,
-    )
+    wider = [replace(noise, sigma=factor * noise.sigma) for factor in NOISIER]
+    same = np.ones((1, common))
+    logs = np.array([log_sum(one.density(offsets, same).by_noise(residual)) for one in wider])
     instrument = at.white.machine.vocabulary.noise
     what = f"every reading scatters more than the {instrument}'s stated noise"
     noisier = stated * NOISIER[np.argmax(logs)]

@@ -59,8 +59,7 @@ def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tup
     """Unknowns u of d = C u + e with priors u ~ N(0, sizes²) and noise e ~ N(0, σ²).
 
     Args:
-        columns: C, shape (k, q).
-        data: d, shape (k,) [mm].
+        columns, data: C, shape (k, q), and d, shape (k,) [mm].
         sizes: plausible size of each unknown, one standard deviation, shape (q,).
         sigma: σ [mm].
 
@@ -98,17 +97,13 @@ def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen:
 def predict(
     covariance: Floats, values: Floats, shared: Floats, prior: Floats
 ) -> tuple[Floats, Floats]:
-    """What some values say of others with which they are jointly normal.
+    """What values less their expectation (..., k, q) say of others that are jointly normal.
 
-    Args:
-        covariance: S of the given values, noise included, shape (..., k, k).
-        values: these, less their expectation, shape (..., k, q).
-        shared: their covariance with the others, shape (..., k, m).
-        prior: covariance of the others before, shape (..., m, m).
+    From S of the values, noise included (..., k, k), their covariance `shared` with the others
+    (..., k, m), and that of the others before, `prior` (..., m, m).
 
     Returns:
-        Mean of the others less their expectation, shape (..., m, q), and their covariance,
-        shape (..., m, m).
+        Mean of the others less their expectation (..., m, q), and their covariance (..., m, m).
     """
     white, seen = whiten(covariance, values, shared)
     known = seen.swapaxes(-1, -2)

@@ -53,19 +53,16 @@ def promise(
     and of what the change depends on.
 
     Args:
-        measured: readings or differences.
-        known: offsets and accepted causes, each with its uncertainty.
+        measured, known, noise: the data, the machine, and the scatter of one reading.
         entered: added to the controller's offsets, shape (3,) [mm].
-        noise: of one reading.
         right: the data without faults that will not return, such as a misreading; None if there
             are none.
     """
     if all(kind is DataKind.READINGS for kind in measured.kinds):
         return ()  # no differences of the paper can be made of these data
     kind = table_kind(measured)
-    posed = kept = pose(measured, known.model, kind)
-    if right is not None and right is not measured:
-        kept = pose(right, known.model, kind)
+    posed = pose(measured, known.model, kind)
+    kept = posed if right is None else pose(right, known.model, kind)
     problem = posed.problem
     after = known.offsets_mm - entered
     modelled, first = problem.predict_with_jacobian(known.offsets_mm)
