@@ -75,8 +75,3 @@ class Candidates:
             total = sum(weight.values())
             log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
         return cls(broad, pairs, extras, log_prior)
-
-    @property
-    def bases(self) -> tuple[tuple[Cause, ...], ...]:
-        """No cause of the broad ones, or one."""
-        return ((), *((cause,) for cause in self.broad))

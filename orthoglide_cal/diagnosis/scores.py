@@ -125,7 +125,8 @@ def score_all(at: Linearised) -> dict[Ids, Score]:
 def _listed(at: Linearised) -> dict[Ids, Score]:
     """Scores of all sets of which every relabelling can be undone in the data."""
     machine, residual = at.white.machine, at.residuals[0]
-    broad, bases, pairs = at.candidates.broad, at.candidates.bases, at.candidates.pairs
+    broad, pairs = at.candidates.broad, at.candidates.pairs
+    bases = [(), *((cause,) for cause in broad)]
     columns = [at.columns(base) for base in bases]
     scores = _alone(at, bases, density_of(at, columns, bases, at.scales).by_noise(residual))
     if broad:
@@ -146,7 +147,7 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         else:
             log = pattern_density(machine, cause, power[..., here], match[..., here], by_noise)
         if placed.tried:
-            scores |= _at_best_place(at, placed, log.reshape(*by_noise.shape, -1))
+            scores |= _at_best_place(at, bases, placed, log.reshape(*by_noise.shape, -1))
     if pairs:
         both = density_of(at, [at.columns(pair) for pair in pairs], pairs, at.usual)
         scores |= _alone(at, pairs, both.by_noise(residual) + LOG_ALL)
@@ -235,11 +236,8 @@ def all_or_one(
     ]
 
 
-def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Score]:
-    """Scores of an extra with every base of at most one cause.
-
-    `log` is the log density, of shape (bases, scales, g, sizes·places).
-    """
+def _at_best_place(at: Linearised, bases: Bases, placed: Placed, log: Floats) -> dict[Ids, Score]:
+    """Scores of an extra with each base, from log densities (bases, scales, g, sizes·places)."""
     cause = placed.cause
     by_scale = log_sum(log, 2)
     by_scale += np.tile(placed.weights, by_scale.shape[-1] // len(placed.tried))
@@ -250,7 +248,7 @@ def _at_best_place(at: Linearised, placed: Placed, log: Floats) -> dict[Ids, Sco
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, len(placed.tried)).sum(axis=1)
     scores = {}
-    each = zip(at.candidates.bases, by_scale, best.tolist(), total.tolist(), shares, strict=True)
+    each = zip(bases, by_scale, best.tolist(), total.tolist(), shares, strict=True)
     for base, own, number, value, share in each:
         scale = list(at.scales)[own[:, number].argmax()]
         log_all = LOG_ALL if base else 0.0

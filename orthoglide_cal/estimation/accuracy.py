@@ -132,12 +132,9 @@ def require_rank(problem: Problem) -> None:
 
 
 def require_determined(problem: Problem) -> None:
-    """Do the data tell each parameter better than any such machine is known, if barely?
+    """As `require_rank`: do the data tell each parameter better than any such machine is known?
 
     Asked of the nominal machine with the stated noise: what a search must stand on.
-
-    Raises:
-        RankDeficientError: no; as of `require_rank`.
     """
     model, jacobian = problem.model, problem.at_zero[1]
     std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))

@@ -326,11 +326,7 @@ def solve(
 
 
 def _search(posed: Posed, start: Floats | None = None) -> Fit:
-    """The offsets of one data set by least squares.
-
-    Raises:
-        NotConvergedError: the search ended where the residuals can still fall.
-    """
+    """The offsets of one data set by least squares. Raises NotConvergedError."""
     fit = fit_offsets(posed.problem, posed.data, start)
     if not fit.converged:
         require_determined(posed.problem)
@@ -352,7 +348,7 @@ def _scatter(
     Of raw data from all readings, whatever the method.
 
     Args:
-        posed: without weights.
+        measured, posed: the data, and as the method sees them, without weights.
         readings, jacobian: predicted of the plan, (n,) [mm], and their derivative, (n, 3).
         ratio: what the influences add to them, in standard deviations, (n, p).
         known: parameters that were fitted to the data.
