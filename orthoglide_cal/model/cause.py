@@ -104,10 +104,8 @@ class Cause:
         """How many times the plausible one its size is, and what to look at."""
         stated = "usual" if self.assumed(machine) else "stated"
         key = self.number.get(type(machine), f"{self.id} under tolerances")
-        return (
-            f"{times:.0f} times its {stated} size: check {key} in the machine file, or the damage"
-            " is real."
-        )
+        check = f"check {key} in the machine file, or the damage is real."
+        return f"{times:.0f} times its {stated} size: {check}"
 
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
@@ -198,10 +196,7 @@ class Cause:
         return heights
 
     def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
-        """Readings (n,) as they would be without a fault of the contact or the record [mm].
-
-        As they are where it cannot be inverted in them.
-        """
+        """Readings (n,) [mm] without a fault of contact or record, where that can be undone."""
         return readings
 
     def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
@@ -251,11 +246,9 @@ class Effect(ReadOnly):
         named = len(self.cause.names)
         if self.covariance is None:
             return np.eye(named)
-        std = self.std[:named]
-        size = np.outer(std, std)
-        matrix = np.divide(
-            self.covariance[:named, :named], size, out=np.eye(named), where=size > 0.0
-        )
+        size = np.outer(self.std[:named], self.std[:named])
+        own = self.covariance[:named, :named]
+        matrix = np.divide(own, size, out=np.eye(named), where=size > 0.0)
         np.fill_diagonal(matrix, 1.0)
         return matrix
 
@@ -266,16 +259,9 @@ class Effect(ReadOnly):
     def accepted(self, date: str, data_sha256: str) -> Effect:
         """The same, as part of the machine from this day on; where it started is forgotten."""
         named = np.arange(self.theta.size) < len(self.cause.names)
-        covariance = self.covariance
-        if covariance is not None:
-            covariance = covariance * np.outer(named, named)
-        return replace(
-            self,
-            theta=np.array([self.cause.admissible(v) for v in self.theta.tolist()]) * named,
-            covariance=covariance,
-            date=date,
-            data_sha256=data_sha256,
-        )
+        spread = None if self.covariance is None else self.covariance * np.outer(named, named)
+        theta = np.array([self.cause.admissible(v) for v in self.theta.tolist()]) * named
+        return replace(self, theta=theta, covariance=spread, date=date, data_sha256=data_sha256)
 
     def transferred(self, before: Machine, after: Machine) -> Effect:
         """`Cause.transferred` of this effect."""

@@ -108,7 +108,7 @@ class Geometry(ReadOnly):
 
 
 @dataclass(frozen=True, eq=False)
-class Command:
+class Command(ReadOnly):
     """Where the controller sends the carriages, for n readings or positions."""
 
     joints: Floats  # indicated joint positions ρ, shape (n, 3) [mm]
@@ -119,12 +119,6 @@ class Command:
     in_time: Ints | None
     entered: Floats  # offsets entered in the controller since the first of them, (n, 3) [mm]
     along: Floats | None = None  # joints between which they travelled, (n, 3) [mm]; None for `sent`
-
-    @classmethod
-    def standing(cls, joints: Floats, home: float) -> Command:
-        """Carriages that stand at `joints` (n, 3) [mm], without a past and at time zero."""
-        nothing = read_only(np.zeros(joints.shape))
-        return cls(read_only(joints), home, nothing[:, 0], None, nothing)
 
     @cached_property
     def sent(self) -> Floats:
@@ -204,8 +198,8 @@ class Points(NamedTuple):
     @classmethod
     def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> Points:
         """Direct kinematics for true joint positions (..., m, 3) [mm], as `Geometry.tool_for`."""
-        own = geometry.points.ndim - 2, geometry.directions.ndim - 2, geometry.lengths.ndim - 1
-        batch = max(joints.ndim - 2, *own)
+        rails = (geometry.points.ndim, geometry.directions.ndim, geometry.lengths.ndim + 1)
+        batch = max(joints.ndim, *rails) - 2
         points, directions = (
             components(values, 2, batch + 1) for values in (geometry.points, geometry.directions)
         )

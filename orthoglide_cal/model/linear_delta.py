@@ -293,13 +293,13 @@ class LinearDelta(Machine):
         # On the way from place to place the height does not depend on what is touched.
         level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
         return Command(
-            read_only(rails.joints_for(places)),
+            rails.joints_for(places),
             self.home_mm,
             np.tile(plan.hours, 2),
             # From touch to touch; a printed object was approached from all sides.
             in_time=plan.in_time[~plan.distance[plan.in_time]],
-            entered=read_only(np.zeros(places.shape)),
-            along=read_only(rails.joints_for(level)),
+            entered=np.zeros(places.shape),
+            along=rails.joints_for(level),
         )
 
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
@@ -327,9 +327,7 @@ class LinearDelta(Machine):
     def believed(self, other: LinearDelta, place: Floats) -> Floats:
         """Where this controller believes the nozzle to be, shape (n, 3) [mm].
 
-        Args:
-            other: the controller of the same printer on another date.
-            place: where that one believed it to be then, shape (n, 3) [mm].
+        `place` is where the printer's controller of another date, `other`, believed it to be.
         """
         both = self, other
         ends, others = (each.endstops_mm + each._above(each.delta_radius_mm) for each in both)

@@ -15,6 +15,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self, TypeVar
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import UsageError
@@ -130,6 +131,11 @@ class Instrument(Schema):
     def noise_mm(self) -> float:
         """Standard deviation to expect of one reading: repeatability and rounding [mm]."""
         return math.hypot(self.repeatability_mm, self.rounding_mm)
+
+    def shown(self, values: Floats) -> Floats:
+        """Values as it shows them, in steps of its resolution where it has one."""
+        step = self.resolution_mm
+        return np.asarray(np.rint(values / step) * step if step > 0.0 else values)
 
 
 class Origin(StrEnum):
@@ -250,11 +256,7 @@ class Machine(Schema):
 
     @classmethod
     def require(cls, machine: Machine) -> Self:
-        """The machine, if it is of this kind.
-
-        Raises:
-            UsageError: it is of another one.
-        """
+        """The machine, if it is of this kind; raises UsageError for another one."""
         if not isinstance(machine, cls):
             raise UsageError(
                 f"{machine.name} is of kind {machine.kind}.",
@@ -384,10 +386,8 @@ class Machine(Schema):
         return None
 
     def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
-        """What nobody knows exactly of the gauges or of what they touch.
+        """What nobody knows exactly of the gauges or of what they touch in the readings of a plan.
 
-        Args:
-            plan: n readings.
-            predict: readings of a plan, (n,) [mm].
+        `predict` gives the readings of any plan, (n,) [mm].
         """
         raise NotImplementedError

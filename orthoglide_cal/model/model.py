@@ -36,11 +36,7 @@ class Model:
 
     @property
     def orthoglide(self) -> Orthoglide:
-        """The machine, where gauges are read on legs.
-
-        Raises:
-            UsageError: it is of another kind.
-        """
+        """The machine, where gauges are read on legs; raises UsageError for another kind."""
         return Orthoglide.require(self.machine)
 
     def extended(self, effects: Iterable[Effect]) -> Model:

@@ -287,11 +287,7 @@ class Orthoglide(Machine):
         return low + excess, high - excess
 
     def command(self, plan: Plan) -> Command:
-        """Where the controller sends the carriages for each reading.
-
-        Raises:
-            UnreachableError: a posture outside the machine's reach.
-        """
+        """Where the carriages are sent; raises UnreachableError for a posture out of reach."""
         return _command(self, GaugePlan.require(plan))
 
     def sensed(
@@ -333,7 +329,7 @@ class Orthoglide(Machine):
 @functools.lru_cache(maxsize=16)
 def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     joints = machine.joints_at(plan.leg, plan.displacement)
-    return Command(read_only(joints), machine.home_mm, plan.hours, plan.in_time, plan.entered)
+    return Command(joints, machine.home_mm, plan.hours, plan.in_time, plan.entered)
 
 
 def _joints(

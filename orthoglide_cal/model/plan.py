@@ -74,11 +74,7 @@ class Plan:
 
     @classmethod
     def require(cls, plan: Plan) -> Self:
-        """The plan, if it is of this kind.
-
-        Raises:
-            TypeError: it is of another one.
-        """
+        """The plan, if it is of this kind; raises TypeError for another one."""
         if not isinstance(plan, cls):
             raise TypeError(f"{cls.__name__} is wanted, not {type(plan).__name__}")
         return plan
@@ -183,8 +179,7 @@ class Plan:
     def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
         """What readings may hold that no cause describes: in words, columns of unit size (n, q).
 
-        Args:
-            ordered: whether the order in time is known.
+        With what changes in time only where that order is known: `ordered`.
         """
         raise NotImplementedError
 

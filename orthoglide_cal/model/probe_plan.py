@@ -199,11 +199,7 @@ def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
 
 
 def telling(radius: float) -> tuple[Layout, ...]:
-    """Touches that tell a frame out of square from a bent bed more or less, quickest first.
-
-    Args:
-        radius: of the bed [mm].
-    """
+    """Touches that tell a skew frame from a bent bed, of this radius [mm], quickest first."""
     found = []
     for some, count in product(RAISED, SPREAD):
         upper = rings(some, REACH * radius)

@@ -15,10 +15,8 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.probe_plan import REACH, ProbePlan, layout_of, mixed, rings
 from orthoglide_cal.model.readings import GaugePlan
 
-# The gap between a nozzle and the bed closes by all but some per cent in each step.
-_STEPS = 8
-# Gauge zeros lie anywhere within this distance of the frame's origin [mm].
-ZERO_RANGE_MM = 1.0
+_STEPS = 8  # in each the gap between a nozzle and the bed closes by all but some per cent
+ZERO_RANGE_MM = 1.0  # gauge zeros lie anywhere within this distance of the frame's origin
 
 
 def written_down(
@@ -34,9 +32,7 @@ def written_down(
     """
     zeros = rng.uniform(-ZERO_RANGE_MM, ZERO_RANGE_MM, (*signal.shape[:-1], plan.setups))
     noise = gauge.repeatability_mm * rng.standard_normal(signal.shape)
-    values = signal + zeros[..., plan.setup] + noise
-    step = gauge.resolution_mm
-    return np.asarray(np.rint(values / step) * step if step > 0.0 else values)
+    return gauge.shown(signal + zeros[..., plan.setup] + noise)
 
 
 def synthetic_session(
@@ -106,8 +102,6 @@ def synthetic_probe_points(
         # The nozzle is sent lower or higher until it touches.
         height = plan.surface + simulate(model, parameters, touched)
         touched = replace(touched, place=np.column_stack((plan.place[:, :2], height)))
-    shown = height + local + gauge.repeatability_mm * rng.standard_normal(n)
-    step = gauge.resolution_mm
-    shown = np.rint(shown / step) * step if step > 0.0 else shown
+    shown = gauge.shown(height + local + gauge.repeatability_mm * rng.standard_normal(n))
     value = np.round(shown, 6) - plan.surface
     return Readings(touched, value, np.arange(2, n + 2), timed=True, source=Source("simulate", ""))

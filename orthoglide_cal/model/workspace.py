@@ -64,8 +64,9 @@ def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
 
 
 def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
-    """Where carriages really stand that were sent to `indicated` (n, 3) [mm]."""
-    command = Command.standing(indicated, model.machine.home_mm)
+    """Where carriages without a past really stand that were sent to `indicated` (n, 3) [mm]."""
+    nothing = np.zeros(indicated.shape)
+    command = Command(indicated, model.machine.home_mm, nothing[:, 0], None, nothing)
     return np.asarray(model.real.joints(command, offsets))
 
 

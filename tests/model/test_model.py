@@ -231,7 +231,7 @@ def test_values_are_frozen_to_the_last_array() -> None:
         session,
         Differences(DataKind.SIX, wanted, np.zeros(6), Source("six.csv", "")),
         known.accepted[0],
-        Command.standing(np.ones((2, 3)), 1.0),
+        Command(np.ones((2, 3)), 1.0, np.ones(2), np.arange(2), np.zeros((2, 3))),
         workspace_error(NOMINAL, OFFSETS, 1e-4 * np.eye(3), 2.0).maps,
         compensation(known, 2),
         known.real.geometry,
