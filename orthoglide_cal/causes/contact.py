@@ -42,7 +42,7 @@ class BarSkew(Cause):
     instrument = "the same readings once more with the bar turned half round"
     advice = (
         "Measure on a ground surface parallel to the joint centres, or with the gauge on the"
-        " opposite bar."
+        " other bar of the parallelogram."
     )
 
     def contact(

@@ -72,7 +72,7 @@ class GaugeSlip(PatternCause):
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
     instrument = "a digital gauge, which counts its turns itself"
-    advice = "Count the turns again: {where}. Add or take off whole revolutions there."
+    advice = "Count the turns again: {where}. Correct it in the file by whole revolutions."
 
     def possible(self, machine: Machine) -> bool:
         return (
@@ -142,8 +142,8 @@ class SwappedGauges(ExchangeCause):
     sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "one plunger pushed at a time: its own column must change"
     advice = (
-        "Check the cables or columns of the two gauges of {where}, and exchange them back. If they"
-        " were right, the two other legs were written for each other."
+        "Check the cables or columns of the two gauges of {where}, and exchange them back, also in"
+        " the file. If they were right, the other two legs stand in each other's place."
     )
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:

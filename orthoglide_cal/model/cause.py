@@ -104,7 +104,8 @@ class Cause:
         """How many times the plausible one its size is, and what to look at."""
         stated = "usual" if self.assumed(machine) else "stated"
         key = self.number.get(type(machine), f"{self.id} under tolerances")
-        check = f"check {key} in the machine file, or the damage is real."
+        real = "slip" if self.stage is Stage.RECORD else "damage"
+        check = f"check {key} in the machine file, or the {real} is real."
         return f"{times:.0f} times its {stated} size: {check}"
 
     def possible(self, machine: Machine) -> bool:

@@ -138,7 +138,7 @@ class Case:
 def decision_notice(case: Case) -> doc.Notice:
     """The decision and what it rests on."""
     answer, release, many = case.answer, case.answer.release, case.words.many
-    tone, title, lines = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
+    tone, title, lines = doc.Tone.BAD, f"Do not enter any of these {many}", release.reasons
     if not answer.parameters:
         title = "There is no result"
     elif release.usable:

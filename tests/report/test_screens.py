@@ -106,6 +106,15 @@ def test_of_several_faults_that_do_not_show_the_screen_has_the_names() -> None:
     assert re.search(told, " ".join(said.split()))
 
 
+def test_what_a_named_cause_asks_for() -> None:
+    """The record before the machine, how a reading is wrong, and no offset before it is mended."""
+    said = both_screens(of_orthoglide(("misread",), 1, "micron", None))
+    assert re.search(r"misread at .+?: \d\.\d+ ± \d\.\d+ mm\s+too (high|low)\.", said)
+    assert re.search(r"\d\. Then solve again, and enter only what it releases\.", said)
+    said = both_screens(of_orthoglide(("sign_flip", "axis_gap"), 1, "micron", None))
+    assert said.index("Check which way + is") < said.index("Shim the rails")
+
+
 @pytest.mark.parametrize("cause", ["leg_length", "tower_lean", "bed_shape", "misread"])
 def test_causes_of_a_printer(cause: str) -> None:
     both_screens(of_printer((cause,), 1, 49))
@@ -167,7 +176,7 @@ def test_the_folder_never_asks_to_apply_what_is_refused(
     Path("machine.yaml").write_text(machine_text(NOMINAL), encoding="utf-8")
     shutil.copy(SAMPLES / "session.yaml", "refused.yaml")
     said = done()
-    assert "Do not enter these offsets" in said
+    assert "Do not enter any of these offsets" in said
     assert "orthocal diagnose refused.yaml" in said
     assert "apply" not in said
     # One that may be entered is to be applied; both are few lines.

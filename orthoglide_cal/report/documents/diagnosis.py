@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import NextMeasurement, Verdict, nothing_wrong
 from orthoglide_cal.diagnosis.result import Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
-from orthoglide_cal.model import weighing
+from orthoglide_cal.model import Stage, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import SETTLED, Case, decision_notice, to_do, to_follow
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
@@ -104,12 +104,13 @@ def _notice(case: Case) -> doc.Notice:
         told = (f"The {words.many} may be entered.", *release.cautions)
     elif release.sound and answer.alone is not None:
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
-        told = (f"Do not enter the {words.many} alone: they would be wrong by up to {wrong}.",)
+        alone = f"the {words.many} alone would be wrong by up to {wrong}"
+        told = (f"Do not enter anything yet: {alone}.",)
         if any(fault.matters for fault in answer.unshown):
             told = (*told, *release.reasons[1:])
     elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
         u = f"{two_figures(max(each.expanded for each in answer.parameters))} {case.unit}"
-        why = f": until that is decided they have U = {u}" if case.unit else ""
+        why = f": until that is decided they may be wrong by {u}" if case.unit else ""
         told = (" ".join((f"Do not enter the {words.many}{why}.", *release.reasons[1:])),)
     return doc.Notice(tone if release.sound else doc.Tone.BAD, title, told, case.about)
 
@@ -126,6 +127,12 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
         rows = [(each.name, each.value, each.expanded, each.unit) for each in shown]
         if cause.where:
             named = sizes(rows, True)
+            if CAUSES[cause.id].stage is Stage.RECORD and len(rows) == 1:
+                too = "high" if rows[0][1] > 0.0 else "low"
+                unsigned = (
+                    named[0].translate(str.maketrans("", "", "+−")).replace(" 1 turns", " 1 turn")
+                )
+                named = [f"{unsigned} too {too}"]
             alone = [text.partition(" ")[2] for text in named]
             size = f": {', '.join(named if len(rows) > 1 else alone)}" if named else ""
             yield doc.Paragraph(f"{cause.id} at {cause.where.removeprefix('at ')}{size}.")
@@ -226,11 +233,14 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             decides = _next_step(case)
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
-        for cause in answer.causes:
+        # A slip in the record is looked for sooner than a machine is taken apart.
+        for cause in sorted(answer.causes, key=lambda cause: cause.in_machine):
             yield doc.Instruction(cause.remedy)
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the model", typed)
+        if not release.usable:
+            yield doc.Instruction("Then solve again, and enter only what it releases.")
     elif not release.usable:
         yield from case.remedies()
     if release.settled:

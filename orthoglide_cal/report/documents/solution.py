@@ -227,7 +227,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
         columns["found" if brief else words.found] = found(every)
     else:
         columns[f"{words.many} alone"] = found(alone.parameters)
-        columns[f"with {' and '.join(answer.named)}"] = found(every)
+        columns[f"allowing for {' and '.join(answer.named)}"] = found(every)
     columns["± U"] = [two_figures(each.expanded) for each in every]
     if enter:
         write = typed if brief and case.unit else plain
