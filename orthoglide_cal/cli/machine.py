@@ -132,7 +132,7 @@ def show(
     ] = None,
     json: common.AsJson = False,
 ) -> None:
-    """Show a machine: its numbers, its travel, active offsets and accepted causes."""
+    """Show a machine: its numbers, active offsets and accepted causes."""
     from orthoglide_cal.files import machine_in_folder
     from orthoglide_cal.report.documents.checks import machine_document
 

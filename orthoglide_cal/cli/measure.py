@@ -87,7 +87,7 @@ def measure(
     ] = None,
     seed: Annotated[
         Count,
-        option("N", "Whole number; it decides which machine the simulated gauge hides.", min=0),
+        option("N", "Whole number; the same one gives the same simulated machine.", min=0),
     ] = None,
     operator: Annotated[Text, option("NAME", "Your name.")] = None,
     temperature: Annotated[Number, option("C", "Temperature of the room, degrees Celsius.")] = None,

@@ -174,4 +174,4 @@ def write_places(found: SessionForecast, target: Path) -> None:
 
 
 def _unknown(target: Path, remedy: str) -> UsageError:
-    return UsageError(f"What {target} is to be cannot be told from its name.", remedy)
+    return UsageError(f"The name {target} does not say what to write.", remedy)

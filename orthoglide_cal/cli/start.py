@@ -11,7 +11,6 @@ from orthoglide_cal.errors import OrthocalError, command
 
 # So many characters of a digest are surely printed together.
 _DIGEST = 8
-_DONE = "Nothing more to do: measured, entered, measured again and reported."
 
 if TYPE_CHECKING:
     from orthoglide_cal.files import FoundSession
@@ -54,13 +53,14 @@ def start() -> None:
         found.append(doc.Instruction("Check whether the machine has changed", "orthocal history ."))
     steps = tuple(each for each in found if isinstance(each, doc.Instruction))
     said = tuple(each for each in found if not isinstance(each, doc.Instruction))
-    blocks = (*said, doc.Instructions(steps))
-    heading = None if said == (doc.Paragraph(_DONE),) else "Next"
     page = doc.Page(
         "orthocal",
         title,
         facts=doc.Facts(tuple((name, doc.Given(value)) for name, value in facts)),
-        sections=(doc.Section(heading, blocks),),
+        sections=(
+            *([doc.Section(None, said)] if said else []),
+            doc.Section("Next" if steps else None, (doc.Instructions(steps),)),
+        ),
     )
     common.deliver(doc.Document(dict, lambda: page))
     common.tell("All commands: orthocal --help")
@@ -112,7 +112,7 @@ def _next(
         again = measure_again(read_input(last).conditions)
         yield Instruction("Its offsets are entered: measure again", again)
     elif applied and _reported(applied, last):
-        yield Paragraph(_DONE)
+        yield Paragraph("Nothing more to do: measured, entered, measured again and reported.")
     elif applied:
         write = command("report", applied, options=f"--after {last} --html report.html")
         yield Instruction("Compare with the prediction", command("verify", applied, last))

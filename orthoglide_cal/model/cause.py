@@ -105,7 +105,7 @@ class Cause:
         stated = "usual" if self.assumed(machine) else "stated"
         key = self.number.get(type(machine), f"{self.id} under tolerances")
         real = "slip" if self.stage is Stage.RECORD else "damage"
-        check = f"check {key} in the machine file, or the {real} is real."
+        check = f"correct {key} in the machine file, or look for a real {real}."
         return f"{times:.0f} times its {stated} size: {check}"
 
     def possible(self, machine: Machine) -> bool:

@@ -21,7 +21,7 @@ from orthoglide_cal.results import Answer, CheckReading, Recording, Remedy, reco
 from orthoglide_cal.words import decimals_for, plain, short, signed, with_uncertainty
 
 # Instead of "may be entered", where there is nothing to change.
-SETTLED = "Nothing to enter: the firmware has these values, as well as these readings know them"
+SETTLED = "Nothing to enter: noise explains the changes"
 _TAKING_METHODS = ("solve", "report", "export")
 _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
@@ -155,7 +155,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     if release.settled:
         yield doc.Instruction(
-            "Enter nothing: each calibration gives other values, none better than these."
+            "Enter nothing: another calibration gives other values, but no better ones."
         )
         yield doc.Instruction("See which readings would show more", case.typed("plan"))
     elif release.usable:
@@ -181,7 +181,9 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     if check is not None:
         yield doc.Instruction(check_words(check))
     if case.table is not None and not brief:
-        yield doc.Instruction("Correct what offsets leave with a table of corrections", case.table)
+        yield doc.Instruction(
+            "Correct what the offsets leave with a table of corrections", case.table
+        )
     if not case.machine.probes:
         again = measure_again(case.given.conditions, case.machine_file)
         yield doc.Instruction("Measure again", again)

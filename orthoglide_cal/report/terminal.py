@@ -7,6 +7,7 @@ what is wider.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 
@@ -23,6 +24,8 @@ _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _BLANK = "_" * 12
 _GAP = "  "
 _LONGEST_NAME = 30
+# A number keeps its sign and unit on its line: their blank is none while lines are broken.
+_HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
 
 
@@ -127,8 +130,11 @@ class TerminalPage:
     def _wrapped(self, text: Text, width: int) -> list[Text]:
         lines = [text.copy()]
         if text.cell_len > width or "\n" in text.plain or "\t" in text.plain:
-            lines = list(text.wrap(self._console, max(width, 1), overflow="fold")) or [Text()]
+            held = text.copy()
+            held.plain = _HELD.sub(_BLANK_HELD, text.plain)
+            lines = list(held.wrap(self._console, max(width, 1), overflow="fold")) or [Text()]
         for line in lines:
+            line.plain = line.plain.replace(_BLANK_HELD, " ")
             line.rstrip()
         return lines
 

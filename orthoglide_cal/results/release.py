@@ -114,12 +114,13 @@ def _ambiguous(
 ) -> Release:
     vocabulary = solution.model.machine.vocabulary
     answer = " with ".join(cause.id for cause in diagnosis.causes) or "a cause"
-    open_ = " or ".join((answer, *map(" with ".join, diagnosis.rivals[:_NAMED])))
+    open_ = [answer, *map(" with ".join, diagnosis.rivals[:_NAMED])]
     if len(diagnosis.rivals) > _NAMED:
-        open_ += f" or {counted(len(diagnosis.rivals) - _NAMED, 'other')}"
+        open_.append(counted(len(diagnosis.rivals) - _NAMED, "other"))
+    either = " or ".join(filter(None, (", ".join(open_[:-1]), open_[-1])))
     sound = nothing_wrong(diagnosis.explanations) is not None
     reasons = [
-        f"Something {'may be' if sound else 'is'} wrong besides the {vocabulary.many}: {open_}."
+        f"Something {'may be' if sound else 'is'} wrong besides the {vocabulary.many}: {either}."
         f" These data do not distinguish {'them' if diagnosis.rivals else 'it'}"
         f"{', nor from a sound machine' if sound else ''}."
     ]

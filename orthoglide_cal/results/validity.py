@@ -105,7 +105,7 @@ def compared_reservations(before: Validity, after: Validity) -> tuple[str, ...]:
         for each in own.reservations:
             both = each in other.reservations
             if not both or own is before:
-                said.append(f"{'Before and after' if both else when}: {each[0].lower()}{each[1:]}")
+                said.append(f"{'Before and after' if both else when}, {each[0].lower()}{each[1:]}")
     used = [[gauge.id for gauge in each.gauges] for each in (before, after)]
     if all(used) and set(used[0]) != set(used[1]):
         said.append(

@@ -98,11 +98,11 @@ def test_a_target_below_what_cannot_be_seen_says_what_would_mend_it(tmp_path: Pa
         return " ".join(shown.partition("\nNext\n")[0].replace("│", " ").split())
 
     words = said("0.01")
-    assert "✘ ± 0.01 mm cannot be reached so" in words
+    assert "✘ ± 0.01 mm cannot be reached in this way" in words
     assert "± 0.019 mm stays (leg_length)." in words
     # A target beyond all reason is repeated as it was asked.
     words = said("1e-9")
-    assert "± 1e-09 mm cannot be reached so" in words
+    assert "± 1e-09 mm cannot be reached in this way" in words
     assert words.count("stays (leg_length). Measure the legs") == 1
     coarse = {"resolution_mm": 0.5, "range_mm": 10.0, "repeatability_mm": 5.0}
     noisy = said("0.1", "--machine", machine(tmp_path, gauge=coarse))

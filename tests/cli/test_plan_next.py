@@ -51,7 +51,7 @@ def test_the_text_says_what_to_type(open_session: tuple[str, str]) -> None:
     assert next(line for line in shown.splitlines() if line[:1] in "i!✔✘").startswith("i Next: ")
     assert "What to measure next, best first" in shown
     said = " ".join(shown.split())
-    assert "Ranked by that chance per minute, eight hours added for coming back" in said
+    assert "Ranked by it per minute; eight hours are added for coming back" in said
     assert "measure --then" in shown
     assert "settles" in shown
     page = run("diagnose", path, "--machine", machine).output
@@ -146,7 +146,7 @@ def test_sound_readings_need_nothing_and_say_what_they_give() -> None:
     assert "✔ Nothing needs to be measured" in shown
     assert f"Now it is ± {now:.3f} mm." in " ".join(shown.replace("│", " ").split())
     assert re.search(rf"^ +{now:.3f}  nothing: U as it is$", shown, re.MULTILINE)
-    assert "half an hour added for the sitting" in " ".join(shown.split())
+    assert "half an hour is added for the session" in " ".join(shown.split())
 
 
 def test_minutes_are_short_numbers() -> None:

@@ -257,8 +257,8 @@ def test_what_is_better_is_not_yet_what_was_promised(share: float, kept: bool, o
     compared, said = answer(*both), run(*both).stdout
     assert compared["rms_after_mm"] < 0.5 * compared["rms_before_mm"]
     assert compared["kept"] is kept
-    assert ("✔ The touches agree better than before, as promised" in said) is kept
-    assert ("but not as promised" in said) is not kept
+    assert ("✔ The touches agree better than before, as predicted" in said) is kept
+    assert ("but not as predicted" in said) is not kept
 
 
 def test_what_got_worse_with_nothing_entered_has_moved(own: Path) -> None:
@@ -301,7 +301,7 @@ def test_dates_of_one_printer_are_judged_together(own: Path) -> None:
         for each in (before[name], after[name]):
             assert abs(each["active"] + each["found"] - value) < 3.0 * each["std"]
     said = words(run(*both).stdout)
-    assert "cannot determine leg_length: it may be off by 0.3 mm (1 σ)" in said
+    assert "do not determine leg_length: it may be off by 0.3 mm (1 σ)" in said
     assert "printer.cfg later.cfg --data mesh --together" in said
     for wrong in (("printer.cfg", "--together"), ("printer.cfg", "--recalibrated")):
         assert run("diagnose", *wrong).exit_code == 2
@@ -435,7 +435,7 @@ def test_the_report_is_written_whole(data: str, own: Path) -> None:
 def test_where_nothing_is_to_be_changed_it_is_said() -> None:
     """Calibrated again it would get other digits, and no better ones."""
     said = once("solve", "right.csv", *MACHINE).stdout
-    assert "✔ Nothing to enter: the firmware has these values" in said
+    assert "✔ Nothing to enter: noise explains the changes" in said
     assert "type in" not in said
     assert "orthocal export" not in said
     assert "orthocal plan right.csv --machine v400.yaml" in said
@@ -453,7 +453,7 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     assert not solved["release"]["settled"]
     assert "± U enter" in page("solve", "tilted.csv", *MACHINE)
     planned = page("plan", "tilted.csv", *MACHINE)
-    assert planned.index("To know them better: about") < planned.index(" Next ")
+    assert planned.index("To reduce U: about") < planned.index(" Next ")
     assert "telling: " not in planned.partition(" Next ")[0]
 
 

@@ -75,7 +75,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
     assert "found  expected  measured" in page.stdout
     assert "Pass: limit 0.05 mm" in page.stdout
-    assert "The correction did what was promised" in page.stdout
+    assert "The correction worked as predicted" in page.stdout
     assert "Nothing more: keep this report with the machine." in page.stdout
     assert run("report", healthy, *applied).exit_code == 2
     # A limit is drawn, and decides nothing before the result is measured.
@@ -97,10 +97,10 @@ def test_the_same_inputs_and_options_give_the_same_number(healthy: Path, tmp_pat
 
 
 def test_verify_prints_what_the_paper_prints():
-    """Promised 0.20, measured 0.21, and a response that agrees with theory."""
+    """Predicted 0.20, measured 0.21, and a response that agrees with the model."""
     applied = ("--applied", -0.53, 0.59, -1.76)
     found = program.done("verify", *EXPERIMENTS[1:], *map(str, applied))
-    assert "Promised 0.20 mm, measured 0.21 mm (r.m.s.; before 0.62 mm)." in found
+    assert "Predicted 0.20 mm, measured 0.21 mm (r.m.s.; before 0.62 mm)." in found
     assert "The machine responded as the model says: response 1.03 [0.91, 1.14]" in found
     numbers = json.loads(run("verify", *EXPERIMENTS[1:], *applied, "--json").stdout)
     assert numbers["response"]["agrees"] is True

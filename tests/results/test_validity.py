@@ -83,7 +83,7 @@ def test_two_sessions_are_compared() -> None:
     (other,) = between(COMPLETE.changed(gauges=(*COMPLETE.gauges[:1], COMPLETE.gauges[1].changed(
         id="no. 77"))))  # fmt: skip
     assert other == "Other gauges were used: no. 41, no. 42 before, no. 41, no. 77 after."
-    assert between(COMPLETE.changed(operator=None)) == ("After: not recorded: operator.",)
+    assert between(COMPLETE.changed(operator=None)) == ("After, not recorded: operator.",)
 
 
 def test_it_stands_beside_the_verdict_of_report_and_verify_and_in_json() -> None:

@@ -67,6 +67,8 @@ def _written(value: object) -> str:
         return ", ".join(f"{name} {_written(each)}" for name, each in value.items())
     if isinstance(value, list | tuple):
         return " ".join(map(_written, value))
+    if value is None or isinstance(value, bool):
+        return {None: "none", True: "yes", False: "no"}[value]
     return short(value, 6) if isinstance(value, float) else str(value)
 
 

@@ -182,7 +182,7 @@ def _baselines(case: Case) -> Iterator[doc.Block]:
         "the earlier map instead": found.earlier_map_mm,
     }
     sizes = [f"{what} {plain(1e3 * mm, 1)}" for what, mm in named.items() if mm is not None]
-    yield doc.Paragraph(f"Errors of predicting {where}, µm r.m.s.: {', '.join(sizes)}.")
+    yield doc.Paragraph(f"Prediction errors of {where}, µm r.m.s.: {', '.join(sizes)}.")
 
 
 def _open(answer: Answer) -> list[Explanation]:
@@ -298,7 +298,7 @@ def headline(case: Case) -> tuple[doc.Tone, str]:
     for each in answer.undetermined:
         if each.name not in [parameter.name for parameter in answer.parameters]:
             within = f"{each.within:.2g} {unit_words(each.unit)}"
-            told += f" They cannot determine {each.name}: it may be off by {within} (1 σ)."
+            told += f" The readings do not determine {each.name}: it may be off by {within} (1 σ)."
     return doc.Tone.INFO if unusual else doc.Tone.GOOD, f"Consistent: {told}"
 
 

@@ -94,7 +94,7 @@ def _notice(found: History) -> doc.Notice:
     if found.ambiguous_with:
         lines.append(f"These dates do not exclude: {', '.join(found.ambiguous_with)}.")
     if limit := found.limit:
-        said = "no drift towards it is established"
+        said = "no drift is established"
         if limit.scatter_exceeds:
             said = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
         elif limit.parameter is not None:

@@ -141,10 +141,10 @@ def _to_do(
         yield doc.Instruction(machine.vocabulary.probing)
     else:
         typed = _command(chosen, plan, machine_file, source)
-        told = "Have the places written, probe them in this order, and fill in reading_mm"
+        told = "Write the places to a file, probe them in this order, fill in reading_mm"
         yield doc.Instruction(told, typed)
         typed = command("diagnose", _PLACES, machine=machine_file)
-        yield doc.Instruction("See what they say", typed)
+        yield doc.Instruction("See the result", typed)
 
 
 def _command(
@@ -172,14 +172,14 @@ def _reach(model: Model, expanded: Floats) -> str:
     columns = zip(machine.parameter_names, expanded.tolist(), machine.parameter_units, strict=True)
     for name, u, unit in columns:
         alike.setdefault(f"± {two_figures(u)} {unit_words(unit)}", []).append(name)
-    return ", ".join(f"{' '.join(names)} {u}" for u, names in alike.items())
+    return "; ".join(f"{', '.join(names)} {u}" for u, names in alike.items())
 
 
 def _notice(plan: MeasurementPlan) -> doc.Notice:
     """What the session gives, and what it lacks."""
     chosen, warning, model = plan.chosen, plan.bar_warning, plan.model
     if warning is not None and warning.leaves:
-        return doc.Notice(doc.Tone.BAD, "This cannot be measured so", warning.lines)
+        return doc.Notice(doc.Tone.BAD, "This cannot be measured in this way", warning.lines)
     words = model.machine.vocabulary
     noise = two_figures(plan.noise_mm)
     lines = [f"{model.machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
@@ -205,7 +205,9 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
         remedy = source_words(plan.floor.largest.source, model.machine)[1]
         why = f"{_stays(plan, plan.floor)} {remedy}"
-    return doc.Notice(doc.Tone.BAD, f"{wanted} cannot be reached so", (why, f"{title}.", *lines))
+    return doc.Notice(
+        doc.Tone.BAD, f"{wanted} cannot be reached in this way", (why, f"{title}.", *lines)
+    )
 
 
 def _stays(plan: MeasurementPlan, floor: Budget) -> str:
@@ -411,12 +413,12 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
         target.append(f"± {wanted:g} mm {said}")
     if best.between:
         first, second = between_words(best)
-        title = f"Next: {minutes} leave one answer with a chance of {percent(best.chance)}"
+        title = f"Next: {minutes} leave one answer with a probability of {percent(best.chance)}"
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
         return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
     if begun.release.usable:
-        may = f"Nothing is open, and the {plan.model.machine.vocabulary.many} may be entered."
-        better = f"To know them better: {minutes}. {worth}"
+        may = f"Nothing is undecided, and the {plan.model.machine.vocabulary.many} may be entered."
+        better = f"To reduce U: {minutes}. {worth}"
         return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (may, better, *target))
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
@@ -440,11 +442,13 @@ def _next_grid(
         )
     meaning = None
     if full:
-        meaning = "Nothing that further readings could tell is open: ranked by how much U they save"
-        meaning += " per minute, half an hour added for the sitting."
+        meaning = "Readings can decide nothing more. Ranked by the reduction of U"
+        meaning += " per minute; half an hour is added for the session."
     if full and plan.next[0].between:
         first, second = between_words(plan.next[0])
-        meaning = "Settles: the chance that one answer is left. Ranked by that chance per minute,"
-        meaning += f" eight hours added for coming back if it stays open. σ: how far {first} and"
+        meaning = "Settles: the probability of one answer. Ranked by it per minute;"
+        meaning += (
+            f" eight hours are added for coming back if it stays open. σ: how far {first} and"
+        )
         meaning += f" {second} are apart in the new readings, in standard deviations."
     return doc.Grid(tuple(heads), tuple(rows), words=(len(heads) - 1,), caption=meaning)

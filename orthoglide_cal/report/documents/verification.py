@@ -1,4 +1,4 @@
-"""The verification report: promised against measured, and how the machine responded.
+"""The verification report: predicted against measured, and how the machine responded.
 
 The calibration report shows the same notice, advice and tables once the adjustment was measured.
 """
@@ -52,7 +52,9 @@ def _screen(found: Verification) -> doc.Page:
     grid = sizes_grid([(f"left{unit and f', {unit}'}", sizes(left, not unit))], 3 if unit else 2)
     tables = ([_differences(found)] if found.differences else []), [grid]
     more = doc.Paragraph("More: the same with --details")
-    aside = f"{found.machine}, {' and '.join(count for _, count in _measured(found))}"
+    before, after = (count for _, count in _measured(found))
+    aside = f"{found.machine}, {before}{' and' * (after != before)} "
+    aside += after if after != before else "before and after"
     return doc.Page(
         kind="Verification",
         notice=replace(reserved(verification_notice(found), found.reservations), aside=aside),
@@ -96,11 +98,11 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
 def verification_notice(found: Verification) -> doc.Notice:
     """The answer in one box."""
     before, promised, after, _ = _sizes(found)
-    size = f"Promised {promised}, measured {after} (r.m.s.; before {before})."
+    size = f"Predicted {promised}, measured {after} (r.m.s.; before {before})."
     lines = tuple(line for line in (size, _answer(found), _decision(found), found.remains) if line)
     if not found.differences:
         better = found.rms_after_mm < found.rms_before_mm
-        came = "as promised" if found.kept else f"{'but' if better else 'and'} not as promised"
+        came = "as predicted" if found.kept else f"{'but' if better else 'and'} not as predicted"
         title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
         if found.moved:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
@@ -108,11 +110,11 @@ def verification_notice(found: Verification) -> doc.Notice:
             lines = (*lines, told)
         return doc.Notice(doc.Tone.GOOD if found.kept else doc.Tone.WARN, title, lines)
     outcome = found.decision.outcome if found.decision else Outcome.PASS
-    tone, title = doc.Tone.GOOD, "The correction did what was promised"
+    tone, title = doc.Tone.GOOD, "The correction worked as predicted"
     if not found.kept:
-        tone, title = doc.Tone.BAD, "The correction did not do what was promised"
+        tone, title = doc.Tone.BAD, "The correction did not work as predicted"
     elif outcome is Outcome.FAIL:
-        tone, title = doc.Tone.BAD, "The correction worked, yet a deviation is beyond the limit"
+        tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
     elif outcome is not Outcome.PASS or (found.other_change and found.other_change.found):
         tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
     return doc.Notice(tone, title, lines)
@@ -123,7 +125,7 @@ def _digits(found: Verification) -> int:
 
 
 def _sizes(found: Verification) -> list[str]:
-    """Before, promised, after and reachable, with unit."""
+    """Before, predicted, after and reachable, with unit."""
     sizes = (found.rms_before_mm, found.rms_promised_mm, found.rms_after_mm, found.rms_reachable_mm)
     if found.differences:
         return ["" if size is None else f"{plain(size, _digits(found))} mm" for size in sizes]
@@ -143,7 +145,7 @@ def verification_steps(
         yield doc.Instruction("Then measure again and compare again")
     elif found.decision is not None and found.decision.outcome is Outcome.FAIL:
         yield doc.Instruction(
-            "The offsets are right, yet a deviation is beyond the limit: find its cause",
+            "The offsets are right, but a deviation is beyond the limit: find its cause",
             command("diagnose", found.after.path, machine=machine_file),
         )
     elif brief and found.differences:
@@ -167,14 +169,14 @@ def _answer(found: Verification) -> str:
     if any(abs(found.response.value / f - 1.0) < 0.1 for f in (MM_PER_INCH, 1.0 / MM_PER_INCH)):
         gain = "inches and millimetres were mixed up."
     return {
-        Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, theory 1.",
+        Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, expected 1.",
         Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}): enter the"
         " negative values.",
         Behaviour.EXCHANGED: f"The correction acted as if {_triple(found.acted_as_mm or {}, found)}"
         " had been entered (x, y, z): check the joints.",
         Behaviour.NO_RESPONSE: f"The machine did not respond ({size}): re-home, and check that the"
         " values are active.",
-        Behaviour.OTHER_GAIN: f"The machine responded by another amount ({size}, theory 1): {gain}",
+        Behaviour.OTHER_GAIN: f"The size of the response is wrong ({size}, expected 1): {gain}",
         Behaviour.PARTLY: f"Not every axis did what was entered: {'; '.join(otherwise)}. Check what"
         " the controller holds there, and re-home.",
         Behaviour.UNDETERMINED: "The correction is too small for these readings to show a response"
@@ -232,20 +234,20 @@ def parameters_left(found: Verification) -> doc.Section:
     if now.count(None) == len(now):
         note = "The files do not say what was entered: a printer.cfg of each time would."
     elif other:
-        note = f"Entered was something else than found here: {', '.join(other)}."
+        note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section("Parameters", (grid, doc.Paragraph(note)))
 
 
 def _outcome(found: Verification) -> doc.Section:
-    """Promised and measured, difference by difference or in all."""
+    """Predicted and measured, difference by difference or in all."""
     if found.differences:
         figure = replace(left_figure(found), columns=1, sketch=())
         blocks = _differences(found, full=True), figure, *rule_blocks(found)
-        return doc.Section("Promised and measured", blocks)
+        return doc.Section("Predicted and measured", blocks)
     grid = doc.Grid(
-        ("r.m.s. of the heights", "as found", "promised", "as left", "could be"),
+        ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
         (("touches, without their mean", *_sizes(found)),),
-        caption="Promised: what the parameters found before would leave. Could be: what those"
+        caption="Predicted: what the parameters found before would leave. Could be: what those"
         " found afterwards would.",
     )
     return doc.Section("Heights", (grid,))
@@ -258,13 +260,13 @@ def rule_blocks(found: Verification) -> tuple[doc.Block, ...]:
 
 
 def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
-    """Deviations as measured and as promised; on a screen only their r.m.s. where they are many."""
+    """Deviations as measured and as predicted; on a screen only r.m.s. where they are many."""
     rows, digits = found.differences, _digits(found)
     shown = rows if full or len(rows) <= _MOST_DIFFERENCES else ()
     before, promised, after, _ = (size.removesuffix(" mm") for size in _sizes(found))
     table = (
         ("before", *(signed(each.before_mm, digits) for each in shown), before),
-        ("promised", *(signed(each.promised_mm, digits) for each in shown), promised),
+        ("predicted", *(signed(each.promised_mm, digits) for each in shown), promised),
         ("± U", *(plain(each.promised_expanded_mm, digits) for each in shown), ""),
         ("measured", *(signed(each.after_mm, digits) for each in shown), after),
     )
@@ -292,7 +294,7 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
     lead = (
         "Response coefficient, all axes together: ",
         doc.Strong(_interval(response)),
-        f". Theory: 1. (95 % interval, {found.response_dof} degrees of freedom.)",
+        f". Expected: 1. (95 % interval, {found.response_dof} degrees of freedom.)",
     )
     blocks: list[doc.Block] = [doc.Paragraph(lead), grid]
     if found.other_change is not None:
