@@ -156,9 +156,9 @@ class LinuxCnc:
             # A machine that is homed is in teleoperation again, in which no joint can be homed.
             self.tell("set mode manual", "set teleop_enable off", f"set home {joint}")
             time.sleep(0.5)
-            while not self.rests():
+            while self.hal("getp", f"joint.{joint}.homing") == "TRUE" or not self.rests():
                 pass
-        assert self.tell("get joint_homed").split()[-6:-3] == ["YES"] * 3
+            assert self.hal("getp", f"joint.{joint}.homed") == "TRUE"
         return [b - a for a, b in zip(before, self.motors_mm(), strict=True)]
 
     def rests(self) -> bool:
