@@ -199,6 +199,11 @@ class TerminalPage:
         return widths, over
 
 
+def height(page: doc.Page) -> int:
+    """How many lines it has on a terminal 80 columns wide."""
+    return len(Console(width=80).render_lines(TerminalPage(page)))
+
+
 def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
     text = Text(style=style)
     for part in parts:

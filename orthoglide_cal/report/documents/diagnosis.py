@@ -25,6 +25,7 @@ from orthoglide_cal.report.documents.solution import (
     sizes,
     sizes_grid,
 )
+from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
     chance,
@@ -48,6 +49,7 @@ _NOTHING = "nothing wrong"
 _MOST_OPEN = 4  # explanations
 _MOST_CELLS = 3  # sizes side by side
 _MOST_SIZES = 6  # of one cause; of more the largest are shown
+_DECIDED, _UNDECIDED = 30, 20  # lines of its screen
 
 
 def diagnosis_document(case: Case) -> doc.Document:
@@ -61,24 +63,36 @@ def diagnosis_document(case: Case) -> doc.Document:
 
 
 def _screen(case: Case) -> doc.Page:
+    """The numbers that decide, one thought each, and what to do.
+
+    Where a screen has too few lines for it, notes give way, then baselines, then the last steps.
+    """
     answer = case.answer
-    # The numbers that decide, one thought each.
-    groups: list[Sequence[doc.Block]]
-    if answer.verdict is Verdict.AMBIGUOUS:
-        groups = [[_open_grid(case)], [*_baselines(case)]]
-    else:
-        decisive = [*_sizes(case, offsets=True), *open_blocks(case)]
-        groups = [decisive, [_rms_grid(case), *_baselines(case)]]
-    if answer.verdict is Verdict.NAMED:
-        groups.append(brief_residuals(case))
-    sections = [doc.Section(None, tuple(blocks)) for blocks in groups]
-    open_ = [*_doubts(case, all=False)]
+    undecided = answer.verdict is Verdict.AMBIGUOUS
+    baselines, steps = [*_baselines(case)], [*_steps(case)]
+    notes = [*_doubts(case, all=False)]
     if answer.ruled_out:
-        open_.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
+        notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
     if answer.not_excluded:
-        open_.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
-    last = doc.next_steps(_steps(case), *map(doc.Paragraph, open_), case.more("diagnose"))
-    return doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
+        notes.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
+    while True:
+        groups: list[Sequence[doc.Block]]
+        if undecided:
+            groups = [[_open_grid(case)], baselines]
+        else:
+            decisive = [*_sizes(case, offsets=True), *open_blocks(case)]
+            groups = [decisive, [_rms_grid(case), *baselines]]
+        if answer.verdict is Verdict.NAMED:
+            groups.append(brief_residuals(case))
+        sections = [doc.Section(None, tuple(blocks)) for blocks in groups if blocks]
+        last = doc.next_steps(steps, *map(doc.Paragraph, notes), case.more("diagnose"))
+        page = doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
+        if height(page) <= (_UNDECIDED if undecided else _DECIDED) or len(steps) <= 1:
+            return page
+        for spare in (notes, baselines, steps):
+            if spare:
+                spare.pop()
+                break
 
 
 def _notice(case: Case) -> doc.Notice:
