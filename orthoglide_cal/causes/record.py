@@ -104,7 +104,7 @@ class GaugeSlip(PatternCause):
 class SignFlip(RelabelCause):
     """Readings of one leg and direction have the opposite sign, or, rarely, the whole table.
 
-    The latter is to first order what the opposite offsets give: only large ones tell them apart.
+    The latter is to first order what the opposite offsets give: only large ones distinguish them.
     """
 
     id = "sign_flip"
@@ -132,8 +132,8 @@ class SignFlip(RelabelCause):
 class SwappedGauges(ExchangeCause):
     """Each reading of one direction was written under the other direction of the same leg.
 
-    On a machine whose axes are alike no reading tells this from the two other legs, with their
-    axes, written for each other: one name stands for both.
+    On a machine whose axes are alike no reading distinguishes this from the two other legs, with
+    their axes, written for each other: one name stands for both.
     """
 
     id = "swapped_gauges"

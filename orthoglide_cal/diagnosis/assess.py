@@ -156,7 +156,7 @@ class Posterior:
         return min(near, key=lambda ids: sum(CAUSES[id].stage is not Stage.RECORD for id in ids))
 
     def rivals(self) -> tuple[Ids, ...]:
-        """Sets that these data cannot tell from the best one, most probable first.
+        """Sets that these data cannot distinguish from the best one, most probable first.
 
         A set that holds another rival and adds to it says nothing new, unless it is the likelier.
         """
@@ -183,7 +183,7 @@ class Posterior:
         """Whether the data say nothing of what a set adds to a part of it.
 
         Neither in the mean over plausible sizes nor, of a fault without size, where both fit best:
-        that the other causes are then of more usual size is no word of the data.
+        that the other causes are then of more usual size is no evidence.
         """
         if not set(part) < set(ids) or not self.listed[part] or ids not in self.log_prior:
             return False
@@ -228,7 +228,7 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict, the accepted set, the ids that cannot be told from it, and hidden ones."""
+    """A verdict, the accepted set, the ids not distinguishable from it, and hidden ones."""
 
     verdict: Verdict
     accepted: Ids = ()

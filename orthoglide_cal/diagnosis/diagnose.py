@@ -55,7 +55,7 @@ def diagnose(
         then: the model at the time of the held-out data; None for the same.
         sensitivity: also judge with all tolerances halved and doubled; of healthy data these say
             nothing, and that is left out.
-        recalibrated: whether the machine was calibrated anew before the held-out data; None if the
+        recalibrated: whether the machine was calibrated again before the held-out data; None if the
             models say so.
 
     Raises:

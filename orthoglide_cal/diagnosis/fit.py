@@ -343,8 +343,8 @@ class _Search:
             self._solve()
 
     def fitted(self, score: Score, by_noise: Floats, log_evidence: float) -> Fitted:
-        """The fit, of this explanation or of the score of one that holds an exchange besides;
-        the rest as `_weighed` gives it."""
+        """The fit, of this explanation or of the score of one that also holds an exchange; the rest
+        as `_weighed` gives it."""
         at, columns, linear = self.at, self.columns, self.linear
         log = float(log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2)))
@@ -460,7 +460,7 @@ def predict_later(
         later, fit: the held-out data, and a fit to the first data only.
         applied: offsets entered in between, shape (3,) [mm].
         free: so many of the parameters, the first ones, are unknown again and fitted to the later
-            data; nothing else is. All of them where the machine was calibrated anew.
+            data; nothing else is. All of them where the machine was calibrated again.
         before: the machine of the first data; None for the same as later.
     """
     error, jacobian, scaled_error, by_parameter = _errors(later, fit, applied, free, before)

@@ -1,8 +1,8 @@
 """Evidence of every explanation, linearised where the offsets-only model fits best.
 
 Of a cause with several parameters often one acts alone: one bar is skewed, the other five are not.
-Priced for all its parameters such a cause loses to one with fewer; so its evidence is the mean over
-both readings of its name. With another fault only the first is tried, which is a lower bound.
+If all its parameters count, such a cause loses to one with fewer; so its evidence is the mean of
+both cases. With another fault only the first is tried, which is a lower bound.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> fl
 
 
 def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
-    """Which parameters are known well enough to be told; their expanded uncertainties are (p,)."""
+    """Which parameters are known well enough to state; their expanded uncertainties are (p,)."""
     return tuple((expanded < np.array(model.machine.max_reportable_u)).tolist())
 
 
@@ -132,7 +132,7 @@ def require_rank(problem: Problem) -> None:
 
 
 def require_determined(problem: Problem) -> None:
-    """As `require_rank`: do the data tell each parameter better than any such machine is known?
+    """As `require_rank`: is each parameter determined better than of any such machine?
 
     Asked of the nominal machine with the stated noise: what a search must stand on.
     """
@@ -149,12 +149,12 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
     listed = " and ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
     raise RankDeficientError(
         f"These readings do not determine {listed}.",
-        machine.vocabulary.fewest or f"Add readings of {_mend(problem, problem.at_zero[1])}.",
+        machine.vocabulary.fewest or f"Add readings of {_completing(problem, problem.at_zero[1])}.",
         names,
     )
 
 
-def _mend(problem: Problem, matrix: Floats) -> str:
+def _completing(problem: Problem, matrix: Floats) -> str:
     """The fewest differences that complete the rank, in words."""
     kind, machine = (
         DataKind.SIX if problem.plan.fixed else DataKind.SINGLE,

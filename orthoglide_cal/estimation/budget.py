@@ -191,8 +191,8 @@ def _influences(model: Model, at: tuple[float, ...], plan: Plan) -> tuple[Influe
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     """What is taken as the controller has it, although nobody knows it exactly.
 
-    A diagnosis asks whether the readings speak against it; what is found of the parameters is as
-    unsure as it is, whatever they say. Arguments as of `influences`.
+    A diagnosis asks whether the readings contradict it; the parameters found have its uncertainty
+    in any case. Arguments as of `influences`.
     """
     if not model.machine.fixed_parameters:
         return ()  # without a simulation

@@ -84,7 +84,7 @@ class Problem(ReadOnly):
     def _folded(self) -> tuple[Plan, Floats]:
         """Plan and R with readings that repeat each other predicted once.
 
-        With a cause that may tell them apart nothing is folded.
+        With a cause that may distinguish them nothing is folded.
         """
         if not self.model.repeats:
             return self.plan, self.matrix

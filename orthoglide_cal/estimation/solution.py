@@ -246,8 +246,8 @@ def solve(
 ) -> Solution:
     """Identify the joint offsets.
 
-    All readings at once are weighted by what is uncertain of them besides noise, such as where
-    along its leg each gauge stands; the paper's methods are as the paper has them.
+    All readings at once are weighted by what is uncertain of them in addition to noise, such as
+    where along its leg each gauge stands; the paper's methods are as the paper has them.
 
     Args:
         measured, model: the data, and what they are of.

@@ -85,7 +85,7 @@ class Table:
     def check_split_numbers(self, coded: Sequence[str]) -> None:
         """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.
 
-        A column beside the readings that never holds free text (`coded`) has not got the 123.
+        A column next to the readings that never holds free text (`coded`) has not got the 123.
         """
         if self.decimal_comma or not self.rows:
             return

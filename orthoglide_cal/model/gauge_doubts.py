@@ -244,9 +244,9 @@ def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]
 
 @lru_cache(maxsize=4)
 def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
-    """The unit in which readings that are none in mm are what this gauge shows.
+    """The unit in which readings that cannot be in mm are what this gauge shows.
 
-    None if they are in mm, or in no unit; of differences nobody can say.
+    None if they are in mm, or in no unit; differences do not show it.
     """
     if not isinstance(measured, Readings) or not isinstance(measured.plan, GaugePlan):
         return None

@@ -1,8 +1,8 @@
 """The linear delta: three upright rails around a round bed, probed from above.
 
-The frame is the bed's: x and y as the controller has them, z upwards from the bed. Its tilt
-against the towers and the endstops are one and the same to a probe, so the bed is level; its turn
-is fixed by tower c, whose angle is not calibrated.
+The frame is the bed's: x and y as the controller has them, z upwards from the bed. Its tilt against
+the towers and the endstops are one and the same to a probe, so the bed is level; its rotation is
+fixed by tower c, whose angle is not calibrated.
 
 A touch is a place at which the controller believed the nozzle when the probe triggered; its
 reading is how much higher that is than the touched surface should be. A distance is what a
@@ -134,9 +134,9 @@ class Endstops(NamedTuple):
 class LinearDelta(Machine):
     """The machine of many printers: endstops, radius and two tower angles are calibrated.
 
-    The third angle fixes the turn of the frame. Arm lengths are not: on one height they and the
-    radius are nearly the same, and only distances would tell. All fields are as the controller has
-    them, of towers a, b, c in this order.
+    The third angle fixes the rotation of the frame. Arm lengths are not: on one height they and the
+    radius are nearly the same, and only distances would distinguish them. All fields are as the
+    controller has them, of towers a, b, c in this order.
     """
 
     parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
@@ -239,7 +239,7 @@ class LinearDelta(Machine):
 
     @property
     def unobservable(self) -> tuple[str, ...]:
-        """What depends on the approach is not lost motion where the probe reads on its way."""
+        """What depends on the approach is not lost motion where the probe reads while it moves."""
         return ("backlash",) if self.probe.scanning else ()
 
     @property
@@ -375,8 +375,8 @@ class LinearDelta(Machine):
         yield self.local_shape(plan)
 
     def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
-        """On a flat bed a frame that is out of square and a bed that is bent are the same; higher
-        up only the frame is another one."""
+        """On a flat bed a frame that is out of square and a bed that is bent read the same; higher
+        up only the effect of the frame changes."""
         plan = ProbePlan.require(plan)
         touches = np.flatnonzero(~plan.distance)
         some = plan.subset(touches[_spread(plan.place[touches, :2], FEW)])

@@ -295,7 +295,7 @@ class Machine(Schema):
 
     @property
     def unobservable(self) -> tuple[str, ...]:
-        """Ids of causes that its readings do not tell from the parameters, or from themselves."""
+        """Ids of causes that its readings cannot distinguish from something else."""
         return ()
 
     @property
@@ -357,7 +357,7 @@ class Machine(Schema):
     def differing(self, after: Machine) -> tuple[str, ...]:
         """Which settings the controller of the same machine has otherwise later, in words.
 
-        It was homed anew under them: what the real ones exceed them by is then unknown again.
+        It was homed again with them: what the real ones exceed them by is then unknown again.
         """
         return ()
 

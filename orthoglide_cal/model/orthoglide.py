@@ -207,7 +207,7 @@ class Orthoglide(Machine):
 
     @property
     def max_reportable_u(self) -> tuple[float, ...]:
-        """An offset is told whatever its U, with its U."""
+        """An offset is stated with its U, however large that is."""
         return (math.inf,) * len(AXES)
 
     def displacement_mm(self, posture: Posture) -> float:

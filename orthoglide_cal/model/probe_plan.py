@@ -199,7 +199,7 @@ def compared(radius: float, calliper: float) -> tuple[Layout, ...]:
 
 
 def telling(radius: float) -> tuple[Layout, ...]:
-    """Touches that tell a skew frame from a bent bed, of this radius [mm], quickest first."""
+    """Touches that distinguish skew frame and bent bed, of this radius [mm], quickest first."""
     found = []
     for some, count in product(RAISED, SPREAD):
         upper = rings(some, REACH * radius)

@@ -100,8 +100,8 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     For differences and readings along a leg, which no others can be solved together with, these
     are sessions of their own.
 
-    By the chance that one answer is left, per minute, with what coming back would take. Where
-    nothing is open that readings tell, by how much it takes off the parameters' U per minute.
+    By the probability of one answer per minute, the time to come back included. Where readings can
+    decide nothing that is open, by the reduction of the parameters' U per minute.
     """
     model, measured = diagnosis.model, diagnosis.measured
     plan = measured.plan if isinstance(measured, Readings) else None
@@ -218,7 +218,7 @@ def _chance(mean: Floats, std: Floats, shares: Floats, spare: Floats, others: Bo
 def _fixed(model: Model, plan: Plan, answer: Fitted) -> Floats:
     """What adds to the variance of each parameter that is taken as the controller has it, (p,).
 
-    No reading tells it, so no diagnosis counts it either, unless it is the answer; `solve` does.
+    No reading shows it, so no diagnosis counts it either, unless it is the answer; `solve` does.
     """
     nominal = np.zeros(len(model.machine.parameter_names))
     taken = fixed_influences(model, nominal, plan)

@@ -90,7 +90,7 @@ def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:
     if first is None:
         return tuple(_alone(machine))
     first = GaugePlan.require(first)
-    return (*_going_on(first, machine), *_afresh(first, machine))
+    return (*_going_on(first, machine), *_set_up_again(first, machine))
 
 
 def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
@@ -201,7 +201,7 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
         yield Option(what, plan, minutes, continues=False, session=told)
 
 
-def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
+def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     """With the stands set up again, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
     usual = walks[0][1]
@@ -214,26 +214,26 @@ def _afresh(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
             stand = f"et the stands up again at leg {AXES[leg]}{half_way}"
             for words, stops in walks:
                 what = f"S{stand}, {checked}, and read {how_often}: {words}."
-                yield _sitting(first, machine, (leg,), what, (*stops * times, 0.0))
+                yield _session(first, machine, (leg,), what, (*stops * times, 0.0))
             what = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
-            yield _sitting(first, machine, (leg,), what, (*usual * times, 0.0), turned=True)
+            yield _session(first, machine, (leg,), what, (*usual * times, 0.0), turned=True)
         repeat = f"epeat the session, {how_often} per leg"
         for words, stops in walks:
             what = f"R{repeat}{half_way}: {words}; stands set up again, {checked}."
-            yield _sitting(first, machine, LEGS, what, (*stops * times, 0.0))
+            yield _session(first, machine, LEGS, what, (*stops * times, 0.0))
         what = f"Turn every bar {turn}, and r{repeat}{half_way}."
-        yield _sitting(first, machine, LEGS, what, (*usual * times, 0.0), turned=True)
+        yield _session(first, machine, LEGS, what, (*usual * times, 0.0), turned=True)
         for at in places(machine):
             if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
                 continue
             from_joint = at * machine.leg_length_mm
             what = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
-            yield _sitting(first, machine, LEGS, what, (*usual * times, 0.0), gauge_at=at)
+            yield _session(first, machine, LEGS, what, (*usual * times, 0.0), gauge_at=at)
     what = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
-    yield _sitting(first, machine, LEGS[::-1], what, (*usual, 0.0))
+    yield _session(first, machine, LEGS[::-1], what, (*usual, 0.0))
 
 
-def _sitting(
+def _session(
     first: GaugePlan,
     machine: Orthoglide,
     legs: Sequence[int],

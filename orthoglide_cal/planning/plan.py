@@ -122,8 +122,8 @@ class PlannedContribution(BudgetLine):
 class MeasurementPlan(Schema):
     """What a session will give before a reading is taken; its dump is `plan --json`.
 
-    The floor is less than what the session leaves in addition to scatter: more readings tell more
-    of what else is uncertain.
+    The floor is less than what the session leaves in addition to scatter: more readings say more
+    about what else is uncertain.
     """
 
     model_config = ARRAYS

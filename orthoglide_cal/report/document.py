@@ -159,7 +159,7 @@ class Section:
 
     @property
     def in_characters(self) -> tuple[Block, ...]:
-        """The blocks but figures without a sketch: their words would speak of nothing."""
+        """The blocks but figures without a sketch: their words would refer to nothing."""
         return tuple(b for b in self.blocks if not isinstance(b, Figure) or b.sketch)
 
 

@@ -601,7 +601,7 @@ SEPARATION_LEGEND = (
 def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tuple[str, ...]:
     """How far each cause stands from the others: the lower half of a table, in characters.
 
-    Each cell has a shade, the darker the less can the two be distinguished, and its number.
+    Each cell has its number and a shade: the darker, the less the two can be distinguished.
 
     Args:
         names: of c causes, at most 26.

@@ -80,8 +80,7 @@ class Release(Schema):
         default_factory=lambda known: not known["reasons"], description="they may be entered"
     )
     settled: bool = Field(
-        False,
-        description="the controller has them already, as well as these readings know them",
+        False, description="noise explains the changes: the controller keeps what it has"
     )
 
 

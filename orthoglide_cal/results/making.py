@@ -296,9 +296,9 @@ def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
 def _settled(model: Model, found: _Found, known: Budget) -> bool:
     """Whether the controller has the parameters already, as well as the readings know them.
 
-    No change exceeds what noise and a local shape make of it, nor do all together (χ²): what
-    else may be wrong, and what is taken as the controller has it, would be the same again.
-    Never of joint offsets, which are told as an excess.
+    No change exceeds what noise and a local shape make of it, nor do all together (χ²): what else
+    may be wrong, and what is taken as the controller has it, would be the same again. Never of
+    joint offsets, which are stated as an excess.
     """
     if not model.machine.may_be_settled:
         return False
@@ -394,7 +394,7 @@ def _undetermined(
 def _check(
     given: Input, solution: Solution, promised: Sequence[PromisedDifference], k: float
 ) -> schema.CheckReading | None:
-    """The difference that the offsets change most: it tells an entered one from a forgotten."""
+    """The difference that the offsets change most: it shows whether they were entered."""
     if not promised:
         return None
     row = max(promised, key=lambda each: abs(each.measured_mm - each.expected_mm))

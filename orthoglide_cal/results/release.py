@@ -1,4 +1,4 @@
-"""May the offsets be entered in the controller? One rule for every command that speaks of it."""
+"""May the offsets be entered in the controller? One rule for every command that says so."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def release(
 ) -> Release:
     """Whether the solution's offsets may be entered, from its own check and the diagnosis.
 
-    Readings that this gauge can hardly have shown bar them, whatever fits them. A cause that was
-    named only bars them if it moves them by more than their uncertainty.
+    Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
+    prevents it only if it moves the offsets by more than their uncertainty.
 
     Args:
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
@@ -65,7 +65,7 @@ def release(
 
 
 def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
-    """What to know of offsets that nothing bars."""
+    """What to know of offsets that are released."""
     rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
     if solution.suspicious and rough > 1.0:
         yield (

@@ -99,7 +99,7 @@ def _reservations(given: Input, found: Validity) -> Iterator[str]:
 
 
 def compared_reservations(before: Validity, after: Validity) -> tuple[str, ...]:
-    """What is to be known of two measurements together: of each, and of both."""
+    """What to know of two measurements together: of each, and of both."""
     said = []
     for when, own, other in (("Before", before, after), ("After", after, before)):
         for each in own.reservations:

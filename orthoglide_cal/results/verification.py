@@ -1,4 +1,4 @@
-"""Did the correction do what was promised? Two measurements and what was entered between them.
+"""Did the correction work as predicted? Two measurements and what was entered between them.
 
 Readings of gauges are compared in what both measurements determine. For raw readings
 y = C·m + Z·z + noise with cell means m (leg, direction, displacement, contact) and gauge zeros z,
@@ -176,7 +176,7 @@ class Decision(Schema):
 
 
 class Verification(Schema):
-    """A correction compared with its promise, as `verify --json` prints it.
+    """A correction compared with its prediction, as `verify --json` prints it.
 
     `inputs` are both measurements, each with the machine that it was judged by.
     """
@@ -189,7 +189,7 @@ class Verification(Schema):
     machine: str
     kind: str = Field(description="what is compared: readings, differences (six, ...) or heights")
     compared: int = Field(description="independent changes, or touches afterwards")
-    kept: bool = Field(description="the correction did what was promised")
+    kept: bool = Field(description="the correction worked as predicted")
     moved: bool = Field(False, description="worse than before, although nothing was entered")
     reservations: tuple[str, ...] = Field(description="what to know before relying on it")
     rms_before_mm: float
@@ -233,7 +233,7 @@ def verify(
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
 ) -> Verification:
-    """What was promised, what came true, and whether the machine responded as the model says.
+    """What was predicted, what was measured, and whether the machine responded as the model says.
 
     Args:
         before, after: of the same machine, measured with the same protocol.
@@ -353,7 +353,7 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
 
     kept = as_good(promised, len(old))
     if promised < A_PROMISE * found:
-        # Maps repeat, noise does not: what is as far from the promise as it was is not as promised.
+        # Maps repeat, noise does not: what is as far from it as before is not as predicted.
         kept = kept and afterwards < (found + promised) / 2.0
     nothing = not any(value is None or value for value in entered)
     return Verification(
@@ -434,7 +434,7 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
 def _differences(
     promise: Sequence[PromisedDifference], later: Posed
 ) -> tuple[ComparedDifference, ...]:
-    """The differences of Table 4 before, promised and after; `later` holds at least those."""
+    """The differences of Table 4 before, predicted and after; `later` holds at least those."""
     if not promise:
         raise UsageError(
             "The two files share no difference between the ends of a leg's travel.",

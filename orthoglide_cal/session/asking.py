@@ -94,9 +94,9 @@ class Unasked(NamedTuple):
 class DeadTime:
     """When something from one source arrives too soon to be meant; all times are monotonic [s].
 
-    After a reading, its source (the keyboard, or the gauges) is deaf for a while: second presses,
-    and gauges that never stop. What arrives meanwhile is no reading and no answer, and begins
-    the while anew, so that a gauge that sends all the time is never listened to.
+    After a reading, its source (the keyboard, or the gauges) is ignored for a while: second
+    presses, and gauges that never stop. What arrives in that time is no reading and no answer, and
+    starts it again, so that a gauge that sends all the time is always ignored.
     """
 
     unasked: int = 0  # messages in a row that came too soon
@@ -179,7 +179,7 @@ class Asker:
         return self.gauge is None or not self.gauge.reads_itself
 
     def say(self, text: str, style: Style = Style.PLAIN) -> None:
-        """Show text whose lines end where the screen does; it pushes the place away."""
+        """Show text whose lines end where the screen does; it moves the place up the screen."""
         self.pushed = True
         self.show(wrapped(text, self.columns), style)
 

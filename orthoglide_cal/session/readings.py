@@ -99,7 +99,7 @@ class PriorReadings:
         return {**said, _ORIGIN: f"{origin}; {before}" if before else origin}
 
     def minutes(self, opened_at: str, own: float) -> float | None:
-        """The time of a new reading on the clock of the first ones; None where they tell none.
+        """The time of a new reading on the clock of the first ones; None where they have none.
 
         The clock runs on from their end, if that is known and was on the same day; else it stands
         from the last of them to `opened_at`, when the session began (ISO 8601), `own` minutes ago.
@@ -380,7 +380,7 @@ class NextReading:
 
     @property
     def scatter_mm(self) -> float:
-        """Standard deviation of a reading from successive repeats; the median forgives blunders.
+        """Standard deviation of a reading from successive repeats; the median ignores blunders.
 
         0 where there are too few to say so.
         """

@@ -385,7 +385,7 @@ def between_words(each: NextMeasurement) -> tuple[str, str]:
 def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     """What these readings would not show, and causes far beyond their size.
 
-    Without `all` not those of which the decision speaks, and of several only their names.
+    Without `all` not those that the decision names, and of several only their names.
     """
     answer, machine = case.answer, case.machine
     faults = [each for each in answer.unshown if all or not each.matters]
