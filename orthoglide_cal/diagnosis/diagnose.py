@@ -91,7 +91,7 @@ def diagnose(
                 moves = ", ".join(f"{name} by {value:+.3f}" for name, value in names)
                 told.append(
                     f"Between the two measurements the origin of the endstops has moved: {moves}"
-                    " mm. Nothing of it was entered. They are fitted to the held-out readings; all"
+                    " mm. None of this was entered. They are fitted to the held-out readings; all"
                     " else is carried over."
                 )
         if again is not None and again > REPEATS:
@@ -203,7 +203,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
         if id not in best or listed[best] < DISMISSED * listed[accepted]:
             raise UnusableResultError(
-                f"These data speak against {id}.", f"They name {', '.join(accepted)}."
+                f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
         (effect,) = (effect for effect in found.fit(best).effects if effect.cause is cause)
         return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
@@ -423,7 +423,7 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
         notes.append(
             f"{len(measured)} differences leave {len(measured) - 3} numbers beyond the three"
             f" offsets, and this answer has {unknowns} unknowns: the name rests on plausible sizes,"
-            " not on the data alone. Raw readings, with more postures, carry more."
+            " not on the data alone. Raw readings, with more postures, say more."
         )
     if raw and any(isinstance(c, PatternCause) for c in causes):
         notes.append(

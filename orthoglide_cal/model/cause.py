@@ -104,8 +104,8 @@ class Cause:
         """How many times the plausible one its size is, and what to look at."""
         stated = "usual" if self.assumed(machine) else "stated"
         key = self.number.get(type(machine), f"{self.id} under tolerances")
-        real = "slip" if self.stage is Stage.RECORD else "damage"
-        check = f"correct {key} in the machine file, or look for a real {real}."
+        real = "a real slip" if self.stage is Stage.RECORD else "real damage"
+        check = f"correct {key} in the machine file, or look for {real}."
         return f"{times:.0f} times its {stated} size: {check}"
 
     def possible(self, machine: Machine) -> bool:

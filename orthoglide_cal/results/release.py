@@ -144,7 +144,7 @@ def _to_check(diagnosis: Diagnosis, names: str, faults: Sequence[UnshownFault]) 
             f"If {title} as well{where}, which these readings would not show, the"
             f" {machine.vocabulary.many} change by up to {fault.change:.3f} {fault.unit}."
         )
-        look = f"Look whether {title}{where}. What shows it: {fault.check}. If all is in order,"
+        look = f"Check whether {title}{where}. What shows it: {fault.check}. If all is in order,"
         ruled_out = f"--rule-out {fault.id}"
         remedies.append(Remedy(sentence=f"{look} say so:", verb="diagnose", options=ruled_out))
     return Release(reasons=tuple(reasons), remedies=tuple(remedies))

@@ -119,5 +119,5 @@ def compared_reservations(before: Validity, after: Validity) -> tuple[str, ...]:
         first, second = (sum(each) / len(each) for each in ends)
         if abs(second - first) > STEP_K:
             step = f"{plain(first, 1)} °C before, {plain(second, 1)} °C after"
-            said.append(f"The temperature was another one: {step}.")
+            said.append(f"The temperature differed: {step}.")
     return tuple(said)

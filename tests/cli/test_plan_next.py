@@ -86,7 +86,7 @@ def test_what_no_reading_tells_is_measured_again(tmp_path: Path) -> None:
     path = str(truth.write_readings(session, tmp_path / "first.csv"))
     page = run("diagnose", path, "--machine", str(tmp_path / "machine.yaml")).output
     said = " ".join(page.split())
-    assert "No further reading of this kind is likely to decide. What is open lies in the" in said
+    assert "No further reading of this kind is likely to decide. All of them are faults of" in said
     assert "leave the old readings out" in said
     assert "orthocal measure" not in page
 

@@ -227,7 +227,7 @@ def _other(case: Case) -> doc.Section:
     told = []
     if rms is not None:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
-        told = [doc.Paragraph(f"{before} mm r.m.s. as found, {after} as would be left.")]
+        told = [doc.Paragraph(f"{before} mm r.m.s. as found, {after} would be left.")]
     again = doc.Instruction("See all of it.", case.typed("report"))
     return doc.Section(title, (notice, *told, doc.Instructions((again,))))
 

@@ -371,7 +371,7 @@ def _next_step(case: Case) -> doc.Instruction:
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
     told = "No further reading of this kind is likely to decide."
     if not any(CAUSES[id].in_machine for id in open_ids):
-        told += " What is open lies in the measurement: measure there again, and leave the old"
+        told += " All of them are faults of the measurement: measure there again, and leave the old"
         told += " readings out. Then it does not matter which it was."
     return doc.Instruction(told)
 
@@ -437,7 +437,7 @@ def _fit_blocks(case: Case) -> tuple[doc.Block, ...]:
         told = f"As many {words.many} as readings: they fit exactly, whatever is wrong."
         return (doc.Paragraph(told),)
     said = [
-        f"{words.many.capitalize()} only leave {plain(lack.left_mm, 4)} mm"
+        f"{words.many.capitalize()} alone leave {plain(lack.left_mm, 4)} mm"
         f" r.m.s.{weighing(case.given.measured)}; this {words.noise}'s noise{words.also} would"
         f" leave {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
         f" {counted(lack.dof, 'degree')} of freedom)."

@@ -448,7 +448,7 @@ def _next_grid(
         first, second = between_words(plan.next[0])
         meaning = "Settles: the probability of one answer. Ranked by it per minute;"
         meaning += (
-            f" eight hours are added for coming back if it stays open. σ: how far {first} and"
+            f" eight hours are added for coming back if it stays undecided. σ: how far {first} and"
         )
         meaning += f" {second} are apart in the new readings, in standard deviations."
     return doc.Grid(tuple(heads), tuple(rows), words=(len(heads) - 1,), caption=meaning)

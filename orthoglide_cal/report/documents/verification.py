@@ -230,7 +230,7 @@ def parameters_left(found: Verification) -> doc.Section:
     rows = tuple(zip(*columns.values(), strict=True))
     grid = doc.Grid(tuple(columns), rows, caption=caption)
     other = [name for name, each in found.parameters.items() if each.as_found is False]
-    note = "Entered is what was found."
+    note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not say what was entered: a printer.cfg of each time would."
     elif other:
