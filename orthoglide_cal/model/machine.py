@@ -68,6 +68,8 @@ class Written(Schema):
     sha256_before: Digest  # of the whole file
     sha256_after: Digest
     values: tuple[WrittenValue, ...] = ()
+    # Of files of earlier versions: whether the running controller was told, too. Not written again.
+    live: bool = Field(default=False, exclude=True)
 
 
 class Entered(Schema):
@@ -315,7 +317,7 @@ class Machine(Schema):
 
     @property
     def max_reportable_u(self) -> tuple[float, ...]:
-        """The largest U with which each parameter counts as determined: what is plausible."""
+        """The largest U with which each counts as determined, in its unit: what is plausible."""
         return self.plausible
 
     @property

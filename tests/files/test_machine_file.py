@@ -38,6 +38,17 @@ def test_the_prototype_is_the_default():
         assert (model.machine, model.accepted) == (machine, ())
 
 
+def test_what_an_earlier_version_recorded_is_read():
+    """It wrote whether the running controller was told; nothing asks for that any more."""
+    written = {"target": "m.ini", "sha256_before": DIGEST, "sha256_after": DIGEST, "live": False}
+    entry = {"date": "2024-05-04", "data_sha256": DIGEST, "written": written}
+    values = {**machine_values(default_machine()), "history": [entry]}
+    model = machine_from_text(yaml.safe_dump(values, sort_keys=False), "m.yaml")
+    (kept,) = machine_values(model)["history"]
+    assert kept["written"]["target"] == "m.ini"
+    assert "live" not in kept["written"]
+
+
 def changed(tmp_path: Path, *pairs: tuple[str, str]) -> Path:
     text = PROTOTYPE.read_text()
     for old, new in pairs:
