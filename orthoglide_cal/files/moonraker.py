@@ -107,9 +107,8 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
         # A printer is in the same network: no proxy knows it.
         with build_opener(ProxyHandler({})).open(request, timeout=_TIMEOUT_S) as answer:
             data: bytes = answer.read(_LARGEST + 1)
-            if not int(answer.headers.get("Content-Length", 0)) <= len(data) <= _LARGEST:
+            if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
                 raise HTTPException("the answer was cut off")
-            return data
     except HTTPError as error:
         error.close()
         what, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
@@ -127,3 +126,7 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
             "Check the address, the port, and that the printer is switched on.",
             file=address,
         ) from error
+    if len(data) > _LARGEST:
+        remedy = f"Give the address of Moonraker; its port is usually {PORT}."
+        raise InputError("The server there is not Moonraker.", remedy, file=address)
+    return data

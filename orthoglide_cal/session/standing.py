@@ -97,4 +97,6 @@ class Standing:
             line = self._lines.readline(400).strip().upper()
             if line.startswith(answer):
                 return line.removeprefix(answer).split()
-        raise ConnectionError(f"the answer is {line!r}")
+            if not line.startswith(question.upper()):
+                raise ConnectionError(f"the answer is {line!r}" if line else "it has closed")
+        raise ConnectionError("no answer")
