@@ -163,9 +163,11 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
     """A remark on names without a meaning and what they may stand for, if there are any."""
     given, words = [name for name in names if name], list(known)
+    if not given:
+        return []
     hints = "".join(nearest(name, words) for name in given[:10])
     remark = f"{what} are not known and were not used: {listed(given)}. {hints}"
-    return [remark.strip()] if given else []
+    return [remark.strip()]
 
 
 def _worded(
@@ -201,7 +203,13 @@ def _worded(
         usual = WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
         what, remedy = words.get(f"{kind} {key}", usual)
         mm = "; lengths are in mm" if key.endswith("_mm") else ""
-        said = dict(mm=mm, key=key, near=nearest(meant, known), known=", ".join(known), **given)
+        said = {
+            **given,
+            "mm": mm,
+            "key": key,
+            "near": nearest(meant, known),
+            "known": ", ".join(known),
+        }
         yield path, what.format(**said), remedy.format(**said)
 
 
@@ -210,7 +218,8 @@ def _known(path: Steps, schema: object) -> list[str]:
     classes = _classes(schema)
     for step in path[:-1]:
         fields = [_fields(each)[step] for each in classes if step in _fields(each)]
-        classes = [each for field in fields for each in _classes(field)] if fields else classes
+        if fields:
+            classes = [each for field in fields for each in _classes(field)]
     return list(dict.fromkeys(str(name) for each in classes for name in _fields(each)))
 
 
