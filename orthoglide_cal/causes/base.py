@@ -176,17 +176,22 @@ def series_places(plan: Plan) -> tuple[Place, ...]:
     return tuple(place_in(part, *series) for part, series in found)
 
 
+def _part(place: Place, width: int) -> int:
+    """The part of a place that begins with `width` indices; the first is not written."""
+    return place[width] if len(place) > width else 0
+
+
 def there(plan: Plan, place: Place, width: int = 2) -> Bools:
     """Which readings are at a place that begins with `width` indices, shape (n,)."""
     plan = GaugePlan.require(plan)
     same = np.stack((plan.leg, plan.direction), axis=1)[:, :width] == place[:width]
-    return np.asarray(same.all(axis=1) & (plan.part == sum(place[width:])))
+    return np.asarray(same.all(axis=1) & (plan.part == _part(place, width)))
 
 
 def words_of(plan: Plan, place: Place, width: int = 2) -> str:
     """Such a place for people: "leg x, direction y"; with the part where the plan has several."""
     where = Series(*place[:2]).words if width == 2 else f"leg {AXES[place[0]]}"
-    return where + part_words(plan, sum(place[width:]))
+    return where + part_words(plan, _part(place, width))
 
 
 def apart(plan: Plan, readings: Ints) -> tuple[int, ...]:

@@ -295,7 +295,11 @@ def tool_derivative(centres: Numbers, directions: Numbers, tool: Numbers) -> Num
     From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
     """
     legs = tool - centres
-    columns = [_cross(legs[k - 2], legs[k - 1]) for k in range(3)]
+    columns = (
+        _cross(legs[1], legs[2]),
+        _cross(legs[2], legs[0]),
+        _cross(legs[0], legs[1]),
+    )
     volume = _dot(legs[0], columns[0])
     size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
     flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))

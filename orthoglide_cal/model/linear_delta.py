@@ -100,8 +100,10 @@ def _of_each(given: object, check: ValidatorFunctionWrapHandler) -> object:
 
 
 # Where the machine file says nothing of a calliper: it shows hundredths, but is put to edges that
-# were printed; of a bed: foil, glue and magnets under a plate.
-CALLIPER_MM, TEXTURE_MM = 0.06, 0.02
+# were printed.
+CALLIPER_MM = 0.06
+# Where it says nothing of a bed: foil, glue and magnets under a plate.
+TEXTURE_MM = 0.02
 Step = Annotated[Number, Field(ge=0.0, le=10.0)]
 
 
@@ -246,7 +248,8 @@ class LinearDelta(Machine):
     def doubted(self) -> Mapping[str, DoubtedValue]:
         """Arms of one printer are cut alike; what a calibration made of them need not be."""
         arms = self.arm_length_mm
-        if (spread := max(arms) - min(arms)) <= UNEQUAL_MM:
+        spread = max(arms) - min(arms)
+        if spread <= UNEQUAL_MM:
             return super().doubted
         first, second, third = (f"{arm:.1f}" for arm in arms)
         words = (
@@ -262,8 +265,9 @@ class LinearDelta(Machine):
 
     @property
     def plausible(self) -> tuple[float, ...]:
-        """A radius is measured with a ruler, and towers are bolted to plates."""
-        return (*[self.homing_std_mm] * len(TOWERS), 5.0, 2.0, 2.0)
+        """A radius is measured with a ruler, and towers are bolted to plates [mm, deg]."""
+        radius_mm, angle_deg = 5.0, 2.0
+        return (*[self.homing_std_mm] * len(TOWERS), radius_mm, angle_deg, angle_deg)
 
     @property
     def travel_mm(self) -> float:
@@ -375,8 +379,11 @@ class LinearDelta(Machine):
         yield self.local_shape(plan)
 
     def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
-        """On a flat bed a frame that is out of square and a bed that is bent read the same; higher
-        up only the effect of the frame changes."""
+        """What can be touched next: in words, its plan, and its minutes.
+
+        On a flat bed a frame that is out of square and a bed that is bent read the same; higher up
+        only the effect of the frame changes.
+        """
         plan = ProbePlan.require(plan)
         touches = np.flatnonzero(~plan.distance)
         some = plan.subset(touches[_spread(plan.place[touches, :2], FEW)])

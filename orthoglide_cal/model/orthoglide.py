@@ -53,7 +53,8 @@ _Moments = tuple[Ints, Ints]
 # Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
 # millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
 # reads 0.06 % short.
-PLACEMENT_MM, SCALE_U = 1.0, 0.001
+PLACEMENT_MM = 1.0
+SCALE_U = 0.001
 Fine = Annotated[Number, Field(ge=1e-6, le=100.0)]
 Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
 

@@ -14,11 +14,12 @@ import numpy as np
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, alike, read_only
 
 # Pace assumed where nobody measured the time: a touch, and putting a block under the probe [min].
-MINUTES_PER_TOUCH, MINUTES_PER_BLOCK = 5.0 / 60.0, 0.5
+MINUTES_PER_TOUCH = 5.0 / 60.0
+MINUTES_PER_BLOCK = 0.5
 BLOCKS_MM = (25.0, 50.0)  # blocks that lie about in a workshop, or are printed
 HIGH_MM = max(BLOCKS_MM)  # the higher, the less a bed imitates a frame that is out of square
-PLACES = (7, 13, 25, 49, 121)  # numbers of places, within this share of the bed's radius:
-REACH = 0.95
+PLACES = (7, 13, 25, 49, 121)  # numbers of places
+REACH = 0.95  # share of the bed's radius, within which they are
 # A printed object to be measured: six pillars around one, at this share of the bed's radius.
 PILLARS = 0.5
 MINUTES_PER_PRINT, MINUTES_PER_DISTANCE = 60.0, 0.5

@@ -260,7 +260,8 @@ def number_setups(
     last: dict[str, Hashable] = {}
     number = count()
     for index in in_time:
-        key = place, gauge = places[index], gauges[index]
+        place, gauge = places[index], gauges[index]
+        key = place, gauge
         returned = ordered and gauge and last.get(gauge, place) != place
         if returned or key not in known:
             known[key] = next(number)
