@@ -295,7 +295,7 @@ def _named(found: Assessment, before: HeldOut, after: HeldOut) -> tuple[FoundCau
         """What stands in its place in a rival explanation, or in one of the same remedy."""
         others = (*posterior.same_answer(found.judgement.accepted), *rivals)
         instead = (each for each in others if ids - {id} <= set(each) and id not in each)
-        return tuple(dict.fromkeys(o for each in instead for o in each if o not in ids))
+        return tuple(dict.fromkeys(other for each in instead for other in each if other not in ids))
 
     named = [
         FoundCause(

@@ -196,20 +196,26 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
 
     Of a relabelling only the place at which it was undone.
     """
-    found, acting = dict[_Search, Floats](), dict[_Search, Acting]()
+    found: dict[_Search, Floats] = {}
+    acting: dict[_Search, Acting] = {}
     alone = [each for each in group if each.score.extra is None and len(each.base) < 2]
     if alone:
         columns, bases = [each.own for each in alone], [each.base for each in alone]
         density = density_of(at, columns, bases, at.scales, [each.seen for each in alone])
         residuals = np.stack([each.linear for each in alone])[:, None, :, None]
-        found |= zip(alone, density.log_density(residuals)[..., 0], strict=True)
-    for each in (each for each in alone if each.base):
-        width, log = each.width, log_sum(found[each])
-        mine = each.own[:, width:] * at.sizes(each.base)[width:]
-        others = offsets_and_seen(at, each.own[:, :width])
-        acting[each] = Acting(each.base[0], mine, others, each.linear, float(log))
-    for each in [each for each in group if each not in found]:
-        extra, residual = each.score.extra, each.linear + each.added
+        found = dict(zip(alone, density.log_density(residuals)[..., 0], strict=True))
+    for each in alone:
+        if each.base:
+            width = each.width
+            mine = each.own[:, width:] * at.sizes(each.base)[width:]
+            others = offsets_and_seen(at, each.own[:, :width])
+            log_all = float(log_sum(found[each]))
+            acting[each] = Acting(each.base[0], mine, others, each.linear, log_all)
+    for each in group:
+        if each in found:
+            continue
+        extra = each.score.extra
+        residual = each.linear + each.added
         density = density_of(at, [each.own], [each.base], at.usual, [each.seen])
         by_noise = density.by_noise(residual)[0]
         if extra is not None:
@@ -223,7 +229,7 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         found[each] = by_noise
     logs = {each: float(log_sum(own)) + LOG_ALL * bool(each.base) for each, own in found.items()}
     either = all_or_one(list(acting.values()), at.noise, at.scales)
-    logs |= zip(acting, either, strict=True)
+    logs.update(zip(acting, either, strict=True))
     return {each: (own, logs[each]) for each, own in found.items()}
 
 

@@ -114,8 +114,9 @@ def score_all(at: Linearised) -> dict[Ids, Score]:
                 continue
             for score in _listed(under).values():
                 ids = ids_of(*score.base, cause)
-                log, extra = score.log_evidence + placed.log_weight[place], Extra(cause, place, 0)
+                log = score.log_evidence + placed.log_weight[place]
                 if ids not in scores or log > scores[ids].log_evidence:
+                    extra = Extra(cause, place, 0)
                     scores[ids] = replace(
                         score, at=at, log_evidence=log, extra=extra, replanned=score
                     )
@@ -134,12 +135,13 @@ def _listed(at: Linearised) -> dict[Ids, Score]:
         acting = [
             Acting(cause, own, others, residual, scores[(cause.id,)].log_evidence)
             for cause in broad
-            for own in (at.jacobians[cause.id] * cause.prior_std(machine),)
+            for own in [at.jacobians[cause.id] * cause.prior_std(machine)]
         ]
         for cause, mean in zip(broad, all_or_one(acting, at.noise, at.scales), strict=True):
             scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
     density = density_of(at, columns, bases, at.usual)
-    by_noise, (power, match) = density.by_noise(residual), density.against(at.patterns, residual)
+    by_noise = density.by_noise(residual)
+    power, match = density.against(at.patterns, residual)
     for placed in at.extras.values():
         cause, here = placed.cause, placed.own
         if isinstance(cause, RelabelCause):

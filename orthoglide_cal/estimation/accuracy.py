@@ -144,6 +144,7 @@ def require_determined(problem: Problem) -> None:
 
 
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
+    """Raises RankDeficientError for the parameters that are `free`, shape (p,)."""
     machine = problem.model.machine
     names = [machine.parameter_names[i] for i in np.flatnonzero(free)]
     listed = " and ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
@@ -156,21 +157,22 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
 
 def _completing(problem: Problem, matrix: Floats) -> str:
     """The fewest differences that complete the rank, in words."""
-    kind, machine = (
-        DataKind.SIX if problem.plan.fixed else DataKind.SINGLE,
-        problem.model.orthoglide,
-    )
+    kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
+    machine = problem.model.orthoglide
     plan = ideal_plan(kind, machine)
     reduced = reduction(kind, DIFFERENCES[kind], machine, plan)
     sensitivity = Problem(Model(machine), plan, reduced).at_zero[1]
-    rows, scale = dict(zip(DIFFERENCES[kind], sensitivity, strict=True)), np.abs(sensitivity).max()
+    rows = dict(zip(DIFFERENCES[kind], sensitivity, strict=True))
+    scale = np.abs(sensitivity).max()
     chosen = []
     while missing := len(_free_directions(matrix, scale)):
-        rank, lifted = matrix.shape[1] - missing, {}
+        rank = matrix.shape[1] - missing
+        lifted = {}  # the singular value that an added row lifts above this rank
         for key, row in rows.items():
             values = np.linalg.svd(np.vstack((matrix, row)), compute_uv=False)
             lifted[key] = values[rank] if rank < len(values) else 0.0
-        series, posture = best = max(lifted, key=lifted.__getitem__)
+        best = max(lifted, key=lifted.__getitem__)
+        series, posture = best
         where = f"at {posture}, joint end and tool end"
         if posture is None:
             where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
