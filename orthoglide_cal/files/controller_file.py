@@ -121,11 +121,13 @@ class ControllerFile:
     def differing(self, expected: Mapping[str, float]) -> str:
         """Which values, by their keys there, are others than these, in words; "" for none."""
         held = {each.key: each.before for each in self.settings.values()}
-        return " ".join(
-            f"{key} holds {held.get(key, 'nothing')} instead of {value:g}."
-            for key, value in expected.items()
-            if not abs(float(held.get(key, "nan")) - value) <= _ROUNDED
-        )
+        found = []
+        for key, value in expected.items():
+            if key not in held:
+                found.append(f"{key} holds nothing instead of {value:g}.")
+            elif abs(float(held[key]) - value) > _ROUNDED:
+                found.append(f"{key} holds {held[key]} instead of {value:g}.")
+        return " ".join(found)
 
     def _replaced(self, values: Iterable[WrittenValue]) -> ControllerFile:
         """The file with other values in some lines."""
@@ -234,15 +236,16 @@ def live_offsets(*new: str) -> list[float] | None:
     Args:
         new: set before they are read, in the unit of its INI; in force at the next homing.
     """
-    found = []
-    for joint, _ in enumerate(AXES):
-        pin = f"ini.{joint}.home_offset"
-        try:
-            for what in (*(("setp", pin, text) for text in new[joint : joint + 1]), ("getp", pin)):
-                run = subprocess.run(
-                    ["halcmd", *what], capture_output=True, text=True, check=True, timeout=5.0
-                )
-            found.append(float(run.stdout))
-        except (OSError, subprocess.SubprocessError, ValueError):
-            return None
-    return found
+
+    def halcmd(*what: str) -> str:
+        return subprocess.run(
+            ["halcmd", *what], capture_output=True, text=True, check=True, timeout=5.0
+        ).stdout
+
+    pins = [f"ini.{joint}.home_offset" for joint in range(len(AXES))]
+    try:
+        for pin, text in zip(pins, new, strict=False):
+            halcmd("setp", pin, text)
+        return [float(halcmd("getp", pin)) for pin in pins]
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return None

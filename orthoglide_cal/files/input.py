@@ -324,7 +324,7 @@ def _firmware_file(
         if folder and (folder / "printer.cfg").is_file():
             beside = read_printer_file(read_document(str(folder / "printer.cfg")))
             remark = "The settings are those of printer.cfg in the same folder."
-            beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
+            beside = replace(beside, heights=None, distances=None, mesh=None, remarks=(remark,))
     elif MARLIN_OUTPUT.search(text):
         read, named = read_marlin, "--machine FILE, or keep what M503 prints in this file"
         beside = read_codes(document) if SETTINGS.search(text) else None
@@ -366,9 +366,10 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     model = _as_model(known) or Model(file.machine)
     delta = model.machine
     if not isinstance(delta, LinearDelta):
-        path, remedy = file.source.path, "Leave --machine out, or give a file of kind linear_delta."
-        what = f"{path} is of a linear delta; the machine given is of kind {delta.kind}."
-        raise UsageError(what, remedy)
+        raise UsageError(
+            f"{file.source.path} is of a linear delta; the machine given is of kind {delta.kind}.",
+            "Leave --machine out, or give a file of kind linear_delta.",
+        )
     machine, remarks = known_printer(file, delta)
     read = printer_readings(file, stored, machine)
     readings = replace(read, remarks=(*remarks, *read.remarks))

@@ -131,8 +131,9 @@ class Identified(Schema):
             remedy = "Give one row for each parameter, in their order, or remove them."
             raise InputError(what, remedy)
         matrix = np.array(rows or np.eye(1))
-        off = np.abs(matrix - matrix.T).max(), np.abs(np.diag(matrix) - 1.0).max()
-        if max(*off, -np.linalg.eigvalsh(matrix)[0]) > 1e-5:
+        asymmetry = np.abs(matrix - matrix.T).max()
+        off_one = np.abs(np.diag(matrix) - 1.0).max()
+        if max(asymmetry, off_one, -np.linalg.eigvalsh(matrix)[0]) > 1e-5:
             remedy = "They are symmetric, with ones on the diagonal, and of no negative variance."
             raise InputError("These numbers are not correlations.", remedy)
         return rows
@@ -281,7 +282,8 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         if id not in causes:
             tree.note(at, *_unknown_cause("" if faults.full else id, causes), id)
             continue
-        usual, size = CAUSES[id].sizes[own], 0.0
+        usual = CAUSES[id].sizes[own]
+        size = 0.0
         with suppress(InputError):  # said of the machine
             size = yaml_number(text)
         if _LARGEST_TOLERANCE * usual < size <= 1e6:
@@ -326,7 +328,8 @@ def machine_values(model: Model) -> dict[str, Any]:
     common = {key: own.pop(key) for key in Machine.model_fields if key in own}
     return {
         "schema_version": 1,
-        **{key: common[key] for key in ("kind", "name")},
+        "kind": common["kind"],
+        "name": common["name"],
         **own,
         **{key: common[key] for key in ("homing_mm",) if key in common},
         "tolerances": common["tolerances"],

@@ -119,13 +119,17 @@ class _Reader:
     def on_circle(self, radius: float) -> Iterator[tuple[float, ...]]:
         """Line, place and height of each of G33's."""
         for name, (line, height) in self.seven[1].items():
-            turn, away = math.radians(_TURNS.get(name, 0.0)), radius * (name != "c")
+            turn = math.radians(_TURNS.get(name, 0.0))
+            away = 0.0 if name == "c" else radius
             yield line, away * math.cos(turn), away * math.sin(turn), height
 
     def on_grid(self, reach: float) -> Floats:
         """Line, place and height of the points within reach: Marlin makes up the others."""
-        lines, texts = list(self.grid[1]), self.grid[1].values()
-        rows = [[math.nan if "=" in t else within(t, -LARGEST_MM) for t in row] for row in texts]
+        lines = list(self.grid[1])
+        rows = [
+            [math.nan if "=" in text else within(text, -LARGEST_MM) for text in row]
+            for row in self.grid[1].values()
+        ]
         if len({len(row) for row in rows}) != 1:
             raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
         heights = np.array(rows)

@@ -170,6 +170,7 @@ def read_printer_file(
         settings.number(tower, "angle", default, low=-720.0)
         for tower, default in zip(_TOWERS, USUAL_ANGLES_DEG, strict=True)
     ]
+    # The arms reach downwards only if the towers follow each other in one sense.
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
         given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
         towers = ", ".join(f"[{tower}]" for tower in _TOWERS)
@@ -192,10 +193,10 @@ def read_printer_file(
         delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning),
         probe,
         document.source,
-        heights,
-        distances,
-        mesh,
-        tuple(settings.remarks),
+        heights=heights,
+        distances=distances,
+        mesh=mesh,
+        remarks=tuple(settings.remarks),
     )
 
 

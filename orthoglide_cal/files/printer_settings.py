@@ -46,7 +46,7 @@ class Settings:
 
     Args:
         document: the file.
-        matters: whether a section of this name is needed, by what is true of it.
+        matters: gives something true for the name of a section that is needed.
 
     Attributes:
         sections: name → line.
@@ -59,18 +59,19 @@ class Settings:
         self.faults = Faults(document.path)
         lines = list(enumerate(document.text.split("\n"), start=1))
         written = [(line, text[len(SAVED) :]) for line, text in lines if text.startswith(SAVED)]
-        own = self._parsed([each for each in lines if not each[1].startswith(SAVED)], matters)
-        saved = self._parsed(written, matters)
-        self.sections: Mapping[str, int] = {**saved[0], **own[0]}
-        self.options: Mapping[tuple[str, str], Value] = {**saved[1], **own[1]}
-        self.included = any(name.startswith("include ") for name in own[0])
-        self._cut_off = not saved[0]
+        typed = [(line, text) for line, text in lines if not text.startswith(SAVED)]
+        own_sections, own = self._parsed(typed, matters)
+        saved_sections, saved = self._parsed(written, matters)
+        self.sections: Mapping[str, int] = {**saved_sections, **own_sections}
+        self.options: Mapping[tuple[str, str], Value] = {**saved, **own}
+        self.included = any(name.startswith("include ") for name in own_sections)
+        self._cut_off = not saved_sections
         self.remarks = [
             f"Line {value.line}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
-            f" force: line {own[1][key].line} says otherwise, and Klipper obeys that one."
+            f" force: line {own[key].line} says otherwise, and Klipper obeys that one."
             " Delete one of the two."
-            for key, value in saved[1].items()
-            if key in own[1] and own[1][key].text != value.text and matters(key[0])
+            for key, value in saved.items()
+            if key in own and own[key].text != value.text and matters(key[0])
         ]
 
     def _parsed(
@@ -117,8 +118,9 @@ class Settings:
     ) -> None:
         """A fault in the value of an option, or in the text in one of its lines."""
         value = self.options[section, option]
-        said, line = shortened(text if line else value.text) or None, line or value.line
-        self.faults.add(what, remedy, line=line, column=f"{option} of [{section}]", value=said)
+        said = shortened(text if line else value.text) or None
+        column = f"{option} of [{section}]"
+        self.faults.add(what, remedy, line=line or value.line, column=column, value=said)
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
         """The fault that an option is not there."""

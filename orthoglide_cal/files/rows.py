@@ -58,7 +58,8 @@ class Record:
         """Where the cell of a column stands, which `path` begins with."""
         column = str(path[0])
         inches = f"{column.removesuffix('_mm')}_in"
-        column = inches if column not in self.cells and inches in self.cells else column
+        if column not in self.cells and inches in self.cells:
+            column = inches
         line = self.lines.get(column, self.line)
         return FaultPlace(line, self.prefix + column, self.cells.get(column))
 
@@ -272,7 +273,9 @@ class Rows(Generic[R]):
     def __init__(
         self, records: Sequence[Record], schema: type[R], reading: Reading, faults: Faults
     ) -> None:
-        self.records, self.faults, self._noun = records, faults, schema.noun
+        self.records = records
+        self.faults = faults
+        self._noun = schema.noun
         missing = "The value is missing."
         words = {f"missing {name}": (missing, remedy) for name, remedy in schema.empty.items()}
         mm = schema.inches.replace("_in", "_mm")

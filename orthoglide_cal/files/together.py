@@ -31,7 +31,8 @@ def together(inputs: Sequence[Input]) -> Input:
         what = "--together is for touches of one printer's bed on several dates."
         raise UsageError(what, "Leave it out: each file is then judged alone.")
     machine = LinearDelta.require(last.model.machine)
-    zero, start = np.zeros(len(machine.parameter_names)), 0
+    zero = np.zeros(len(machine.parameter_names))
+    start = 0  # how many readings the dates before have
     reads, plans, values = [], [], []
     for number, each in enumerate(inputs):
         own, read = LinearDelta.require(each.model.machine), each.measured

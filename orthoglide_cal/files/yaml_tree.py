@@ -72,14 +72,16 @@ def load_tree(file: FileText) -> Tree:
     tree, nodes, documents = Tree(file, Faults(file.path)), count(1), 0
 
     def check(event: Any, path: Steps) -> None:
-        tag, value = getattr(event, "tag", None), None
-        if value := event.anchor:
+        tag, text = getattr(event, "tag", None), getattr(event, "value", "")
+        number, value = next(nodes), None
+        if event.anchor:
             what, remedy = "Anchors and aliases are not accepted.", "Write the value out."
+            value = event.anchor
         elif tag and tag != "!":
             what, remedy, value = "Tags are not accepted.", "Remove the tag.", tag
-        elif CONTROL.search(text := getattr(event, "value", "")):
+        elif CONTROL.search(text):
             what, remedy, value = "The text holds a control character.", "Remove it.", text
-        elif next(nodes) > _NODES:
+        elif number > _NODES:
             what, remedy = f"More than {_NODES} values.", "Give a smaller file."
         elif len(path) > _DEPTH:
             what, remedy = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
