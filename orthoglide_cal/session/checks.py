@@ -117,7 +117,8 @@ def check_repeats(coming: NextReading, value: float) -> Question | None:
     if found is None:
         return None
     repeats = in_unit(gauge.repeatability_mm, coming.unit, ".3g")
-    stated, (_, scatter) = f"though the gauge repeats within {repeats}", found
+    stated = f"though the gauge repeats within {repeats}"
+    _, scatter = found
     if scatter == 0.0:
         text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
         return Question(Doubt.DEAD, text)

@@ -178,7 +178,8 @@ class Dialogue:
         """After a simulated session, say what was hidden, and whether it was found."""
         if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
             return
-        hidden, told = list[str](), "all lie within U"
+        hidden: list[str] = []
+        told = "all lie within U"
         for each, value in zip(found, gauge.offsets_mm.tolist(), strict=True):
             hidden.append(f"{each.name} {signed(value, decimals_for(each.expanded))}")
             if each.found is not None and abs(value - each.found) > each.expanded:
@@ -200,11 +201,12 @@ class Dialogue:
 
         A new set-up is shown whole; of another visit of the machine its place.
         """
-        asker, setting, new = self.asker, self.setting, step.visit != self._shown
+        asker, setting = self.asker, self.setting
+        new = step.visit != self._shown
         place = wording.place(step, setting)
         if new:
             gap = "\n"
-            if step.setup != self._shown[0]:
+            if step.setup != self._shown[0]:  # a visit's first entry
                 begun = step.setup in {s.setup for s in self.so_far.steps}
                 rule, text = wording.set_up(setting, step.setup, begun, asker.columns)
                 asker.say(f"\n{rule}", Style.TITLE)
@@ -212,7 +214,7 @@ class Dialogue:
                 gap = ""
             left = minutes_left(self.so_far.left)
             asker.say(f"{gap}{wording.step_line(step, setting, left)}", Style.TITLE)
-        if asker.pushed:
+        if new or asker.pushed:
             asker.say(place)
         if new:
             self._wait_for(step)
@@ -232,7 +234,8 @@ class Dialogue:
             return self.standing.at(point.joints, point.tool, self.setting.machine.home_mm)
         except (OSError, ValueError) as gone:
             self.standing.close()
-            self.standing, why = None, system_words(gone)
+            self.standing = None
+            why = system_words(gone)
             said = f"LinuxCNC does not answer any more: {why}. Continue by hand: nothing is lost."
             self.asker.say(said, Style.BAD)
             return None
@@ -352,7 +355,8 @@ class Dialogue:
             self.write(taken)
             self._acknowledge(step, value)
             return
-        same, (doubt, text, about) = taken.model_dump(exclude={"kind"}), question
+        same = taken.model_dump(exclude={"kind"})
+        doubt, text, about = question
         asked = Questioned(**same, doubt=doubt, question=text, about=about)
         before = [
             old.value_mm

@@ -303,7 +303,8 @@ def replay(records: Iterable[Event]) -> State:
 
 def advance(state: State, event: Event) -> State:
     """The state after one more record."""
-    state, pending = replace(state, count=state.count + 1), state.pending
+    pending = state.pending
+    state = replace(state, count=state.count + 1)
     if pending and isinstance(event, Arrived | Answered | Undone | Retake | Skipped):
         state = replace(state, pending=None)
         if not (isinstance(event, Answered) and event.keep):

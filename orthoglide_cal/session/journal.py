@@ -51,7 +51,8 @@ def decode(data: bytes, path: str) -> Recovered:
 
     Raises InputError if it is none, or damaged before its last record.
     """
-    events, checksum, size = list[Event](), 0, 0
+    events: list[Event] = []
+    checksum, size = 0, 0
     for number, line in enumerate(BytesIO(data), start=1):
         try:
             event, after = _decode_line(line.rstrip(b"\n"), checksum)

@@ -172,7 +172,8 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
     With it, to the measurement that is recommended, if it is to be carried out. Nobody is asked
     who has agreed already, or has no terminal.
     """
-    found, given = None, request.model or default_machine()
+    found = None
+    given = request.model or default_machine()
     if request.following is not None:
         found = _recommended(request.following, request)
         given, plan = found.first.following.held(found.model), found.plan
@@ -252,8 +253,10 @@ class Recommendation:
             data=self.first.following.data, what=option.what, minutes=option.minutes,
             continues=option.continues, entered=(x, y, z),
         )  # fmt: skip
-        plan, first = GaugePlan.require(option.plan), PriorReadings(following, self.model)
-        plan, said = replace(plan, entered=(plan.entered + change).round(9)), ""
+        first = PriorReadings(following, self.model)
+        plan = GaugePlan.require(option.plan)
+        plan = replace(plan, entered=(plan.entered + change).round(9))
+        said = ""
         if moved:
             axes = zip("XYZ", change.tolist(), strict=True)
             said = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)

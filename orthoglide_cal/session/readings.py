@@ -64,20 +64,24 @@ class PriorReadings:
     """
 
     def __init__(self, following: Following, model: Model) -> None:
-        given, self.path = read_input(following.data, model), following.data.path
+        given = read_input(following.data, model)
+        self.path = following.data.path
         if not isinstance(given.measured, Readings):
             raise UsageError(
                 f"{self.path} holds differences; new readings cannot be joined to them.",
                 "Give the file of the raw readings, if you have it.",
             )
-        self.following, self.readings = following, given.measured
-        self.conditions, self.is_session = given.conditions, given.is_session
+        self.following = following
+        self.readings = given.measured
+        self.conditions = given.conditions
+        self.is_session = given.is_session
         self.repeats = Counter(planned_readings(self.readings.plan))
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of a session, in the order of time."""
-        rows, entries = reading_rows(self.readings), list[dict[str, str]]()
+        rows = reading_rows(self.readings)
+        entries: list[dict[str, str]] = []
         if self.is_session:
             entries = load_tree(self.following.data).value["readings"]
         for index, row in enumerate(rows):
@@ -181,14 +185,16 @@ class ReadingsSoFar:
     """
 
     def __init__(self, state: State, setting: Setting) -> None:
-        self.state, self.setting = state, setting
+        self.state = state
+        self.setting = setting
         steps, items = setting.steps, state.accepted.values()
         self.steps = [steps[number - 1] for number in state.accepted]
         self.value: Floats = np.array([item.take.value_mm for item in items])
         self.minutes: Floats = np.array([item.take.file_minutes for item in items])
         self.left = [step for step in steps if state.is_open(step.number)]
-        self.moved, self.doubted = list[int | None](), list[bool]()
-        self.settled = set[tuple[Doubt, int | None]]()
+        self.moved: list[int | None] = []
+        self.doubted: list[bool] = []
+        self.settled: set[tuple[Doubt, int | None]] = set()
         for step, (take, rank) in zip(self.steps, items, strict=True):
             self.moved.append(self.moved_before(step, rank))
             doubted = False
@@ -211,7 +217,8 @@ class ReadingsSoFar:
     def row(self, number: int, take: Arrived | None = None, **further: object) -> ReadingRow:
         """A step as a row of the session file: what it reads, a reading, and what is said of it."""
         setting, opened, step = self.setting, self.state.opened, self.setting.steps[number - 1]
-        first, said = setting.first, dict[str, object]()
+        first = setting.first
+        said: dict[str, object] = {}
         said["cycle"] = step.cycle + (first.repeats[step.cell] if first else 0)
         if take is not None:
             own, gauge = take.file_minutes, opened.gauge_id(step.stand)
@@ -344,18 +351,22 @@ class NextReading:
     def __init__(
         self, so_far: ReadingsSoFar, step: SessionStep, minutes: float, unit: Unit = Unit.MM
     ) -> None:
-        self.so_far, self.minutes, self.unit = so_far, minutes, unit
+        self.so_far = so_far
+        self.minutes = minutes
+        self.unit = unit
         self.steps = steps = [*so_far.steps, step]
         self.past: Ints = np.flatnonzero(~np.array(so_far.doubted, dtype=bool))
         self.rows: Ints = np.append(self.past, len(so_far.steps))
-        begun, fresh = dict[object, int](), list[int]()
+        begun: dict[object, int] = {}
+        fresh: list[int] = []
         for each, doubted in zip(steps, [*so_far.doubted, False], strict=True):
             fresh.append(begun.get(each.zero, 0))
             if doubted:
                 begun[each.zero] = len(fresh)
         self.fresh: Ints = np.array(fresh)
         moved = [*so_far.moved, so_far.moved_before(step, so_far.state.count)]
-        known, keys = dict[object, int](), zip((s.zero for s in steps), moved, fresh, strict=True)
+        known: dict[object, int] = {}
+        keys = zip((each.zero for each in steps), moved, fresh, strict=True)
         setup = [known.setdefault(key, len(known)) for key in keys]
         last = {(s.setup, s.leg, s.stand): own for s, own in zip(steps, setup, strict=True)}
         self.setup: Ints = np.array(setup)
@@ -384,7 +395,8 @@ class NextReading:
 
         0 where there are too few to say so.
         """
-        last, jumps = dict[object, float](), list[float]()
+        last: dict[object, float] = {}
+        jumps: list[float] = []
         readings = zip(self.so_far.steps, self.setup[:-1], self.so_far.value, strict=True)
         for step, setup, value in readings:
             if (step.cell, setup) in last:

@@ -84,9 +84,13 @@ class Splitter:
         *whole, rest = _ENDS.split(self._rest + data)
         if data and (whole or not self._rest):
             self._since = now
-        tokens = [_decoded(token) for token in whole[self._headless :] if len(token) <= _LONGEST]
-        self._headless = len(rest) > _LONGEST or (self._headless and not whole)
-        self._rest = b"" if len(rest) > _LONGEST else rest
+        if self._headless and whole:
+            del whole[0]
+            self._headless = False
+        if len(rest) > _LONGEST:
+            rest, self._headless = b"", True
+        self._rest = rest
+        tokens = [_decoded(token) for token in whole if len(token) <= _LONGEST]
         return [token for token in tokens if token.strip()]
 
     def discard(self, data: bytes, now: float) -> None:
