@@ -93,7 +93,8 @@ def apply(
         *history, last = machine.history
         if last.data_sha256 == sha256:
             # The program was killed before it wrote that file: as if nothing were recorded.
-            machine, known = machine.changed(history=tuple(history)), None
+            machine = machine.changed(history=tuple(history))
+            known = None
             if last.before is not None:
                 machine = machine.changed(offsets_mm=last.before)
             file = replace(file, model=replace(file.model, machine=machine))

@@ -177,10 +177,13 @@ class _Read:
     """
 
     def __init__(self, given: Input, last: Model) -> None:
-        self.given, self.path, self.last = given, given.measured.source.path, last.machine
+        self.given = given
+        self.path = given.measured.source.path
+        self.last = last.machine
         white = Whitened.of(given.measured, given.model if last.machine.probes else last)
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
-        self.white, (self.alone,) = white, _fits(white, ())
+        self.white = white
+        (self.alone,) = _fits(white, ())
         # None where noise explains the readings.
         self.found: Assessment | None = None
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
@@ -200,7 +203,8 @@ class _Read:
         fits = _fits(self.white, causes, scores) if scores or causes else [self.alone]
         weights = np.array([*kept.values()] or [1.0]) / (sum(kept.values()) or 1.0)
         values, spreads, common = zip(*(self._under(fit, causes) for fit in fits), strict=True)
-        self.standing, self.common = standing, common[int(np.argmax(weights))]
+        self.standing = standing
+        self.common = common[int(np.argmax(weights))]
         self.values = np.asarray(weights @ values)
         apart = np.array(values) - self.values
         self.covariance = np.tensordot(weights, spreads, axes=1) + (apart.T * weights) @ apart
@@ -224,7 +228,8 @@ class _Read:
         for each in reversed(fit.uncertain):
             if each.source == Origin.GAUGE_PLACEMENT:
                 continue
-            key, size = [str(each.source)], fit.scale_factor if each.local else 1.0
+            key = [str(each.source)]
+            size = fit.scale_factor if each.local else 1.0
             shared = estimator @ (each.columns * size)
             if each.source == Origin.GAUGE_SCALE:
                 key += sorted(gauge.id for gauge in conditions.gauges)
@@ -274,7 +279,8 @@ def _standing(reads: Sequence[_Read]) -> list[Ids]:
     """Lasting causes at each date: of those of the likeliest set for all that show any."""
     each: list[dict[Ids, float]] = []
     for read in reads:
-        prior, weights = read.found.at.candidates.log_prior if read.found else {}, {}
+        prior = read.found.at.candidates.log_prior if read.found else {}
+        weights: dict[Ids, float] = {}
         for ids, own in read.listed.items():
             before = sum(math.exp(prior[one]) for one in own)
             weights[ids] = math.log(sum(own.values(), 1e-300) / before) + RARE * len(ids)
@@ -441,7 +447,9 @@ class _Tale:
     """
 
     def __init__(self, table: _Table, log: float, parts: Iterable[_Move], scatter: Floats) -> None:
-        self.table, self.log, self.scatter = table, log, scatter
+        self.table = table
+        self.log = log
+        self.scatter = scatter
         self.parts = [part._replace(size=FREE) for part in sorted(parts, key=lambda part: part.at)]
 
     @property
@@ -470,7 +478,8 @@ class _Tale:
     def sizes(self, story: Story) -> Iterator[tuple[int, Sizes]]:
         """Place and size of each step; rates per unit of time."""
         table, (found, covariance) = self.table, self.solution
-        start, time = table.base.shape[2], table.span if story is Story.DRIFTING else 1.0
+        start = table.base.shape[2]
+        time = table.span if story is Story.DRIFTING else 1.0
         for part in self.parts:
             slot = slice(start, start := start + len(part.subset))
             unit = table.unit[list(part.subset)] / time
@@ -490,9 +499,9 @@ class _Tale:
             gained = more * columns.T @ np.linalg.solve(own, columns)
             covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
         columns[:, len(table.names) : table.base.shape[2]] *= measured
-        spread = (columns @ covariance @ columns.T + own * measured) * np.outer(*[table.unit] * 2)
+        spread = columns @ covariance @ columns.T + own * measured
         values = columns @ found * table.unit + table.centre
-        return table.known(values, spread, range(len(values)))
+        return table.known(values, spread * np.outer(table.unit, table.unit), range(len(values)))
 
     def reached(self, limit_mm: float, last: datetime | None) -> Reached:
         """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
@@ -550,7 +559,8 @@ def compare(
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     said = [moment_of(given, day) for given, day in zip_longest(inputs, dates)]
     moments = [each for each in said if each is not None]
-    dated, times = len(moments) == len(inputs), np.arange(len(inputs), dtype=np.float64)
+    dated = len(moments) == len(inputs)
+    times = np.arange(len(inputs), dtype=np.float64)
     if dated:
         order = np.argsort([each.timestamp() for each in moments], kind="stable")
         inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]

@@ -111,7 +111,8 @@ def answer_to(
             answer says so.
     """
     measured, model = given.measured, given.model
-    file, conditions, machine = schema.InputFile.of(given), validity(given), model.machine
+    file, conditions = schema.InputFile.of(given), validity(given)
+    machine = model.machine
     name = schema.MachineName(name=machine.name, kind=machine.kind)
     try:
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
@@ -142,7 +143,8 @@ def answer_to(
     if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
         found = _as_diagnosed(given, solution, diagnosis)
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
-    chosen, known = found or alone, found.budget if found else solution.budget
+    chosen = found or alone
+    known = found.budget if found else solution.budget
     budget, std = chosen.budget, chosen.budget.std_mm
     decision = decision.changed(settled=decision.usable and _settled(model, chosen, known))
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
@@ -155,7 +157,8 @@ def answer_to(
         after = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     if decision.usable:
         left = remainder(rows, chosen.real.model)
-        decision = decision.changed(cautions=(*filter(None, (left,)), *decision.cautions))
+        if left:
+            decision = decision.changed(cautions=(left, *decision.cautions))
     shift = np.abs(alone.values - chosen.values)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
@@ -261,7 +264,8 @@ def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Fo
     """The solution's own parameters; what they leave takes named causes into account."""
     named = diagnosis if diagnosis and diagnosis.verdict is Verdict.NAMED else None
     budget = solution.budget.extended(diagnosis.adds_to(solution) if diagnosis else ())
-    model, known = with_causes(given.model, named) if named else given.model, named or solution
+    model = with_causes(given.model, named) if named else given.model
+    known = named or solution
     real = OffsetEstimate(model, known.offsets_mm, known.covariance_mm2)
     return _Found(solution.offsets_mm, budget.extended(_warmth(given)), solution.noise, real)
 

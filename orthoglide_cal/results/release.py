@@ -36,7 +36,8 @@ def release(
         diagnosis: of the same data; None if it was not or could not be made.
         following: what would distinguish the explanations that it leaves open; None without.
     """
-    failures, vocabulary = tuple(_failures(solution, diagnosis)), solution.model.machine.vocabulary
+    failures = tuple(_failures(solution, diagnosis))
+    vocabulary = solution.model.machine.vocabulary
     if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
         judged = Release()
     elif diagnosis.verdict is Verdict.NAMED:
@@ -47,7 +48,8 @@ def release(
         # What the check found is the explanation.
         judged = Release()
     else:
-        usual, lack = " of usual size" * bool(diagnosis.beyond_tolerance), diagnosis.lack_of_fit
+        usual = " of usual size" if diagnosis.beyond_tolerance else ""
+        lack = diagnosis.lack_of_fit
         reason = (
             f"No listed cause{usual} explains these data: they leave {lack.left_mm:.3f} mm r.m.s.,"
             f" where the {vocabulary.noise}'s noise{vocabulary.also} would leave"

@@ -92,8 +92,10 @@ def _reservations(given: Input, found: Validity) -> Iterator[str]:
     }
     missing = [name for name, value in stated.items() if not value]
     for gauge in found.gauges:
-        missing += [] if gauge.certificate else [f"certificate of gauge {gauge.id}"]
-        missing += [] if gauge.due else [f"due date of gauge {gauge.id}"]
+        if not gauge.certificate:
+            missing.append(f"certificate of gauge {gauge.id}")
+        if not gauge.due:
+            missing.append(f"due date of gauge {gauge.id}")
     if missing and not (found.simulated or given.model.machine.probes):
         yield f"Not recorded: {', '.join(missing)}."
 

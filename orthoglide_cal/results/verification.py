@@ -609,7 +609,8 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     residual = change - jacobian @ found
     left = float(residual @ residual)
     sigma = max(float(np.sqrt(left / spare)), gauge.rounding_mm)
-    stds, axes = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist(), {}
+    stds = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist()
+    axes = {}
     for axis, size, value, std in zip(AXES, applied.tolist(), found.tolist(), stds, strict=True):
         reach = half_width(spare) * std
         beyond = half_width(spare, CERTAIN) * float(np.hypot(std, STANDS * size))
