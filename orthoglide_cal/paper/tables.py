@@ -38,8 +38,10 @@ from orthoglide_cal.paper import published
 # Half a unit of the last printed digit, twice over: once for the readings, once for the result.
 PRINTED_MM = 0.01
 METHODS_IN_WORDS = {DataKind.SIX: "six-equation", DataKind.TWELVE: "twelve-equation"}
-# Of Table 3: repeats of the study, sessions solved in each, and noise of one reading [mm].
-REPLICATIONS, RUNS, SIGMA_MM = 20, 10_000, 0.01
+# Of Table 3.
+REPLICATIONS = 20  # repeats of the study
+RUNS = 10_000  # sessions solved in each
+SIGMA_MM = 0.01  # noise of one reading
 SOLVES = len(published.TABLE_3) * REPLICATIONS * RUNS
 
 

@@ -41,7 +41,9 @@ def places(machine: Orthoglide) -> tuple[float, ...]:
     low, high = (limit / machine.leg_length_mm for limit in machine.joint_limits_mm)
     near = math.ceil((MARGIN - low) / PLACE_STEP - ROUNDING)
     far = math.floor((1.0 - MARGIN - high) / PLACE_STEP + ROUNDING)
-    return tuple(round(at * PLACE_STEP, 9) for at in sorted({near, far}) if near <= far)
+    if near > far:
+        return ()
+    return tuple(round(at * PLACE_STEP, 9) for at in sorted({near, far}))
 
 
 class BarWarning(NamedTuple):

@@ -77,7 +77,7 @@ class SessionForecast(Schema):
     gauge_moves: int
     minutes: Minutes
     noise_std_mm: dict[str, float]  # what the scatter of the readings leaves of each length
-    expanded_mm: dict[str, float]
+    expanded_mm: dict[str, float]  # U of each length
     parameters: dict[str, ParameterForecast]  # also those that are no lengths
 
     @classmethod

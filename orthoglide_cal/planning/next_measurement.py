@@ -25,7 +25,6 @@ import functools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 from operator import ne
 
 import numpy as np
@@ -149,9 +148,10 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
         reach = half_width(np.inf) * np.sqrt(np.maximum(variance, 0.0))
         lacking: tuple[Ids, ...] = ()
         if pair is not None:
-            two = tuple(ids[number] for number in pair)
-            only = tuple(tuple(id for id in a if id not in b) for a, b in permutations(two))
-            lacking = only if all(only) else two
+            one, other = (ids[number] for number in pair)
+            only_one = tuple(id for id in one if id not in other)
+            only_other = tuple(id for id in other if id not in one)
+            lacking = (only_one, only_other) if only_one and only_other else (one, other)
         ranking = RankedMeasurement(
             option=option,
             expanded=reach,
@@ -274,7 +274,8 @@ def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[i
     Every option comes behind the first readings' last travel, as if there were no other: the
     carriages reach it from where they would.
     """
-    parts, starts = [] if first is None else [first], []
+    parts = [] if first is None else [first]
+    starts = []
     for option in group:
         if first is not None:
             parts.append(first.subset(first.last_travel))

@@ -138,7 +138,8 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     ends = dict(zip(first.direction[standing].tolist(), standing.tolist(), strict=True))
     if not ends:
         return
-    leg, rows = int(first.leg[standing[-1]]), [*ends.values()]
+    leg = int(first.leg[standing[-1]])
+    rows = [*ends.values()]
 
     def option(
         what: str, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
@@ -165,7 +166,8 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     still = f"Without touching the stands at leg {AXES[leg]}"
     last = float(first.displacement[first.in_time[-1]])
     again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
-    once, after_a_while = option(f"{still}, {again}.", [last]), "after a quarter of an hour"
+    once = option(f"{still}, {again}.", [last])
+    after_a_while = "after a quarter of an hour"
     warning = bar_warning(once.plan, machine)
     if warning is None or not warning.leaves:
         yield once

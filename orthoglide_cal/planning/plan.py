@@ -79,7 +79,8 @@ class Alternative:
     protocol: MeasuringProtocol
     method: Method
     same_cycles: SessionForecast  # as were asked for
-    same_expanded: SessionForecast | None  # no U is larger than the session's largest, if possible
+    # With as many as make no U larger than the session's largest; None if no number does.
+    same_expanded: SessionForecast | None
 
 
 class BestDesign(SessionForecast):
@@ -146,6 +147,7 @@ class MeasurementPlan(Schema):
     noise_mm: float  # by which one reading scatters
     assumed_mm: float | None  # how far each parameter is taken to be off, if that matters
     now_mm: float | None = None  # largest U that the data have already; None without any
+    # What adds to the uncertainty, and what more readings leave of it.
     budget: tuple[PlannedContribution, ...]
     total: BudgetTotal
     limits: Limit
@@ -153,7 +155,7 @@ class MeasurementPlan(Schema):
     separation: tuple[SeparatedPair, ...]  # nearest first
     invisible: tuple[str, ...]  # causes that leave no trace
     trace: dict[str, float]  # of the others: how far each is from nothing wrong [σ]
-    pairs: int
+    pairs: int  # how many these others make
     alike: int  # of these pairs, how many cannot be distinguished
     design: BestDesign | None  # None where nothing is to be gained
     next: tuple[RankedMeasurement, ...] = ()  # beside data that there are, best first
@@ -286,7 +288,7 @@ def _of_layouts(
         raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
     best = _distinguishing(model)
     usual = (SessionForecast.of(model, layout) for layout in model.machine.layouts())
-    offered = (*usual, *filter(None, (best,)))
+    offered = (*usual,) if best is None else (*usual, best)
     names = {each.name: each for each in offered}
     name = wanted.layout or (offered[0] if best is None else best).name
     if name not in names:
