@@ -138,11 +138,12 @@ class Case:
 def decision_notice(case: Case) -> doc.Notice:
     """The decision and what it rests on."""
     answer, release, many = case.answer, case.answer.release, case.words.many
-    tone, title, lines = doc.Tone.BAD, f"Do not enter any of these {many}", release.reasons
+    tone, title = doc.Tone.BAD, f"Do not enter any of these {many}"
+    lines = release.reasons
     if not answer.parameters:
         title = "There is no result"
     elif release.usable:
-        care = ", with care" * bool(release.cautions)
+        care = ", with care" if release.cautions else ""
         title = SETTLED if release.settled else f"The {many} may be entered{care}"
         tone = doc.Tone.WARN if release.cautions else doc.Tone.GOOD
         lines = release.cautions or (answer.judgement,)

@@ -61,7 +61,8 @@ def signed_page(
     Its `inputs` are one measurement, or before and after; of simulated ones it is no report. The
     `facts` stand behind its number.
     """
-    words, simulated = machine.vocabulary, any(each.simulated for _, each in inputs)
+    words = machine.vocabulary
+    simulated = any(each.simulated for _, each in inputs)
     own = ("Number", doc.Code(identity.number)), *facts
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
     first, *later = (dict(_conditions(*each, machine.probes)) for each in inputs)

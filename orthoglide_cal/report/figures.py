@@ -204,7 +204,8 @@ def deviation_rows(
         *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
     ]
     for k, (name, value, half) in enumerate(zip(names, last, expanded_mm, strict=True)):
-        y, start, stop = _TOP + _ROW * (k + 0.5), across(found_mm[k]), across(expected_mm[k])
+        y = _TOP + _ROW * (k + 0.5)
+        start, stop = across(found_mm[k]), across(expected_mm[k])
         low, high = across(value - half), across(value + half)
         numbers = [signed(found_mm[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
         if left_mm is not None:
@@ -287,7 +288,8 @@ def residual_panels(
             f"Residuals of {one.words}: the largest is at posture {posture[worst]}, cycle"
             f" {cycle[worst]}."
         )
-        name, title = f"residual-{AXES[one.direction]}{AXES[one.leg]}", f"Residuals, {one.words}"
+        name = f"residual-{AXES[one.direction]}{AXES[one.leg]}"
+        title = f"Residuals, {one.words}"
         panels.append(svg(name, width, height, title, finding, parts, f"c-{AXES[one.leg]}"))
     return tuple(panels)
 

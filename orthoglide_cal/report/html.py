@@ -111,8 +111,8 @@ def _table(grid: doc.Grid) -> Html:
     rows = []
     for first, *others in grid.rows:
         named = bool(first) and 0 in grid.words
-        scope = {"scope": "row"} if named else {}
-        cells = [tag("th" if named else "td", _cell(first), **scope, class_=kinds[0])]
+        scope = "row" if named else None
+        cells = [tag("th" if named else "td", _cell(first), scope=scope, class_=kinds[0])]
         pairs = zip(others, kinds[1:], strict=True)
         cells += (tag("td", _cell(cell), class_=kind) for cell, kind in pairs)
         rows.append(tag("tr", *cells))

@@ -88,7 +88,8 @@ def calibration_document(
         if left is not None:
             recorded = [(each, each.validity) for each in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
-        sheet, pages = [*frame.sheet], list[doc.Section]()
+        sheet = [*frame.sheet]
+        pages: list[doc.Section] = []
         released = answer.release.usable or left is not None
         origin = [
             _conditions(case),
@@ -97,7 +98,8 @@ def calibration_document(
         ]
         if answer.parameters:
             drawn = _differences(case, left, limit_mm)
-            sheet += [] if released else _gap(answer)
+            if not released:
+                sheet += _gap(answer)
             sheet += _result(case, left, drawn if released else ())
             if drawn and not released:
                 # Where the rails are drawn, the first sheet is full.
@@ -106,7 +108,8 @@ def calibration_document(
             sheet += map(_other, others)
             residuals = tuple(residual_blocks(case))
             pages.append(doc.Section("Residuals (measured − model)", residuals))
-            pages += [diagnosis_section(case)] if answer.verdict is not None else []
+            if answer.verdict is not None:
+                pages.append(diagnosis_section(case))
             pages += [*budget_sections(machine, answer.budget, answer.total), *origin]
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
@@ -309,7 +312,9 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
     """The machine with its gauges, and a ring around those whose readings a cause spoils."""
     machine = case.given.model.orthoglide
     series = {Series(leg, direction) for leg, direction, _ in places}
-    faults, rails, marked = set[tuple[int, int]](), set[int](), []
+    faults: set[tuple[int, int]] = set()
+    rails: set[int] = set()
+    marked = []
     for cause in case.answer.causes:
         # Parameters that stand clear of their uncertainty; of axes or of series.
         seen = [

@@ -29,7 +29,8 @@ def _machine_page(model: Model) -> doc.Page:
     machine, values = model.machine, machine_values(model)
     own = {key: value for key, value in values.items() if key not in _ELSEWHERE}
     facts = doc.Facts((*_rows(own), *stated(machine, OWNER), *stated(machine, MEANS)))
-    sections, rows = [], list[tuple[str, ...]]()
+    sections = []
+    rows: list[tuple[str, ...]] = []
     for one in machine.history:
         day, digest = one.date[:10], one.data_sha256[:12]
         rows.append((day, _written(one.before), _written(one.after), digest))

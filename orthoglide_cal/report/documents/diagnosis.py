@@ -176,10 +176,10 @@ def _rms_grid(case: Case) -> doc.Grid:
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
-    blank = [""] * len(with_it)
-    rows = [
-        (name, *(plain(mm, 4) for mm in own), *blank[len(own) - 1 :]) for name, own in left.items()
-    ]
+    rows = []
+    for name, own in left.items():
+        blank = [""] * (1 + len(with_it) - len(own))
+        rows.append((name, *(plain(mm, 4) for mm in own), *blank))
     return doc.Grid(("r.m.s., mm", f"{case.words.many} only", *with_it), tuple(rows))
 
 
@@ -266,7 +266,9 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
 def _page(case: Case) -> doc.Page:
     answer = case.answer
     told: list[doc.Block] = [parameters_grid(case)]
-    told += [doc.Paragraph(_WIDENED[each]) for each in _WIDENED if each is answer.verdict]
+    widened = _WIDENED.get(answer.verdict) if answer.verdict else None
+    if widened:
+        told.append(doc.Paragraph(widened))
     told += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     causes = tuple(_cause_blocks(case))
     return doc.Page(

@@ -48,7 +48,8 @@ def _screen(found: History, machine_file: Path | None) -> doc.Page:
     """As many sessions as a screen has lines for, three at least."""
     more = doc.Paragraph("More: the same with --details, or as a page: --html history.html")
     following = doc.Section("Next", (_steps(found, machine_file), more))
-    notes, console = tuple(map(doc.Paragraph, found.notes[:3])), Console(width=_WIDE)
+    notes = tuple(map(doc.Paragraph, found.notes[:3]))
+    console = Console(width=_WIDE)
     for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
         sections = doc.Section(None, (_table(found, most), *notes)), following
         page = doc.Page("History", None, notice=_notice(found), sections=sections)
@@ -68,9 +69,13 @@ def _page(found: History, machine_file: Path | None) -> doc.Page:
         sections.append(doc.Section("What is left of each touch", (_shapes(found),)))
     table = _table(found, len(found.sessions))
     sections.append(doc.Section("Sessions", (table, *map(doc.Paragraph, notes))))
-    steps, notice = doc.Section("What to do next", (_steps(found, machine_file),)), _notice(found)
-    evidence = tuple(sections)
-    return doc.Page("History", found.machine, notice=notice, sheet=(steps,), sections=evidence)
+    return doc.Page(
+        "History",
+        found.machine,
+        notice=_notice(found),
+        sheet=(doc.Section("What to do next", (_steps(found, machine_file),)),),
+        sections=tuple(sections),
+    )
 
 
 def _notice(found: History) -> doc.Notice:
@@ -141,7 +146,8 @@ def _table(found: History, most: int) -> doc.Grid:
     count, every = len(found.sessions), [*range(len(found.pooled))]
     around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
     wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
-    chosen, names = {*[*wanted][:most]}, [each.name for each in found.pooled]
+    chosen = {*[*wanted][:most]}
+    names = [each.name for each in found.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > _ROOM:
@@ -188,7 +194,8 @@ def _courses(found: History) -> doc.Figure:
     # A label is written where it changes and has room.
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
     dates = [*below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0)]
-    colours, panels = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True)), []
+    colours = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True))
+    panels = []
     for k, now in enumerate(found.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in found.sessions]
         gaps = [c.at for c in found.changes if now.name in [each.name for each in c.parameters]]
@@ -213,8 +220,9 @@ def _courses(found: History) -> doc.Figure:
             parts.append(figures.mark(x, up(value), 0, "mark", 3.0))
         finding = f"{now.name} of {len(rows)} sessions, {labels[0]} to {labels[-1]}."
         own = "".join(letter if letter.isalnum() else "-" for letter in now.name)
-        axis, size = f"c-{colours.get(now.name, 'x')}", (wide, bottom + 26.0)
-        panels.append(figures.svg(f"course-{own}", *size, now.name, finding, parts, axis))
+        axis = f"c-{colours.get(now.name, 'x')}"
+        drawn = figures.svg(f"course-{own}", wide, bottom + 26.0, now.name, finding, parts, axis)
+        panels.append(drawn)
     key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
     key += " Dashed: the limit around the best value now." if found.limit else ""
     return doc.Figure(None, "", tuple(panels), columns=2, key=key)

@@ -114,7 +114,8 @@ def residual_blocks(case: Case) -> list[doc.Block]:
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
         return [doc.Figure(None, "", panels, key=key)]
     places, measured = _places(answer), np.array([row.measured_mm for row in rows])
-    machine, blocks = LinearDelta.require(case.machine), list[doc.Block]()
+    machine = LinearDelta.require(case.machine)
+    blocks: list[doc.Block] = []
     for title, own in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
         shown = {"before": measured[own] - measured[own].mean()}
@@ -134,7 +135,8 @@ def _on_bed(answer: Answer) -> bool:
 
 def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]."""
-    rows, ids = case.answer.residuals, " and ".join(cause.id for cause in case.answer.causes)
+    rows = case.answer.residuals
+    ids = " and ".join(cause.id for cause in case.answer.causes)
     left = {
         f"{case.words.many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])
     }

@@ -92,11 +92,13 @@ def plan_document(
         return doc.Page("Plan", notice=notice, sections=(*sections, steps))
 
     def page() -> doc.Page:
-        machine, session = plan.model.machine, [("Session", plan.chosen.what)]
+        machine = plan.model.machine
+        session = [("Session", plan.chosen.what)]
         if plan.assumed_mm is not None:
             assumed = f"about {plan.assumed_mm:g} mm each are assumed"
             session.append((machine.vocabulary.many.capitalize(), assumed))
-        facts, notice, sections = doc.Facts(tuple(session)), _notice(plan), list[doc.Section]()
+        facts, notice = doc.Facts(tuple(session)), _notice(plan)
+        sections: list[doc.Section] = []
         if going_on is not None:
             ranking = _next_grid(plan, plan.next, full=True)
             sections.append(doc.Section("What to measure next, best first", (ranking,)))
@@ -298,7 +300,8 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if machine.rivals:
         sigma = [each.rivals_sigma for each in shown]
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
-    rows, left = [*zip(*columns.values(), strict=True)], () if cycles else (0,)
+    rows = [*zip(*columns.values(), strict=True)]
+    left = () if cycles else (0,)
     # What no layout determines, and what it adds to U.
     fixed = [each.source for each in plan.budget if each.source in machine.fixed_parameters]
     if fixed:
@@ -318,9 +321,9 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         pair = " and ".join(machine.rivals)
         told.append(f"σ: how far {pair} of usual size are apart, in standard deviations.")
     if fixed:
-        told.append(f"No layout determines {rows[-1][0]}, taken as stated: what it adds (by")
         told.append(
-            "squares) is the last row. In solve, what the readings cannot rule out is added."
+            f"No layout determines {rows[-1][0]}, taken as stated: what it adds (by squares) is the"
+            " last row. In solve, what the readings cannot rule out is added."
         )
     return doc.Grid(tuple(columns), tuple(rows), left, " ".join(told))
 
@@ -334,7 +337,8 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
     next_ = min((each for each in reached if each > wanted * (1.0 + ROUNDING)), default=math.inf)
     decimals = next(d for d in count(decimals_for(wanted)) if round(next_, d) > round(wanted, d))
     for way, worst in zip(plan.compare, reached, strict=True):
-        found, numbers = way.same_expanded, ["", "never", "", ""]
+        found = way.same_expanded
+        numbers = ["", "never", "", ""]
         if found is not None:
             sizes = found.cycles, found.readings, found.gauge_moves
             numbers = [*map(str, sizes), f"{found.minutes:.0f}"]
@@ -353,7 +357,8 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
     """The fewest readings, or the quickest layout that distinguishes the rivals; what to type."""
     minutes = f"about {best.minutes:.0f} min"
     if best.causes:
-        pair, apart = " and ".join(best.causes), f"{CERTAIN_SIGMA:g} standard deviations apart"
+        pair = " and ".join(best.causes)
+        apart = f"{CERTAIN_SIGMA:g} standard deviations apart"
         reached = f"The quickest that gets {pair} {apart}"
         if not best.reached:
             farthest = two_figures(best.rivals_sigma or 0.0)

@@ -320,7 +320,8 @@ def budget_sections(
     """Each source with its size, and what it adds to each parameter; nothing without a result."""
     if total is None:
         return
-    unit, rows = common_unit(machine), list[tuple[str, ...]]()
+    unit = common_unit(machine)
+    rows: list[tuple[str, ...]] = []
     for each in sorted(lines, key=lambda each: -max(each.std)):
         if not each.minor:
             what = source_words(each.source, machine, each.possible)[0]

@@ -160,7 +160,8 @@ def _answer(found: Verification) -> str:
     """How the machine responded, in one sentence; nothing where that was not looked at."""
     if found.response is None or found.answer is None:
         return ""
-    size, otherwise = f"response {_interval(found.response)}", []
+    size = f"response {_interval(found.response)}"
+    otherwise = []
     for axis, row in found.axes.items():
         if row.otherwise:
             change, applied = signed(row.found_mm, 3), signed(row.applied_mm, 3)
@@ -213,7 +214,8 @@ def _decision(found: Verification) -> str:
 
 def parameters_left(found: Verification) -> doc.Section:
     """What was found, what was entered, and what remains of each parameter."""
-    decimals, every = _entered(found) if found.remaining_mm else 4, found.parameters.values()
+    decimals = _entered(found) if found.remaining_mm else 4
+    every = found.parameters.values()
     entered = [each.entered for each in every]
     now = [None if e.entered is None else e.before + e.entered for e in every]
     columns: dict[str, list[doc.Blank]] = {
