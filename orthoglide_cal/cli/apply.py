@@ -80,7 +80,8 @@ def apply(
         document = application_document(found, path)
         if not json:
             common.deliver(document)
-        target, controller = found.file.document.path, found.controller
+        target = found.file.document.path
+        controller = found.controller
         what = "Take them back" if undo else "Record them"
         question = f"Does the controller hold these values now? {what} in {target}"
         if controller:

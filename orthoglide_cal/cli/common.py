@@ -345,8 +345,10 @@ def deliver(
     if as_json:
         print_json(document.data())
         return
-    brief = document.screen if not (details or pages) else None
-    page = brief() if brief else document.page()
+    if document.screen and not details and not pages:
+        page = document.screen()
+    else:
+        page = document.page()
     if not pages:
         from orthoglide_cal.report.terminal import TerminalPage
 

@@ -32,9 +32,14 @@ def verify(
     def judge(path: str) -> None:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         found = verified(*inputs, applied, limit)
-        document = verification_document(found, identify(found.inputs, *found.options))
-        pages = {"html": html, "markdown": markdown}
-        common.deliver(document, as_json=json, overwrite=overwrite, details=details, **pages)
+        common.deliver(
+            verification_document(found, identify(found.inputs, *found.options)),
+            as_json=json,
+            html=html,
+            markdown=markdown,
+            details=details,
+            overwrite=overwrite,
+        )
 
     common.for_each([before], judge, as_json=json)
 
@@ -78,7 +83,13 @@ def history(
         for each in inputs:
             common.require_printer(each.measured.source, data)
         found = compare(inputs, dates.split(",") if dates else (), limit)
-        document, pages = history_document(found, machine), {"html": html, "markdown": markdown}
-        common.deliver(document, as_json=json, overwrite=overwrite, details=details, **pages)
+        common.deliver(
+            history_document(found, machine),
+            as_json=json,
+            html=html,
+            markdown=markdown,
+            details=details,
+            overwrite=overwrite,
+        )
 
     common.for_each(files[:1], judge, as_json=json)

@@ -100,7 +100,8 @@ def simulate(
         """The machine with all that is wrong with it, or with these readings."""
         return known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
 
-    record, true = None, np.array(offsets or (0.0, 0.0, 0.0))
+    record = None
+    true = np.array(offsets or (0.0, 0.0, 0.0))
     if nominal.probes:
         if protocol or gauge_at is not None:
             raise UsageError(
@@ -141,6 +142,7 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
     `gauge_drift@x,y=0.05`      in one place: leg x, direction y
     `misread@12=0.1`            the twelfth reading in time; for gauge_slip `12+` is "and all after"
     `sign_flip@z,x`             causes without a size take no value
+    `wrong_unit@1`              the first of its units
 
     Parameters that nobody can type (where a carriage with lost motion stands before its first
     motion) are drawn at random.

@@ -25,7 +25,8 @@ def start() -> None:
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session import unfinished
 
-    here, path, machine, to = Path(), None, None, None
+    here = Path()
+    path = machine = to = None
     sessions, waiting, printers = sessions_in(here), unfinished(here), printers_in(here)
     try:
         path = machine_in_folder(here)
