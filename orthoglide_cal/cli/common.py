@@ -345,10 +345,8 @@ def deliver(
     if as_json:
         print_json(document.data())
         return
-    if document.screen and not details and not pages:
-        page = document.screen()
-    else:
-        page = document.page()
+    make = document.page if details or pages else document.screen or document.page
+    page = make()
     if not pages:
         from orthoglide_cal.report.terminal import TerminalPage
 
