@@ -90,7 +90,7 @@ def test_no_command_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     short = {"joint_limits_mm": [-90, 60], "leg_length_mm": 100.0, "workspace_mm": 50}
     path = machine(tmp_path, **short)
     shown = run("plan", "--machine", path)
-    assert "\u2718 This cannot be measured so" in shown.stdout
+    assert "\u2718 This cannot be measured in this way" in shown.stdout
     assert f"orthocal measure --machine {path} --design best" in shown.stdout
     assert "will be known within" not in shown.stdout
     for arguments in (
