@@ -209,7 +209,7 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (("--program", "made.txt"), 2, "from its name"),
+        (("--program", "made.txt"), 2, "does not say what to write"),
         (("--template", "mine.nc"), 2, "--program FILE"),
         (("--travel", "-105", "65"), 2, "--program FILE"),
         (("--program", "-", "--json"), 2, "Leave out --json"),
