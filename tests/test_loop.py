@@ -82,7 +82,7 @@ def test_the_round_closes(tmp_path: Path) -> None:
     assert "Mill 3" in measured(tmp_path, suggested(applied, "measure"))
     page = typed(tmp_path, "orthocal")
     verified = typed(tmp_path, suggested(page, "verify"))
-    assert "The correction did what was promised" in verified
+    assert "The correction worked as predicted" in verified
     report = suggested(page, "report")
     left = typed(tmp_path, report.partition(" --html")[0])
     for axis, value in entered.items():

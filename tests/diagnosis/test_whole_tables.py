@@ -219,4 +219,4 @@ def test_two_legs_written_for_each_other_are_the_third_ones_gauges(gauge: truth.
         text = "\n".join((header, *(",".join(cell) for cell in cells))) + "\n"
         found = diagnose(read(text, model), model)
         assert ("swapped_gauges", "leg z") in [(c.id, c.where) for c in found.causes]
-        assert "other legs were written for each other" in found.causes[0].remedy
+        assert "other two legs stand in each other's place" in found.causes[0].remedy

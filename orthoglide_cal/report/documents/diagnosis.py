@@ -65,11 +65,17 @@ def diagnosis_document(case: Case) -> doc.Document:
 def _screen(case: Case) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
-    Where a screen has too few lines for it, notes give way, then baselines, then the last steps.
+    Where a screen has too few lines for it, notes give way, then baselines, what need not be said
+    again, the residuals, and the last steps.
     """
     answer = case.answer
     undecided = answer.verdict is Verdict.AMBIGUOUS
     baselines, steps = [*_baselines(case)], [*_steps(case)]
+    named = answer.verdict is Verdict.NAMED
+    residuals = [brief_residuals(case)] if named else []
+    again = []
+    if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
+        again.append(doc.Instruction("Then solve again, and enter only what it releases."))
     notes = [*_doubts(case, all=False)]
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
@@ -82,14 +88,12 @@ def _screen(case: Case) -> doc.Page:
         else:
             decisive = [*_sizes(case, offsets=True), *open_blocks(case)]
             groups = [decisive, [_rms_grid(case), *baselines]]
-        if answer.verdict is Verdict.NAMED:
-            groups.append(brief_residuals(case))
-        sections = [doc.Section(None, tuple(blocks)) for blocks in groups if blocks]
-        last = doc.next_steps(steps, *map(doc.Paragraph, notes), case.more("diagnose"))
+        sections = [doc.Section(None, tuple(blocks)) for blocks in (*groups, *residuals) if blocks]
+        last = doc.next_steps([*steps, *again], *map(doc.Paragraph, notes), case.more("diagnose"))
         page = doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
         if height(page) <= (_UNDECIDED if undecided else _DECIDED) or len(steps) <= 1:
             return page
-        for spare in (notes, baselines, steps):
+        for spare in (notes, baselines, again, residuals, steps):
             if spare:
                 spare.pop()
                 break
@@ -253,8 +257,6 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the model", typed)
-        if not release.usable:
-            yield doc.Instruction("Then solve again, and enter only what it releases.")
     elif not release.usable:
         yield from case.remedies()
     if release.settled:
