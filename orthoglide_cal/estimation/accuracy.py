@@ -147,7 +147,7 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
     """Raises RankDeficientError for the parameters that are `free`, shape (p,)."""
     machine = problem.model.machine
     names = [machine.parameter_names[i] for i in np.flatnonzero(free)]
-    listed = " and ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
+    listed = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
     raise RankDeficientError(
         f"These readings do not determine {listed}.",
         machine.vocabulary.fewest or f"Add readings of {_completing(problem, problem.at_zero[1])}.",

@@ -101,8 +101,8 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
     open_ = [name for name, known in pairs if not known]
     if open_:
         yield (
-            f"These readings do not determine {' and '.join(open_)}: no better than what is known"
-            " without them.",
+            f"These readings do not determine {', '.join(open_)}: they add nothing to what is"
+            " known without them.",
             Remedy(sentence=vocabulary.more),
         )
     for doubt in solution.doubts:

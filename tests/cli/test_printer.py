@@ -505,7 +505,7 @@ def test_touches_that_are_few_or_near_to_each_other_are_no_failed_search(
 ) -> None:
     """Within 5 mm of the middle the radius and the tower angles hardly show beside the noise."""
     said = refused(4, verb, file, *MACHINE)
-    assert "do not determine a and b and c and radius" in said
+    assert "do not determine a, b, c, radius" in said
     assert "Touch at least seven places spread over the whole bed" in said
     assert not re.search("offsets|search", said)
 

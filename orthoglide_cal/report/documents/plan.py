@@ -402,7 +402,8 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
     """What to measure in addition to the data that there are, and what it brings."""
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
-    today = "" if now is None else f" Now it is ± {two_figures(now)} mm."
+    today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
+    today = "" if now is None else f" {today} ± {two_figures(now)} mm."
     worth = f"With it: {_reach(plan.model, best.expanded)}.{today}"
     target = []
     if plan.target is not None:
