@@ -163,8 +163,10 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
     if check:
         return _to_check(diagnosis, ids, check)
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
-        within = f"{ids} moves no {one} by more than {largest}, which is within U."
+        moves = "moves" if len(diagnosis.causes) == 1 else "move"
+        within = f"{ids} {moves} no {one} by more than {largest}, which is within U."
         return Release(cautions=(within,))
+    # A slip in the record is looked for sooner than a machine is taken apart.
     remedies = [
         Remedy(
             sentence=f"Correct it, or make {cause.id} part of the machine and use the new machine"
@@ -174,7 +176,7 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
         )
         if cause.recommended
         else Remedy(sentence=cause.remedy)
-        for cause in diagnosis.causes
+        for cause in sorted(diagnosis.causes, key=lambda cause: cause.in_machine)
     ]
     sure = f"{titles[0].upper()}{titles[1:]} ({ids}, {percent(diagnosis.causes[0].probability, 1)})"
     reason = f"{sure}: {many} alone would be wrong by up to {largest}."

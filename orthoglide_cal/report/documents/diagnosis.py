@@ -251,7 +251,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             decides = _next_step(case)
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
-        # A slip in the record is looked for sooner than a machine is taken apart.
+        # As in the decision: the record first.
         for cause in sorted(answer.causes, key=lambda cause: cause.in_machine):
             yield doc.Instruction(cause.remedy)
             if cause.recommended:
