@@ -75,7 +75,9 @@ def diagnose(
         found, again = _assessed(white, later)
         nothing, accepted = found.fit(()), found.accepted
         causes: tuple[FoundCause, ...] = ()
-        free, beside, told = len(entered) * anew, None, list[str]()
+        free = len(entered) * anew
+        beside = None
+        told: list[str] = []
         if later is not None and anew:
             replaced = f" (other {', '.join(changed)} in force)" if changed else ""
             told.append(

@@ -100,7 +100,8 @@ class Gaussian:
     def __init__(self, columns: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0) -> None:
         # Left singular vectors of B and squared singular values, from the smaller of BᵀB and BBᵀ,
         # which costs much less than a singular value decomposition.
-        (k, r), turned = columns.shape[-2:], np.swapaxes(columns, -1, -2)
+        k, r = columns.shape[-2:]
+        turned = np.swapaxes(columns, -1, -2)
         size2, self._left = np.linalg.eigh(turned @ columns if r < k else columns @ turned)
         size2 = np.where(size2 > _ROUNDING * size2[..., -1:], size2, 0.0)[..., None, :]
         if r < k:

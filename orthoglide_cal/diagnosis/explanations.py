@@ -355,7 +355,8 @@ class Linearised:
         ((_, columns),) = white.linearised((offsets, absent))
         ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
-        weighed, uncertain = {cause.id for cause in broad}, list[Influence]()
+        weighed = {cause.id for cause in broad}
+        uncertain: list[Influence] = []
         for each in white.uncertain(offsets):
             if each.source in weighed:
                 shown = unexplained(jacobian, each.columns)

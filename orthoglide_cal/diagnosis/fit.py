@@ -261,7 +261,8 @@ class _Search:
         nothing = np.zeros((len(at.white), 0))
         self.carried = np.hstack([nothing, *(each.columns for each in self.uncertain)])
         widths = [each.columns.shape[1] for each in self.uncertain]
-        local, self.seen = np.repeat([each.local for each in self.uncertain], widths), at.seen
+        local = np.repeat([each.local for each in self.uncertain], widths)
+        self.seen = at.seen
         self.width = width = at.offsets.shape[1]
         own_sizes = self._own_sizes(free_size)
         self.sizes = np.concatenate([own_sizes, free_size, np.ones(local.size)])
@@ -383,7 +384,8 @@ class _Search:
             slots = (*slots, slot)
         if score.replanned is not None:
             log_evidence += score.log_evidence - score.replanned.log_evidence
-        residual, carried = linear - columns @ found, self.own.shape[1] + self.free.shape[1]
+        residual = linear - columns @ found
+        carried = self.own.shape[1] + self.free.shape[1]
         stretched = at.noise.stated * ((found - centre) / sizes)[carried:]
         square = float(residual @ residual + stretched @ stretched)
         return Fitted(
@@ -511,7 +513,8 @@ def _errors(
     columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
     columns, joint = columns[:, free:], joint[free:, free:]
     spread = fit.sigma**2 * np.eye(len(later)) + columns @ joint @ columns.T
-    error, jacobian = later.data - predicted, jacobian[:, : offsets.size]
+    error = later.data - predicted
+    jacobian = jacobian[:, : offsets.size]
     scaled_error, by_parameter = whiten(spread, error, jacobian)
     return error, jacobian, scaled_error, by_parameter
 

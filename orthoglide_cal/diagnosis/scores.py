@@ -99,7 +99,8 @@ def score_all(at: Linearised) -> dict[Ids, Score]:
     Where a reading lacks its counterpart, an exchange cannot be undone in the data. Then the same
     data are read under another plan instead, with a linear model of its own.
     """
-    scores, plan = _listed(at), at.white.plan
+    scores = _listed(at)
+    plan = at.white.plan
     for placed in at.extras.values():
         cause = placed.cause
         if not isinstance(cause, RelabelCause):
@@ -188,7 +189,8 @@ def density_of(
     seen = seen or [at.seen] * len(bases)
     width = max(own.shape[1] + more.shape[1] for own, more in zip(columns, seen, strict=True))
     padded = np.zeros((len(bases), len(at.white), width))
-    sizes, first = np.ones((len(bases), len(scales), width)), at.jacobian.shape[1]
+    sizes = np.ones((len(bases), len(scales), width))
+    first = at.jacobian.shape[1]
     for number, (own, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
         end = own.shape[1]
         padded[number, :, :end] = own

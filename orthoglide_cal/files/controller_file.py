@@ -199,7 +199,9 @@ def _found(
 
     The text begins with an empty line. One of the `signs` is between an option and its value.
     """
-    faults, section, found = Faults(target), "", dict[str, WrittenValue]()
+    faults = Faults(target)
+    section = ""
+    found: dict[str, WrittenValue] = {}
     places = defaultdict[tuple[str, str], list[tuple[int, str]]](list)
     for number, line in enumerate(text.split("\n")):
         if head := _SECTION.match(line):
@@ -207,7 +209,8 @@ def _found(
         elif (entry := _ENTRY.fullmatch(line)) and entry[2] in signs:
             places[section, entry[1]].append((number, entry[3]))
     for name, place in wanted.items():
-        key, entries = "[{}] {}".format(*place), places[place]
+        key = "[{}] {}".format(*place)
+        entries = places[place]
         remedy = _ADD.format(*place, "mm (or inch)" if name == _UNIT else "NUMBER")
         remedy = _SAVE if heading else remedy
         if not entries:

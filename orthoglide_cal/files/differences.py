@@ -68,7 +68,8 @@ def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
             "These names were taken as max and min relative to the isotropic posture; a"
             " single-posture file also has dz_x0 or dz_y0."
         )
-    which, value = tuple(known[name] for name in rows), np.array(list(rows.values()))
+    which = tuple(known[name] for name in rows)
+    value = np.array(list(rows.values()))
     return Differences(kind, which, value, table.file.source, remarks=tuple(remarks))
 
 

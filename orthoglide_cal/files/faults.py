@@ -184,7 +184,8 @@ def _worded(
                 steps = (int(index) if index else name for index, name in inner)
                 yield (*path, *steps), problem.what, problem.remedy
             continue
-        known, meant = _QUOTED.findall(given.get("expected", "")), ""
+        known = _QUOTED.findall(given.get("expected", ""))
+        meant = ""
         kind = _ALSO.get(each["type"], each["type"])
         if kind == "literal_error":
             meant = str(each["input"])

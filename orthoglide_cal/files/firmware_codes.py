@@ -70,10 +70,12 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
         faults.add(TOWERS_TURN, "Check X, Y and Z of M665; they are usually below one degree.")
     faults.check()
     if marlin:
-        probe, bed = three("M851", math.nan) * (1.0, 1.0, -1.0), math.nan
+        probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
+        bed = math.nan
         endstops = said["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
     else:
-        probe, bed = three("G31", math.nan), said.get("M665B", (math.nan,))[0]
+        probe = three("G31", math.nan)
+        bed = said.get("M665B", (math.nan,))[0]
         endstops = said["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
     return PrinterFile(machine, probe, document.source)

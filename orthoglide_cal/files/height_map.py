@@ -54,7 +54,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     except KeyError as error:
         what = f"The second line of the map has no {error}, or the third no number for it."
         raise InputError(what, _AGAIN, file=document.path, line=2) from error
-    heights, rows = np.full((len(y), len(x)), np.nan), lines[3:]
+    heights = np.full((len(y), len(x)), np.nan)
+    rows = lines[3:]
     if len(rows) != len(y):
         what = f"The map has {len(rows)} lines of heights, its header says {len(y)}."
         faults.add(what, f"Was it cut off? {_AGAIN}", line=3 + len(rows))
@@ -73,7 +74,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         what = "No place of the map was probed: a placeholder, not a measurement."
         faults.add(what, _AGAIN, line=4)
     faults.check()
-    offset, lines_of = np.nan_to_num(settings.probe), range(4, 4 + len(y))
+    offset = np.nan_to_num(settings.probe)
+    lines_of = range(4, 4 + len(y))
     grid = StoredMesh.of_grid("heightmap", x, y, heights, lines_of, offset)
     remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
     mesh = replace(grid, remarks=(remark,))

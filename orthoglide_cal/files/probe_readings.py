@@ -153,7 +153,8 @@ def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta) -> Readings
     if n > 1 and np.ptp(mesh.height) == 0.0:
         what = f"All {n} heights of the mesh {mesh.profile!r} are {mesh.height[0]:g}"
         what += ": a placeholder, not a measurement."
-        remedy, line = "Probe the bed, and save the mesh.", int(mesh.line[0])
+        remedy = "Probe the bed, and save the mesh."
+        line = int(mesh.line[0])
         raise InputError(what, remedy, file=file.source.path, line=line)
     remedy = "Check it, and probe the bed again."
     _check_stored(file, mesh.line, mesh.height, "A height of the mesh", remedy)
@@ -185,7 +186,9 @@ def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearD
         return np.asarray(rails.tool_for(carriages, strict=False))
 
     other = place = reached(heights.first)
-    value, line, remarks = place[:, 2] - heights.value, heights.line, file.remarks
+    value = place[:, 2] - heights.value
+    line = heights.line
+    remarks = file.remarks
     remedy = (
         "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length changed"
         " after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again."

@@ -171,7 +171,8 @@ def readings_from_records(
     Raises:
         InvalidFileError: everything that is wrong with the records.
     """
-    leg, than = machine.leg_length_mm, "the leg is long"
+    leg = machine.leg_length_mm
+    than = "the leg is long"
     longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
     reading = Reading(number, longest, machine.joint_limits_mm)
     checking = Rows(records, ReadingRow, reading, faults)
@@ -342,7 +343,8 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
 
 def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide) -> list[str]:
     """What the user should know although nothing is wrong."""
-    remarks, travel = [], machine.gauge.range_mm
+    remarks = []
+    travel = machine.gauge.range_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
     if beyond.size:
         first = beyond[0]

@@ -113,13 +113,16 @@ def read_table(file: FileText, coded: Sequence[str]) -> Table:
     If the first column is not one of those that never hold free text (`coded`), a # after the
     header belongs to its text: skipping the line would lose a reading.
     """
-    faults, lines = Faults(file.path), file.text.split("\n")
+    faults = Faults(file.path)
+    lines = file.text.split("\n")
     at, delimiter = _start(lines)
     columns: tuple[str, ...] | None = None
-    header_line, comments = 1, True
+    header_line = 1
+    comments = True
     rows: list[Record] = []
     while at < len(lines):
-        plain, line = lines[at].lstrip(_BLANKS), at + 1
+        plain = lines[at].lstrip(_BLANKS)
+        line = at + 1
         if not plain.strip() or (comments and plain.startswith("#")):
             at += 1
             continue
@@ -137,7 +140,8 @@ def read_table(file: FileText, coded: Sequence[str]) -> Table:
             break
         at += reader.line_num  # quotes may span lines
         if columns is None:
-            columns, header_line = _columns(cells, line, faults), line
+            columns = _columns(cells, line, faults)
+            header_line = line
             comments = columns[0] in coded
         elif len(rows) >= _ROWS:
             faults.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)

@@ -73,7 +73,8 @@ def load_tree(file: FileText) -> Tree:
 
     def check(event: Any, path: Steps) -> None:
         tag, text = getattr(event, "tag", None), getattr(event, "value", "")
-        number, value = next(nodes), None
+        number = next(nodes)
+        value = None
         if event.anchor:
             what, remedy = "Anchors and aliases are not accepted.", "Write the value out."
             value = event.anchor

@@ -292,7 +292,8 @@ class LinearDelta(Machine):
 
     def command(self, plan: Plan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
-        plan, rails = ProbePlan.require(plan), self.nominal_rails
+        plan = ProbePlan.require(plan)
+        rails = self.nominal_rails
         places = np.concatenate((plan.place, plan.other))
         # On the way from place to place the height does not depend on what is touched.
         level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))

@@ -253,7 +253,8 @@ class Orthoglide(Machine):
         Raises:
             UnreachableError: a displacement is not shorter than the legs.
         """
-        length, moved = self.leg_length_mm, np.asarray(displacement, dtype=np.float64)
+        length = self.leg_length_mm
+        moved = np.asarray(displacement, dtype=np.float64)
         if np.any(np.abs(moved) >= length):
             worst = np.argmax(np.abs(moved))
             raise UnreachableError(
@@ -351,7 +352,8 @@ def _joints(
         first, moment = plan.moments
         joints: Numbers = command.sent[first] + offsets[..., None, :]
     else:
-        joints, moment = real.joints(command, offsets), np.arange(len(plan))
+        joints = real.joints(command, offsets)
+        moment = np.arange(len(plan))
     set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
     return np.concatenate((joints, set_up), axis=-2), (moment, joints.shape[-2] + which)
 

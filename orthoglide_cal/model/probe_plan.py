@@ -99,7 +99,8 @@ class ProbePlan(Plan):
         Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`.
         """
         touches = np.flatnonzero(~self.distance)
-        place, local = self.place[touches, :2], np.zeros((len(self), len(touches)))
+        place = self.place[touches, :2]
+        local = np.zeros((len(self), len(touches)))
         apart = np.linalg.norm(place[:, None] - place, axis=-1)
         size2, vectors = np.linalg.eigh(np.exp(-apart / GRAIN_MM))
         local[touches] = vectors * np.sqrt(np.maximum(size2, 0.0))

@@ -80,7 +80,8 @@ def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> GaugePlan
 
     The plan has 6·len(displacements) readings in time order; `gauge_at` as of `double_posture`.
     """
-    readings, minutes = [], 0.0
+    readings = []
+    minutes = 0.0
     for leg in range(3):
         for moved in displacements:
             at = moved, Contact.FIXED, minutes, gauge_at

@@ -112,7 +112,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     axis, points = _grid(model, SAMPLES)
     before = np.linalg.norm(_reached(model, points, offsets)[1] - points, axis=-1)
     left, after = error_after(model, covariance, k)
-    shape, levels = (SAMPLES,) * 3, [0, SAMPLES // 2, SAMPLES - 1]
+    shape = (SAMPLES,) * 3
+    levels = [0, SAMPLES // 2, SAMPLES - 1]
     return Workspace(
         before_mm=float(before.max()),
         after_mm=float(after.max()),

@@ -93,7 +93,8 @@ def experiment(number: int) -> Differences:
 def table_1(model: Model) -> Reproduction:
     """Sensitivities next to T_α and 1: exact derivatives, at zero offsets, of the height of a leg's
     tool end over its joint end, at the postures of each leg, in both directions."""
-    machine, ends = model.orthoglide, (Contact.TOOL, Contact.JOINT)
+    machine = model.orthoglide
+    ends = (Contact.TOOL, Contact.JOINT)
     cells = [(leg, to, at) for at in Posture for leg in range(3) for to in other_axes(leg)]
     readings = [
         PlannedReading(leg, direction, machine.displacement_mm(posture), end)

@@ -96,7 +96,8 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
 
 def _block_lines(block: Block, program: PostureProgram, template: Template) -> Iterator[str]:
     first, last = block.steps[0], block.steps[-1]
-    leg, steps = AXES[first.leg].upper(), str(first.number)
+    leg = AXES[first.leg].upper()
+    steps = str(first.number)
     steps += "" if last is first else f"-{last.number}"
     above = f" Carriage {_carriages(block)} arrives from above." if block.from_above else ""
     if block.set_up:

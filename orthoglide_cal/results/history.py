@@ -263,7 +263,8 @@ def _fits(white: Whitened, causes: tuple[Cause, ...], scores: Sequence[Score] = 
     none = Candidates(causes, (), (), {(): 0.0})
 
     def with_causes(score: Score) -> Score:
-        at, base = score.at, (*causes, *(cause for cause in score.base if not cause.lasting))
+        at = score.at
+        base = (*causes, *(cause for cause in score.base if not cause.lasting))
         if lacking := tuple(cause for cause in causes if cause.id not in at.jacobians):
             # Its readings alone say nothing of these.
             broad = (*at.candidates.broad, *lacking)
@@ -407,7 +408,8 @@ class _Table:
             logs = [self.solve(parts, each)[2] for each in tried]
             parts = self._search(told, tried[int(np.argmax(logs))])
             logs = [self.solve(parts, each)[2] for each in tried]
-            log, scatter = log_mean(np.array(logs)), tried[int(np.argmax(logs))]
+            log = log_mean(np.array(logs))
+            scatter = tried[int(np.argmax(logs))]
         for part in parts:
             # The chosen one stands for all that the other parts leave open.
             gains = self.gains(part.story, [each for each in parts if each is not part], scatter)
@@ -466,7 +468,8 @@ class _Tale:
     @property
     def homing(self) -> tuple[HomingScatter, ...]:
         """What is left from session to session beyond what each of them does not know."""
-        table, known = self.table, np.median(self.table.own, axis=0).diagonal()
+        table = self.table
+        known = np.median(table.own, axis=0).diagonal()
         left = table.values - table.design(self.parts)[0] @ self.solution[0]
         spread = (left**2).sum(axis=0) / max(len(left) - 1 - len(self.parts), 1)
         size = np.sqrt(np.maximum(spread - known, 0.0)) * table.unit
@@ -477,7 +480,8 @@ class _Tale:
 
     def sizes(self, story: Story) -> Iterator[tuple[int, Sizes]]:
         """Place and size of each step; rates per unit of time."""
-        table, (found, covariance) = self.table, self.solution
+        table = self.table
+        found, covariance = self.solution
         start = table.base.shape[2]
         time = table.span if story is Story.DRIFTING else 1.0
         for part in self.parts:

@@ -93,7 +93,8 @@ class Dialogue:
             minutes = first.following.minutes
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
-        moves, long = counted(gauge_moves(steps), "gauge move"), wording.duration(minutes).lower()
+        moves = counted(gauge_moves(steps), "gauge move")
+        long = wording.duration(minutes).lower()
         lines.append(f"File     {visible(str(self.path))}")
         lines.append(f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help.")
         self.asker.say("\n".join(lines))
@@ -218,7 +219,8 @@ class Dialogue:
             asker.say(place)
         if new:
             self._wait_for(step)
-        self._shown, asker.pushed = step.visit, False
+        self._shown = step.visit
+        asker.pushed = False
         end = f" at the {step.end.upper()} end" if step.end else ""
         hint = f" ({asker.gauge.hint})" if asker.gauge else ""
         gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]{hint} > "
@@ -329,7 +331,9 @@ class Dialogue:
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        at, stood, value = self.now(), self._stood(step), token.mm(self.unit)
+        at = self.now()
+        stood = self._stood(step)
+        value = token.mm(self.unit)
         if value is None:
             raise ValueError("an error message is not a reading")
         gone = datetime.fromisoformat(at) - datetime.fromisoformat(self.state.opened.at)
@@ -461,7 +465,8 @@ class Dialogue:
             case "t":
                 lines = [f"The last readings of {len(self.state.accepted)}:"]
                 for number, item in list(self.state.accepted.items())[-20:]:
-                    take, name = item.take, step_name(self.setting.steps[number - 1])
+                    take = item.take
+                    name = step_name(self.setting.steps[number - 1])
                     kept = "  kept although questioned" if isinstance(take, Questioned) else ""
                     value = wording.value_text(take.value_mm, self.unit)
                     lines.append(f"  {number:>3}  {name}  {value}{kept}")

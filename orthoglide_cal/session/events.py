@@ -339,7 +339,8 @@ def advance(state: State, event: Event) -> State:
                 before=then.before,
             )
         case Retake():
-            again, accepted = set(event.steps), state.accepted.items()
+            again = set(event.steps)
+            accepted = state.accepted.items()
             replaced = (Replaced(item.take, event.reason) for n, item in accepted if n in again)
             dropped = state.dropped - again
             return replace(

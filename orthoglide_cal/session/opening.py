@@ -176,7 +176,8 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
     given = request.model or default_machine()
     if request.following is not None:
         found = _recommended(request.following, request)
-        given, plan = found.first.following.held(found.model), found.plan
+        given = found.first.following.held(found.model)
+        plan = found.plan
     else:  # one cycle of what would be measured
         protocol = request.protocol or MeasuringProtocol.DOUBLE
         steps = sequence(given.orthoglide, protocol, 1, Order.PAPER, 1)

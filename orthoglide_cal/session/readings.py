@@ -221,7 +221,8 @@ class ReadingsSoFar:
         said: dict[str, object] = {}
         said["cycle"] = step.cycle + (first.repeats[step.cell] if first else 0)
         if take is not None:
-            own, gauge = take.file_minutes, opened.gauge_id(step.stand)
+            own = take.file_minutes
+            gauge = opened.gauge_id(step.stand)
             said |= {"reading_mm": take.value_mm, "gauge": gauge, "timestamp": take.at}
             said["minutes"] = first.minutes(opened.at, own) if first else own
             said["temperature_c"] = opened.temperature_c
@@ -236,7 +237,8 @@ class ReadingsSoFar:
         for (take, _), step, moved in zip(
             self.state.accepted.values(), self.steps, self.moved, strict=True
         ):
-            label, seq = self.state.opened.gauge_id(step.stand), seq + 1
+            label = self.state.opened.gauge_id(step.stand)
+            seq = seq + 1
             if first and first.following.continues:
                 names = AXES[step.leg], AXES[step.direction]
                 mine = (row.gauge for row in first.rows if (row.leg, row.direction) == names)
@@ -320,7 +322,8 @@ class ReadingsSoFar:
         done = {step.cell for step in steps if step.number in {*state.accepted, *state.skipped}}
         if not self.steps or {step.cell for step in steps} - done:
             return []
-        last, left = self.steps[-1], self.left
+        last = self.steps[-1]
+        left = self.left
         if left and left[0].visit == last.visit:
             return []  # the other gauge of this posture is still to be read
         closing = [s for s in left if s.setup == last.setup and s.posture is Posture.ISO]

@@ -82,7 +82,8 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
             "just continue: the next reading will be questioned; then answer m.",
         ]
     else:
-        words, before = list[str](), first.rows if first else []
+        words = []
+        before = first.rows if first else []
         bars = [row.bar for row in before if row.leg == AXES[planned.leg]]
         if planned.turned:
             sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))

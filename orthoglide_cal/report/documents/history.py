@@ -143,7 +143,8 @@ def _table(found: History, most: int) -> doc.Grid:
 
     Of parameters for which there is no room those that did something.
     """
-    count, every = len(found.sessions), [*range(len(found.pooled))]
+    count = len(found.sessions)
+    every = [*range(len(found.pooled))]
     around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
     wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
     chosen = {*[*wanted][:most]}

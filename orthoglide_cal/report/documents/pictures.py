@@ -35,7 +35,8 @@ def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]
     answer, sigma = case.answer, case.machine.instrument.noise_mm
     if answer.input.kind != DataKind.READINGS:
         return [doc.Section("Differences, mm", (_differences(case), *fit))]
-    bed, sections = _on_bed(answer), []
+    bed = _on_bed(answer)
+    sections = []
     for model, left in _left(case).items():
         blocks: list[doc.Block] = [] if bed else [_by_leg(answer.residuals, left, sigma)]
         for title, own in _surfaces(answer).items() if bed else ():
@@ -100,7 +101,8 @@ def residual_blocks(case: Case) -> list[doc.Block]:
     answer, sigma = case.answer, case.machine.instrument.noise_mm
     if answer.input.kind != DataKind.READINGS:
         return []
-    rows, left = answer.residuals, _left(case)
+    rows = answer.residuals
+    left = _left(case)
     if not _on_bed(answer):
         panels = figures.residual_panels(
             [_series_of(row) for row in rows],
@@ -113,7 +115,8 @@ def residual_blocks(case: Case) -> list[doc.Block]:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
         return [doc.Figure(None, "", panels, key=key)]
-    places, measured = _places(answer), np.array([row.measured_mm for row in rows])
+    places = _places(answer)
+    measured = np.array([row.measured_mm for row in rows])
     machine = LinearDelta.require(case.machine)
     blocks: list[doc.Block] = []
     for title, own in _surfaces(answer).items():
@@ -210,7 +213,8 @@ def _sign(left_mm: float, sigma_mm: float) -> str:
 
 def _differences(case: Case) -> doc.Grid:
     """One row per difference: measured, modelled, left without and with the causes [mm]."""
-    answer, left = case.answer, _left(case)
+    answer = case.answer
+    left = _left(case)
     names = ["left", f"left with the cause{'s' * (len(answer.causes) > 1)}"]
     rows = []
     for k, row in enumerate(answer.residuals):

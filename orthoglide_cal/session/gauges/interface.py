@@ -37,8 +37,10 @@ class Token(NamedTuple):
     @classmethod
     def of(cls, match: re.Match[str], raw: str) -> Token:
         """From a match with the group `value` and optionally `unit` and `channel`."""
-        found, digits = match.groupdict(), match["value"].replace(" ", "").replace(",", ".")
-        channel, unit = found.get("channel") or None, found.get("unit")
+        found = match.groupdict()
+        digits = match["value"].replace(" ", "").replace(",", ".")
+        channel = found.get("channel") or None
+        unit = found.get("unit")
         if _ERROR_CODES.fullmatch(digits):
             return cls(raw, channel=channel)
         return cls(raw, float(digits), _UNITS[unit.lower()] if unit else None, channel)

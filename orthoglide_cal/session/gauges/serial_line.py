@@ -233,7 +233,8 @@ class SerialGauge(LiveGauge):
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """Only what is sent while its prompt is shown counts."""
-        self._stand, self._wanted = step.stand, min(step.stand, len(self.ports) - 1)
+        self._stand = step.stand
+        self._wanted = min(step.stand, len(self.ports) - 1)
         port = self.ports[self._wanted]
         answer = f"Return cannot ask the gauge on {port.port}: press its button. Nothing?"
         if port.format.request:
