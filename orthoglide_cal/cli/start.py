@@ -106,7 +106,7 @@ def _next(
     elif not sessions:
         practice = command("measure", "practice.yaml", options="--gauge simulated")
         if machine is None:
-            yield Instruction("Say what machine it is", "orthocal machine new")
+            yield Instruction("Describe the machine", "orthocal machine new")
         yield Instruction("Measure", command("measure"))
         yield Instruction("Or try it without a gauge", practice)
     elif applied == last:

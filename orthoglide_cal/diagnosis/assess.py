@@ -31,10 +31,10 @@ DISMISSED = 0.01
 # A second fault without size, such as an exchange, is dismissed below half of what data that say
 # nothing of it leave it.
 WITHOUT_SIZE = 0.02
-# By so many times likelier data must speak for a further fault before it is an open question: less
+# The data must favour a further fault by this factor before it is an open question: less
 # is what they cannot show. Then it is told, and changes no verdict.
 SPEAKS = 3.0
-# But where the causes alone are this unlikely against it, what speaks for it is their size.
+# But where the causes alone are this unlikely against it, the evidence for it is their size.
 PART_COUNTS = 0.03
 TINY = 1e-300  # a probability, for its logarithm
 # Something beyond the list is dismissed like a rival of one cause. Against two it must be far

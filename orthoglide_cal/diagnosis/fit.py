@@ -255,7 +255,7 @@ class _Search:
             else:
                 self.added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
         self.at, self.score, self.own = at, score, at.columns(self.base)
-        # What is a cause of this explanation is not uncertain besides.
+        # A cause of this explanation is not counted as uncertain again.
         ids = ids_of(*self.base)
         self.uncertain = tuple(each for each in at.uncertain if each.source not in ids)
         nothing = np.zeros((len(at.white), 0))

@@ -38,7 +38,7 @@ OPTIMAL = 0.5
 class Verdict(StrEnum):
     """What the data say of the offsets-only model."""
 
-    CONSISTENT = "consistent"  # nothing speaks against it
+    CONSISTENT = "consistent"  # nothing contradicts it
     NAMED = "named"  # one explanation stands out
     AMBIGUOUS = "ambiguous"  # several explain the data
     UNEXPLAINED = "unexplained"  # something is wrong, and it is none of the causes

@@ -75,7 +75,7 @@ def promise(
     each = (influences(known.model, at, problem.plan) for at in (known.offsets_mm, after))
     for one, other in zip(*each, strict=True):
         was, is_left = problem.matrix @ one.columns, problem.matrix @ other.columns
-        # The stands are put there anew; machine and gauge are the same.
+        # The stands are put there again; machine and gauge are the same.
         anew = one.source == Origin.GAUGE_PLACEMENT
         sources += [was, is_left] if anew else [is_left - was]
     if not problem.model.repeats:

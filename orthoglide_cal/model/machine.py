@@ -195,7 +195,7 @@ class Vocabulary:
     compare: str  # what to do once the new values are used
     further: str  # what besides the usual readings would distinguish causes
     probing: str = ""  # how such a machine measures itself; empty where somebody reads gauges
-    going_on: str = ""  # what to type to go on from readings; empty where one starts anew
+    going_on: str = ""  # what to type to go on from readings; empty where one starts again
     also: str = ""  # what belongs to that noise, too
     axes: Mapping[str, str] = field(default_factory=dict)  # parameters of its rails → in words
 
@@ -221,8 +221,8 @@ class Machine(Schema):
     # A tolerance is a standard deviation, yet some faults are several times as large: scale of the
     # sizes of a fault → its share.
     tolerance_scales: ClassVar[Mapping[float, float]]
-    homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set anew
-    caution: ClassVar[float] = 1.0  # how many times more must speak for a fault before it is named
+    homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set again
+    caution: ClassVar[float] = 1.0  # so many times more evidence is needed to name a fault
     # Id of a cause that may act together with any other one → what is not claimed with it.
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     # Ids that no controller compensates, but that are worth knowing for what is calibrated.

@@ -57,7 +57,7 @@ WORTHLESS_SIGMA = 1.0
 # Where no option has such a chance to leave one answer, none is worth its time: what is likeliest
 # cannot be distinguished from its rival, whatever else can be.
 WORTH_TRYING = 0.1
-# What a sitting costs besides its readings: stands fetched, the machine stopped, warmed up [min].
+# What a session takes besides its readings: stands fetched, the machine stopped, warmed up [min].
 MINUTES_PER_SITTING = 30.0
 # What one costs that leaves the answer open: coming back another day, a shift later [min].
 MINUTES_TO_COME_BACK = 480.0

@@ -158,7 +158,7 @@ class MeasurementPlan(Schema):
     pairs: int  # how many these others make
     alike: int  # of these pairs, how many cannot be distinguished
     design: BestDesign | None  # None where nothing is to be gained
-    next: tuple[RankedMeasurement, ...] = ()  # beside data that there are, best first
+    next: tuple[RankedMeasurement, ...] = ()  # in addition to existing data, best first
 
     @classmethod
     def of(
@@ -203,7 +203,7 @@ def measurement_plan(
 ) -> MeasurementPlan:
     """What the session that is wanted will give, and what other ways there are.
 
-    `following` is what to measure besides data that there are, best first.
+    `following` is what to measure in addition to existing data, best first.
 
     Raises:
         UsageError: the machine has no such session.

@@ -172,7 +172,9 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     export = case.typed("export", f"--format {format}")
     if recording(case.given) is Recording.DONE:
-        yield doc.Instruction(f"By the machine file the {words.many} are entered. {words.restart}")
+        yield doc.Instruction(
+            f"According to the machine file the {words.many} are entered. {words.restart}"
+        )
     elif case.record is not None:
         yield doc.Instruction(f"{words.entering}, then", case.record)
     else:

@@ -1,11 +1,11 @@
-"""Did the machine change? Sessions of one machine, weighed against four stories.
+"""Did the machine change? Sessions of one machine, compared by four explanations.
 
     y_i = θ + steps + rate·t_i + scatter_i + L_i w + e_i,   w ~ N(0, 1),   e_i ~ N(0, V_i)
 
 y_i is what session i found of each parameter, active + found, and of the lasting causes that any
 session shows. L_i w is what all sessions have in common (legs, gauge scale, the touched bed, the
 effect of the temperature): it cancels between them. Steps, rates and scatter have priors of many
-sizes and of subsets of parameters, so the evidence of a story is a sum of Gaussian integrals.
+sizes and of subsets of parameters, so the evidence of each is a sum of Gaussian integrals.
 """
 
 from __future__ import annotations

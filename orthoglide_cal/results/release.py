@@ -77,7 +77,7 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
     elif not solution.dof or (
         solution.suspicious and (diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT)
     ):
-        # Without spare readings nothing can speak against the offsets, nor for them. What a named
+        # Without spare readings nothing can contradict or support the offsets. What a named
         # cause explains does not.
         yield solution.judgement
 

@@ -11,7 +11,7 @@ from orthoglide_cal.files import Input
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.words import plain
 
-STEP_K = 2.0  # a change of temperature beyond this is said beside the verdict
+STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
 _MADE_UP = "simulated"
 
 

@@ -85,7 +85,7 @@ class PriorReadings:
         if self.is_session:
             entries = load_tree(self.following.data).value["readings"]
         for index, row in enumerate(rows):
-            # Steps are counted anew in each session: those of an earlier one cannot be retaken.
+            # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
             note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
             at = entries[index].get("timestamp") if entries else None
             rows[index] = row.model_copy(update={"timestamp": at, "note": note})

@@ -219,4 +219,4 @@ def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
     shown = run("apply", "s.yaml", "--yes").stdout
     assert "orthocal measure --gauge simulated --seed 4" in shown
     assert "orthocal measure --gauge simulated --seed 4" in run().stdout
-    assert "By the machine file the" in words(run("solve", "s.yaml").stdout)
+    assert "According to the machine file the" in words(run("solve", "s.yaml").stdout)
