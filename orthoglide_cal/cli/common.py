@@ -246,9 +246,9 @@ def own_machine_file(machine_file: Path | None) -> Path:
     Raises:
         UsageError: there is none that may be changed.
     """
-    from orthoglide_cal.files import machine_in_folder, shipped_folder
+    from orthoglide_cal.files import shipped_folder
 
-    path = machine_file or machine_in_folder(Path())
+    path = machine_file or _file_in_folder()
     if path is None:
         raise UsageError(
             "There is no machine file in this folder to record the offsets in.",
@@ -290,11 +290,17 @@ def read_machine_file(path: Path) -> StoredMachine:
 
 
 @functools.cache
-def remembered_machine() -> Model | None:
-    """The machine of the only machine file in this folder, and says so; None if there is none."""
+def _file_in_folder() -> Path | None:
+    """The machine file of this folder, searched for once in a command."""
     from orthoglide_cal.files import machine_in_folder
 
-    path = machine_in_folder(Path())
+    return machine_in_folder(Path())
+
+
+@functools.cache
+def remembered_machine() -> Model | None:
+    """The machine of the only machine file in this folder, and says so; None if there is none."""
+    path = _file_in_folder()
     if path is not None:
         tell(f"The machine is that of {path}, the machine file in this folder.")
     return given_machine(path)
@@ -317,7 +323,7 @@ def folder_machine() -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for each in (read_machine_file, remembered_machine, folder_machine):
+    for each in (read_machine_file, _file_in_folder, remembered_machine, folder_machine):
         each.cache_clear()
 
 

@@ -67,21 +67,16 @@ def history(
     overwrite: common.Overwrite = False,
 ) -> None:
     """Show whether the machine changed between sessions."""
-    from orthoglide_cal.files import printers_in, read_input, sessions_in
+    from orthoglide_cal.files import printers_in, sessions_in
     from orthoglide_cal.report.documents.history import history_document
     from orthoglide_cal.results.history import compare
 
     def judge(_: str) -> None:
         paths: list[Path] = []
         for path in map(Path, files):
-            within = sessions_in(path) if path.is_dir() else []
-            paths += [each.path for each in within]
-            paths += sorted(printers_in(path)) if path.is_dir() else [path]
-        # Without the machine file of the folder, which would be searched for each time.
-        known = common.given_machine(machine)
-        inputs = [read_input(str(path), known, common.folder_machine, data) for path in paths]
-        for each in inputs:
-            common.require_printer(each.measured.source, data)
+            within = [each.path for each in sessions_in(path)] if path.is_dir() else [path]
+            paths += within + sorted(printers_in(path))
+        inputs = [common.read_input(str(path), machine, data) for path in paths]
         found = compare(inputs, dates.split(",") if dates else (), limit)
         common.deliver(
             history_document(found, machine),

@@ -12,22 +12,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
-from functools import cached_property
 from itertools import combinations, pairwise, zip_longest
 from pathlib import PurePath
 from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict, Field
-from pydantic.json_schema import SkipJsonSchema
+from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
-from orthoglide_cal.diagnosis.assess import Assessment, assess
+from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.candidates import Candidates, Ids
 from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
 from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations
@@ -51,9 +50,7 @@ RARE = math.log(0.03)  # log prior of a lasting cause
 SIZES = 2.0 ** np.arange(-1.0, 10.0)  # prior ones, in units of what a session knows
 FREE = 1e6  # prior size of what is reported
 FURTHER, MOST_STEPS = math.log(0.5), 20  # log prior of one more step
-# "Unchanged" stands from this probability on: of 400 machines that did not change none is called
-# another thing then, at 0.5 two.
-STANDS = 0.2
+STANDS = 0.2  # probability of "unchanged"; 400 such machines are all called so, at 0.5 two not
 ESTABLISHED, LEFT_OPEN = 0.95, 0.03  # for a second story; for another one
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
 WARM_K = 2.0  # a larger difference of temperatures is told
@@ -61,7 +58,7 @@ U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
 
 Sizes = tuple[Known, ...]
 _Common = dict[tuple[str, ...], Floats]
-_Shape = tuple[Floats, Floats, LinearDelta]
+_Shape = tuple[Floats, Floats, LinearDelta]  # touched places (n, 2), what is left (n,), machine
 
 
 class Story(StrEnum):
@@ -101,7 +98,7 @@ class DatedSession(Schema):
 class Change(Schema):
     """A step between two sessions, named by their files."""
 
-    at: SkipJsonSchema[int] = Field(exclude=True, description="number of the session before")
+    at: int = Field(exclude=True, description="number of the session before")
     before: str
     after: str
     parameters: Sizes
@@ -112,8 +109,8 @@ class Drift(Schema):
 
     name: str
     unit: str
-    per_day: float | None
-    std: float | None
+    per_day: float | None = None
+    std: float | None = None
 
 
 class HomingScatter(Schema):
@@ -135,14 +132,9 @@ class Reached(Schema):
 
 
 class History(Schema):
-    """Sessions of one machine compared, as `history --json` prints it.
-
-    `shapes`: of a bed, in the first and the last session, the places that were touched, (n, 2),
-    what the parameters leave there, (n,) [mm], and the machine.
-    """
+    """Sessions of one machine compared, as `history --json` prints it."""
 
     model_config = ConfigDict(arbitrary_types_allowed=True)
-
     schema_version: Literal[1] = 1
     machine: str
     kind: str
@@ -161,33 +153,26 @@ class History(Schema):
     limit: Reached | None = None
     notes: tuple[str, ...] = ()
     next: str
-    shapes: SkipJsonSchema[tuple[_Shape, ...]] = Field((), exclude=True, repr=False)
-
-
-# --- what one session says ------------------------------------------------------------------------
+    shapes: tuple[_Shape, ...] = Field((), exclude=True, repr=False)  # of a bed: first, last
 
 
 class _Read:
     """One session, judged by the machine of the last one; a printer by what it has in each.
 
-    Once it is settled which lasting causes stand, it has the parameters and the causes of any date
-    as it finds them: `values` (p,) in their units, `covariance` (p, p) of what is its own, and in
-    `common` what one standard deviation of each other source adds, (p, q), by the source and by
-    what makes it the same in other sessions.
+    Once settled it has parameters and causes of any date as it finds them: `values` (p,) in their
+    units, `covariance` (p, p) of what is its own, and in `common` what one standard deviation of
+    each other source adds, (p, q), by the source and by what makes it the same in other sessions.
     """
 
     def __init__(self, given: Input, last: Model) -> None:
         self.given = given
-        self.path = given.measured.source.path
         self.last = last.machine
         white = Whitened.of(given.measured, given.model if last.machine.probes else last)
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         self.white = white
         (self.alone,) = _fits(white, ())
-        # None where noise explains the readings.
-        self.found: Assessment | None = None
-        if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
-            self.found = assess(white)
+        explained = dof > 0 and chance_of_residual(self.alone.square, dof, noise) > PLAIN
+        self.found = None if explained else assess(white)
         # Set of lasting causes → probabilities of the explanations with it; {} if none explains.
         self.listed: dict[Ids, dict[Ids, float]] = {}
         if self.found and self.found.judgement.verdict is not Verdict.UNEXPLAINED:
@@ -203,7 +188,6 @@ class _Read:
         fits = _fits(self.white, causes, scores) if scores or causes else [self.alone]
         weights = np.array([*kept.values()] or [1.0]) / (sum(kept.values()) or 1.0)
         values, spreads, common = zip(*(self._under(fit, causes) for fit in fits), strict=True)
-        self.standing = standing
         self.common = common[int(np.argmax(weights))]
         self.values = np.asarray(weights @ values)
         apart = np.array(values) - self.values
@@ -216,21 +200,18 @@ class _Read:
         """The same under one explanation, whose first effects are these causes."""
         white, active = self.white, self.given.model.machine.active
         conditions, width = self.given.conditions, len(active)
-        pairs = list(zip(causes, fit.slots, fit.effects, strict=False))
-        slots = [slice(slot.start, slot.start + len(own.names)) for own, slot, _ in pairs]
-        chosen = np.r_[(slice(width), *slots)]
-        unit = np.concatenate([np.ones(width), *(np.full(len(c.names), c.scale) for c in causes)])
-        theta = [effect.theta[: len(own.names)] for own, _, effect in pairs]
-        values = np.concatenate([fit.offsets + active, *theta]) / unit
-        covariance = fit.covariance[np.ix_(chosen, chosen)] / np.outer(unit, unit)
-        estimator = fit.covariance[chosen] @ fit.columns.T / fit.sigma**2 / unit[:, None]
+        # Takes the named parameters, in their units, from the unknowns.
+        named = (np.eye(len(cause.names), cause.unknowns) / cause.scale for cause in causes)
+        taken = block_diag(np.eye(width), *named)
+        own = taken.shape[1]
+        theta = (effect.theta for effect in fit.effects[: len(causes)])
+        values = taken @ np.concatenate([fit.offsets + active, *theta])
+        joint = taken @ fit.covariance[:own]
+        covariance, estimator = joint[:, :own] @ taken.T, joint @ fit.columns.T / fit.sigma**2
         common: _Common = {}
-        for each in reversed(fit.uncertain):
-            if each.source == Origin.GAUGE_PLACEMENT:
-                continue
+        for each in (one for one in fit.uncertain if one.source != Origin.GAUGE_PLACEMENT):
             key = [str(each.source)]
-            size = fit.scale_factor if each.local else 1.0
-            shared = estimator @ (each.columns * size)
+            shared = estimator @ each.columns
             if each.source == Origin.GAUGE_SCALE:
                 key += sorted(gauge.id for gauge in conditions.gauges)
             if each.local:
@@ -238,7 +219,8 @@ class _Read:
                 plan = ProbePlan.require(white.plan)
                 grain = plan.texture[~plan.distance]
                 turned = (grain / (np.linalg.norm(grain, axis=0) + 1e-12)).T
-                shared, key = math.sqrt(LASTS) * shared @ turned, [*key, f"{len(grain)} touches"]
+                shared = fit.scale_factor * math.sqrt(LASTS) * shared @ turned
+                key.append(f"{len(grain)} touches")
             common[tuple(key)] = shared
             covariance = covariance - shared @ shared.T
         for each in fixed_influences(white.problem.model, fit.offsets, white.plan):
@@ -249,7 +231,8 @@ class _Read:
             # As `warmth`, but per kelvin the same in all sessions.
             kelvin = conditions.mean_temperature_c - REFERENCE_C
             grown = EXPANSION_PER_K * white.machine.expanding_mm * kelvin / math.sqrt(3.0)
-            common[Origin.TEMPERATURE,] = np.where(chosen[:, None] < width, grown, 0.0)
+            first = np.arange(len(values))[:, None] < width
+            common[Origin.TEMPERATURE,] = np.where(first, grown, 0.0)
         shorter = self.last.nominal_rails.lengths - white.machine.nominal_rails.lengths
         if shorter.any() and ("leg_length",) in common:
             # What the same readings say with the legs that the controller has now.
@@ -291,11 +274,7 @@ def _standing(reads: Sequence[_Read]) -> list[Ids]:
         ids: sum(own.get(ids, min(own.values())) for own in shown) for own in shown for ids in own
     }
     best = {*max(sorted(total), key=total.__getitem__, default=())}
-    fits = [{ids: log for ids, log in own.items() if best >= {*ids}} for own in each]
-    return [max(own, key=own.__getitem__, default=()) for own in fits]
-
-
-# --- the stories ----------------------------------------------------------------------------------
+    return [max(filter(best.issuperset, own), key=own.__getitem__, default=()) for own in each]
 
 
 class _Move(NamedTuple):
@@ -322,18 +301,15 @@ class _Table:
         self.unit = np.sqrt(np.median(np.diagonal(own, axis1=1, axis2=2), axis=0))
         count, width = len(reads), len(self.unit)
         self.own = own / np.outer(self.unit, self.unit) + 1e-6 * np.eye(width)
-        self.centre = np.median([read.values for read in reads], axis=0)
-        self.values = np.array([read.values - self.centre for read in reads]) / self.unit
+        self.centre = np.median([read.values for read in reads], axis=0) / self.unit
+        self.values = np.array([read.values for read in reads]) / self.unit - self.centre
         columns = [np.tile(np.eye(width), (count, 1, 1))]
         for key in dict.fromkeys(key for read in reads for key in read.common):
             like = next(read.common[key] for read in reads if key in read.common)
-            every = np.array([read.common.get(key, 0.0 * like) for read in reads])
-            shared = every / self.unit[:, None]
-            if shared.shape[2] > width:
-                # Few directions tell what many unknowns do.
-                size, turn = np.linalg.eigh(np.einsum("npq,npr->qr", shared, shared))
-                shared = shared @ turn[:, size > 1e-8 * size.max()]
-            columns.append(shared)
+            every = [read.common.get(key, 0.0 * like) / self.unit[:, None] for read in reads]
+            # Few directions tell what many unknowns do.
+            size, turn = np.linalg.eigh(np.einsum("npq,npr->qr", every, every))
+            columns.append(np.array(every) @ turn[:, size > 1e-8 * size.max()])
         self.base = np.concatenate(columns, axis=2)
         self.span = float(np.ptp(times)) or 1.0
         after = np.arange(count) > np.arange(count - 1)[:, None]
@@ -342,100 +318,47 @@ class _Table:
         one_or_two = (chosen for k in (1, 2) for chosen in combinations(range(width), k))
         self.subsets = list(dict.fromkeys(map(tuple, (*one_or_two, *groups, range(width)))))
 
-    def known(self, values: Floats, covariance: Floats, chosen: Iterable[int]) -> Sizes:
-        """Values (q,) of these parameters with their covariance, in their units."""
-        std = np.sqrt(np.diagonal(covariance)).tolist()
+    def known(self, values: Floats, covariance: Floats, chosen: Sequence[int]) -> Sizes:
+        """These parameters in their units, from values (q,) and covariance (q, q)."""
+        unit = self.unit[[*chosen]]
+        std = (unit * np.sqrt(np.diagonal(covariance))).tolist()
         return tuple(
             Known(name=self.names[k], unit=self.units[k], value=value, std=u, expanded=U95 * u)
-            for k, value, u in zip(chosen, values.tolist(), std, strict=True)
+            for k, value, u in zip(chosen, (unit * values).tolist(), std, strict=True)
         )
 
-    def design(self, parts: Iterable[_Move], later: float = 0.0) -> tuple[Floats, Floats]:
-        """Columns (n, p, m) of base and parts, so much later, and prior precisions (m,)."""
-        width = len(self.unit)
-        columns, prior = [self.base], [1.0 * (np.arange(self.base.shape[2]) >= width)]
-        for part in parts:
-            course = self.courses[part.story][part.at]
-            if part.story is Story.DRIFTING:
-                course = course + later / self.span
-            columns.append(course[:, None, None] * np.eye(width)[:, list(part.subset)])
-            prior.append(np.full(len(part.subset), part.size**-2.0))
-        return np.concatenate(columns, axis=2), np.concatenate(prior)
-
-    def solve(
-        self, parts: Iterable[_Move], scatter: Floats
-    ) -> tuple[Floats, Floats, float, Floats, Floats]:
-        """Unknowns (m,), covariance (m, m), log evidence; weighted columns, (V + scatter²)⁻¹."""
-        columns, prior = self.design(parts)
-        inverse = np.asarray(np.linalg.inv(self.own + np.diag(scatter**2)), dtype=np.float64)
-        weighted = inverse @ columns
-        normal = np.einsum("npm,npk->mk", columns, weighted, optimize=True) + np.diag(prior)
-        right = np.einsum("npm,np->m", weighted, self.values)
-        covariance = np.linalg.inv(normal)
-        found = covariance @ right
-        log = right @ found - np.einsum("np,npq,nq->", self.values, inverse, self.values)
-        log += np.linalg.slogdet(inverse)[1].sum() - np.linalg.slogdet(normal)[1]
-        log += np.log(prior[prior > 0.0]).sum()
-        return np.asarray(found), np.asarray(covariance), 0.5 * float(log), weighted, inverse
-
-    def gains(self, story: Story, parts: Iterable[_Move], scatter: Floats) -> Floats:
-        """Log evidence that one more part adds, (places, subsets, sizes)."""
-        course = self.courses[story]
-        found, covariance, _, weighted, inverse = self.solve(parts, scatter)
-        count, width, _ = weighted.shape
-        shared = (course @ weighted.reshape(count, -1)).reshape(len(course), width, -1)
-        own = (course**2 @ inverse.reshape(count, -1)).reshape(len(course), width, width)
-        known = own - shared @ covariance @ shared.swapaxes(1, 2)
-        seen = course @ np.einsum("npq,nq->np", inverse, self.values) - shared @ found
-        logs = np.empty((len(course), len(self.subsets), len(SIZES)))
-        for number, chosen in enumerate(map(list, self.subsets)):
-            size, turn = np.linalg.eigh(known[:, chosen][:, :, chosen])
-            apart2 = np.einsum("gij,gi->gj", turn, seen[:, chosen])[:, None] ** 2
-            spread = SIZES[:, None] ** 2
-            scale = 1.0 + spread * np.maximum(size, 0.0)[:, None]
-            logs[:, number] = 0.5 * (apart2 * spread / scale - np.log(scale)).sum(axis=2)
-        return logs
-
-    def tell(self, told: Sequence[Story]) -> _Tale:
-        """A story with its best parts; its evidence sums over their sizes, places and subsets."""
-        width = len(self.unit)
-        scatter = np.zeros(width)
-        parts = self._search(told, scatter)
-        log = self.solve(parts, scatter)[2]
-        if Story.SCATTERING in told:
-            # Of any size and subset; twice, because other parts fit with the likeliest scatter.
-            tried = [size * own for own in (np.ones(width), *np.eye(width)) for size in SIZES]
-            logs = [self.solve(parts, each)[2] for each in tried]
-            parts = self._search(told, tried[int(np.argmax(logs))])
-            logs = [self.solve(parts, each)[2] for each in tried]
-            log = log_mean(np.array(logs))
-            scatter = tried[int(np.argmax(logs))]
+    def tell(self, told: Sequence[Story]) -> tuple[float, _Tale]:
+        """A story's best parts, free in size, and its log evidence: over all that they may be."""
+        every = np.eye(len(self.unit))
+        scatter = 0.0 * self.unit
+        rounds, sizes = (2, SIZES) if Story.SCATTERING in told else (1, np.zeros(1))
+        tried = [size * own for own in (every.sum(axis=0), *every) for size in sizes]
+        for _ in range(rounds):
+            # Twice, because other parts fit with the likeliest scatter.
+            parts = self._search(told, scatter)
+            tales = [_Tale(self, parts, each) for each in tried]
+            whole = max(tales, key=lambda tale: tale.log)
+            scatter = whole.scatter
+        log = log_mean(np.array([tale.log for tale in tales]))
         for part in parts:
             # The chosen one stands for all that the other parts leave open.
-            gains = self.gains(part.story, [each for each in parts if each is not part], scatter)
-            subset, size = self.subsets.index(part.subset), int(np.argmax(part.size == SIZES))
-            log += log_mean(gains) - float(gains[part.at, subset, size])
-        for story, prior in PRIOR.items():
-            log += math.log(prior if story in told else 1.0 - prior)
+            others = _Tale(self, [each for each in parts if each is not part], scatter)
+            log += others.one_more(part.story)[0] + others.log - whole.log
+        log += sum(math.log(p if story in told else 1.0 - p) for story, p in PRIOR.items())
         steps = sum(part.story is Story.CHANGED for part in parts)
-        return _Tale(self, log + max(steps - 1, 0) * FURTHER, parts, scatter)
+        free = [part._replace(size=FREE) for part in sorted(parts, key=lambda part: part.at)]
+        return log + max(steps - 1, 0) * FURTHER, _Tale(self, free, scatter)
 
     def _search(self, told: Sequence[Story], scatter: Floats) -> list[_Move]:
         """The best step and drift, and further steps as long as they are likelier than not."""
         parts: list[_Move] = []
-
-        def best(story: Story, others: list[_Move]) -> tuple[float, _Move]:
-            gains = self.gains(story, others, scatter)
-            place, subset, size = np.unravel_index(int(gains.argmax()), gains.shape)
-            part = _Move(story, int(place), self.subsets[subset], float(SIZES[size]))
-            return log_mean(gains), part
-
         for story in (story for story in told if story in self.courses):
-            parts.append(best(story, parts)[1])
+            parts.append(_Tale(self, parts, scatter).one_more(story)[1])
         while parts and Story.CHANGED in told:
             for k, part in enumerate(parts):
-                parts[k] = best(part.story, parts[:k] + parts[k + 1 :])[1]
-            log, more = best(Story.CHANGED, parts)
+                others = _Tale(self, parts[:k] + parts[k + 1 :], scatter)
+                parts[k] = others.one_more(part.story)[1]
+            log, more = _Tale(self, parts, scatter).one_more(Story.CHANGED)
             if log + FURTHER < 0.0 or len(parts) >= MOST_STEPS:
                 break
             parts.append(more)
@@ -443,16 +366,52 @@ class _Table:
 
 
 class _Tale:
-    """A story with its log evidence, its parts, and the scatter (p,) that it needs.
+    """These parts and a scatter (p,): unknowns `found` (m,), what is `left`, `log` evidence."""
 
-    What follows from it is free of the priors of steps and rates.
-    """
-
-    def __init__(self, table: _Table, log: float, parts: Iterable[_Move], scatter: Floats) -> None:
+    def __init__(self, table: _Table, parts: Sequence[_Move], scatter: Floats) -> None:
         self.table = table
-        self.log = log
+        self.parts = parts
         self.scatter = scatter
-        self.parts = [part._replace(size=FREE) for part in sorted(parts, key=lambda part: part.at)]
+        columns = self.columns()
+        sizes = [np.full(len(part.subset), part.size**-2.0) for part in parts]
+        prior = np.concatenate([np.arange(table.base.shape[2]) >= len(scatter), *sizes])
+        self.inverse = np.asarray(np.linalg.inv(table.own + np.diag(scatter**2)), dtype=np.float64)
+        self.weighted = self.inverse @ columns
+        normal = np.einsum("npm,npk->mk", columns, self.weighted, optimize=True) + np.diag(prior)
+        self.covariance = np.asarray(np.linalg.inv(normal))
+        self.found = self.covariance @ np.einsum("npm,np->m", self.weighted, table.values)
+        self.left = table.values - columns @ self.found
+        log = -np.einsum("np,npq,nq->", self.left, self.inverse, table.values)
+        log += np.linalg.slogdet(self.inverse)[1].sum() - np.linalg.slogdet(normal)[1]
+        self.log = 0.5 * float(log + np.log(prior[prior > 0.0]).sum())
+
+    def columns(self, later: float = 0.0) -> Floats:
+        """Derivatives of what the sessions find, so much later, by the unknowns, (n, p, m)."""
+        table = self.table
+        found = [table.base]
+        for part in self.parts:
+            shift = later / table.span if part.story is Story.DRIFTING else 0.0
+            course = table.courses[part.story][part.at] + shift
+            found.append(course[:, None, None] * np.eye(len(table.unit))[:, list(part.subset)])
+        return np.concatenate(found, axis=2)
+
+    def one_more(self, story: Story) -> tuple[float, _Move]:
+        """Log evidence that one more part adds, over all that it may be, and the likeliest."""
+        table, course = self.table, self.table.courses[story]
+        shared = np.einsum("gn,npm->gpm", course, self.weighted, optimize=True)
+        own = np.einsum("gn,npq->gpq", course**2, self.inverse, optimize=True)
+        known = own - shared @ self.covariance @ shared.swapaxes(1, 2)
+        seen = course @ np.einsum("npq,nq->np", self.inverse, self.left)
+        # By place, subset and size.
+        logs = np.empty((len(course), len(table.subsets), len(SIZES)))
+        for number, chosen in enumerate(map(list, table.subsets)):
+            power, turn = np.linalg.eigh(known[:, chosen][:, :, chosen])
+            apart2 = np.einsum("gij,gi->gj", turn, seen[:, chosen])[:, None] ** 2
+            spread = SIZES[:, None] ** 2
+            scale = 1.0 + spread * np.maximum(power, 0.0)[:, None]
+            logs[:, number] = 0.5 * (apart2 * spread / scale - np.log(scale)).sum(axis=2)
+        place, subset, size = np.unravel_index(int(logs.argmax()), logs.shape)
+        return log_mean(logs), _Move(story, int(place), table.subsets[subset], float(SIZES[size]))
 
     @property
     def stories(self) -> tuple[Story, ...]:
@@ -460,18 +419,12 @@ class _Tale:
         own = [part.story for part in self.parts] + [Story.SCATTERING] * bool(self.scatter.any())
         return tuple(each for each in Story if each in own) or (Story.UNCHANGED,)
 
-    @cached_property
-    def solution(self) -> tuple[Floats, Floats]:
-        """Unknowns (m,) and their covariance (m, m)."""
-        return self.table.solve(self.parts, self.scatter)[:2]
-
     @property
     def homing(self) -> tuple[HomingScatter, ...]:
         """What is left from session to session beyond what each of them does not know."""
         table = self.table
         known = np.median(table.own, axis=0).diagonal()
-        left = table.values - table.design(self.parts)[0] @ self.solution[0]
-        spread = (left**2).sum(axis=0) / max(len(left) - 1 - len(self.parts), 1)
+        spread = (self.left**2).sum(axis=0) / max(len(self.left) - 1 - len(self.parts), 1)
         size = np.sqrt(np.maximum(spread - known, 0.0)) * table.unit
         return tuple(
             HomingScatter(name=table.names[k], unit=table.units[k], std=float(size[k]))
@@ -480,32 +433,25 @@ class _Tale:
 
     def sizes(self, story: Story) -> Iterator[tuple[int, Sizes]]:
         """Place and size of each step; rates per unit of time."""
-        table = self.table
-        found, covariance = self.solution
-        start = table.base.shape[2]
-        time = table.span if story is Story.DRIFTING else 1.0
+        start = self.table.base.shape[2]
+        time = self.table.span if story is Story.DRIFTING else 1.0
         for part in self.parts:
             slot = slice(start, start := start + len(part.subset))
-            unit = table.unit[list(part.subset)] / time
             if part.story is story:
-                spread = covariance[slot, slot] * np.outer(unit, unit)
-                yield part.at, table.known(found[slot] * unit, spread, part.subset)
+                values, spread = self.found[slot] / time, self.covariance[slot, slot] / time**2
+                yield part.at, self.table.known(values, spread, part.subset)
 
     def state(self, at: int, later: float = 0.0, measured: bool = False, more: int = 0) -> Sizes:
-        """The parameters at a session or so much later, or what a session finds of them then.
-
-        `more`: with so many more sessions like this one.
-        """
-        table, (found, covariance) = self.table, self.solution
-        columns = table.design(self.parts, later)[0][at].copy()
+        """The parameters at a session or so much later, or what a session finds of them then;
+        with so many `more` sessions like that one."""
+        table, covariance, columns = self.table, self.covariance, self.columns(later)[at]
         own = np.median(table.own, axis=0) + np.diag(self.scatter**2)
         if more:
             gained = more * columns.T @ np.linalg.solve(own, columns)
             covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
-        columns[:, len(table.names) : table.base.shape[2]] *= measured
+        columns[:, len(own) : table.base.shape[2]] *= measured
         spread = columns @ covariance @ columns.T + own * measured
-        values = columns @ found * table.unit + table.centre
-        return table.known(values, spread * np.outer(table.unit, table.unit), range(len(values)))
+        return table.known(columns @ self.found + table.centre, spread, range(len(own)))
 
     def reached(self, limit_mm: float, last: datetime | None) -> Reached:
         """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
@@ -521,8 +467,6 @@ class _Tale:
                 found = found.changed(parameter=rate.name, days=days, date=day)
         return found
 
-
-# --- the history ----------------------------------------------------------------------------------
 
 _IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
 
@@ -561,14 +505,14 @@ def compare(
         raise UsageError(what, "Give --dates one date for each, in the order of the files.")
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    said = [moment_of(given, day) for given, day in zip_longest(inputs, dates)]
-    moments = [each for each in said if each is not None]
+    said = (moment_of(given, day) for given, day in zip_longest(inputs, dates))
+    moments = [each for each in said if each]
     dated = len(moments) == len(inputs)
     times = np.arange(len(inputs), dtype=np.float64)
     if dated:
-        order = np.argsort([each.timestamp() for each in moments], kind="stable")
+        order = sorted(range(len(inputs)), key=moments.__getitem__)
         inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
-        times = np.array([(each - moments[0]).total_seconds() / 86400.0 for each in moments])
+        times = np.array([(each - moments[0]) / timedelta(days=1) for each in moments])
     machine = inputs[-1].model.machine
     notes = [] if dated else ["Not every file has a date: the order given counts."]
     notes += _one_machine([given.model for given in inputs])
@@ -585,32 +529,33 @@ def compare(
         read.settle(own, causes)
     table = _Table(reads, times, causes)
     tales = [table.tell(stories) for stories in TELLABLE if len(stories) < len(inputs)]
-    logs = np.array([each.log for each in tales])
-    chances = np.exp(logs - log_sum(logs)).tolist()
-    weighed = list(zip(chances, tales, strict=True))
+    total = log_sum(np.array([log for log, _ in tales]))
+    told = [(math.exp(log - total), tale) for log, tale in tales]
     # Two sessions tell no step from a drift or scatter.
-    best = tales[1] if len(inputs) == 2 else max(tales[1:], key=lambda each: each.log)
-    best = tales[0] if chances[0] > STANDS else best
-    there = {story: sum(p for p, each in weighed if story in each.stories) for story in Story}
-    share = {story: sum(p for p, each in weighed if each.stories[0] is story) for story in Story}
+    _, best = told[1] if len(inputs) == 2 else max(told[1:], key=lambda pair: pair[0])
+    best = told[0][1] if told[0][0] > STANDS else best
+    share = {story: sum(p for p, each in told if each.stories[0] is story) for story in Story}
     verdict, *others = best.stories
     least = STANDS if verdict is Story.UNCHANGED else LEFT_OPEN
     rivals = sorted((s for s in {*Story} - {verdict} if share[s] > least), key=lambda s: -share[s])
     sessions = []
+    unit, every = table.unit, range(len(table.unit))
     for k, read in enumerate(reads):
         conditions = read.given.conditions
         total = sum((shared @ shared.T for shared in read.common.values()), read.covariance)
-        known = DatedSession(
-            path=read.path,
-            started=moments[k].isoformat() if dated else conditions.started,
-            parameters=table.known(read.values, total, range(len(total))),
-            own_expanded=tuple((U95 * np.sqrt(read.covariance.diagonal())).tolist()),
-            fitted=tuple(one.value for one in best.state(k)),
-            causes=read.standing,
-            temperature_c=conditions.mean_temperature_c,
-            gauges=tuple(gauge.id for gauge in conditions.gauges),
+        sessions.append(
+            DatedSession(
+                path=read.given.measured.source.path,
+                started=moments[k].isoformat() if dated else conditions.started,
+                parameters=table.known(read.values / unit, total / np.outer(unit, unit), every),
+                own_expanded=tuple((U95 * np.sqrt(read.covariance.diagonal())).tolist()),
+                fitted=tuple(one.value for one in best.state(k)),
+                causes=standing[k],
+                temperature_c=conditions.mean_temperature_c,
+                gauges=tuple(gauge.id for gauge in conditions.gauges),
+            )
         )
-        sessions.append(known)
+    paths = [each.path for each in sessions]
     decides = HOMINGS if Story.SCATTERING in (verdict, *rivals) else AGAIN
     return History(
         machine=machine.name,
@@ -621,26 +566,21 @@ def compare(
         probability=min(share[verdict], 1.0),
         ambiguous_with=tuple(rivals),
         changes=tuple(
-            Change(at=at, before=reads[at].path, after=reads[at + 1].path, parameters=step)
+            Change(at=at, before=paths[at], after=paths[at + 1], parameters=step)
             for at, step in best.sizes(Story.CHANGED)
         ),
         drift=tuple(
-            Drift(
-                name=rate.name,
-                unit=rate.unit,
-                per_day=rate.value if dated else None,
-                std=rate.std if dated else None,
-            )
+            Drift(name=r.name, unit=r.unit, **({"per_day": r.value, "std": r.std} if dated else {}))
             for _, rates in best.sizes(Story.DRIFTING)
-            for rate in rates
+            for r in rates
         ),
         scatter=best.homing,
         pooled=best.state(-1),
         further={n: tuple(u.expanded for u in best.state(-1, more=n)) for n in (1, 2, 5)},
         prediction=best.state(-1, float(np.median(np.diff(times))), measured=True),
-        also=tuple(story for story in others if there[story] >= ESTABLISHED),
+        also=tuple(s for s in others if sum(p for p, t in told if s in t.stories) >= ESTABLISHED),
         limit=None if limit_mm is None else best.reached(limit_mm, moments[-1] if dated else None),
-        notes=(*notes, *_circumstances(reads)),
+        notes=(*notes, *_circumstances(sessions, reads)),
         next=decides if rivals else ADVICE[verdict],
         shapes=tuple(_shape(reads[k]) for k in (0, -1)) if machine.probes else (),
     )
@@ -655,7 +595,7 @@ def _one_machine(models: Sequence[Model]) -> list[str]:
             model.machine.check_same(last)
         return []
     if other & {"kind", "name", "leg_length_mm", "joint_limits_mm"}:
-        names = listed(list(dict.fromkeys(model.machine.name for model in models)))
+        names = listed([*dict.fromkeys(model.machine.name for model in models)])
         raise UsageError(
             f"These are sessions of several machines ({names}): {', '.join(sorted(other))} differ.",
             "Name the files of one, or the machine that all are judged by: --machine FILE",
@@ -665,31 +605,30 @@ def _one_machine(models: Sequence[Model]) -> list[str]:
     return [f"{judged} {', '.join(sorted(other))}."] if other else []
 
 
-def _circumstances(reads: Sequence[_Read]) -> Iterator[str]:
+def _circumstances(sessions: Sequence[DatedSession], reads: Sequence[_Read]) -> Iterator[str]:
     """What else differed between the sessions, and which causes they show."""
-    conditions = [read.given.conditions for read in reads]
-    warm = [c.mean_temperature_c for c in conditions if c.mean_temperature_c is not None]
+    warm = [each.temperature_c for each in sessions if each.temperature_c is not None]
     if warm and max(warm) - min(warm) > WARM_K:
         swing = f"{min(warm):.1f} to {max(warm):.1f} °C"
         yield f"The temperature differs ({swing}); what follows it is not a change of the machine."
-    if len({tuple(gauge.id for gauge in each.gauges) for each in conditions if each.gauges}) > 1:
+    if len({each.gauges for each in sessions if each.gauges}) > 1:
         yield "The gauges differ; the scale error of each set is accounted for."
     if len({tuple(read.white.machine.nominal_rails.lengths) for read in reads}) > 1:
         yield "The arm lengths in the firmware differ: parameters are compared at the last ones."
-    for one, two in pairwise(reads):
-        old, new = one.given.model.machine, two.given.model.machine
+    machines = [read.given.model.machine for read in reads]
+    for (one, old), (two, new) in pairwise(zip(sessions, machines, strict=True)):
         moved = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
         entered = ", ".join(f"{name} {signed(by, 3)}" for name, by in moved if abs(by) > 1e-9)
         if entered and not new.probes:
             yield f"Recorded adjustment between {one.path} and {two.path}: {entered} mm."
-    for id in dict.fromkeys(id for read in reads for id in read.standing):
-        shown = [read.path for read in reads if id in read.standing]
+    for id in dict.fromkeys(id for each in sessions for id in each.causes):
+        shown = [each.path for each in sessions if id in each.causes]
         where = "all sessions: it is pooled" if len(shown) == len(reads) else listed(shown)
         yield f"{id} shows in {where}."
 
 
 def _shape(read: _Read) -> _Shape:
-    """As of `shapes`."""
+    """What the parameters leave of each touch of a bed [mm]."""
     plan, machine = ProbePlan.require(read.white.plan), LinearDelta.require(read.white.machine)
     touched = ~plan.distance
     return plan.place[touched, :2], read.white.plain(read.alone.left)[touched], machine

@@ -13,12 +13,11 @@ from rich.console import Console
 
 from orthoglide_cal.diagnosis.result import CauseParameter as Known
 from orthoglide_cal.errors import command
-from orthoglide_cal.model import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.figures import below, line, thread, words
 from orthoglide_cal.report.terminal import TerminalPage
-from orthoglide_cal.results.history import U95, Drift, History, Story
+from orthoglide_cal.results.history import U95, History, Story
 from orthoglide_cal.words import (
     counted,
     decimals_for,
@@ -38,27 +37,28 @@ _MONTH = 30.0  # days, in which a drift is told
 
 def history_document(found: History, machine_file: Path | None = None) -> doc.Document:
     """The document; with the machine file as the user gave it."""
-    given = found, machine_file
+    see = command("solve", found.sessions[-1].path, machine=machine_file)
+    steps = doc.Instruction(found.next), doc.Instruction("See the last session", see)
+    given = found, doc.Instructions(steps)
     return doc.Document(
         partial(found.model_dump, mode="json"), partial(_page, *given), partial(_screen, *given)
     )
 
 
-def _screen(found: History, machine_file: Path | None) -> doc.Page:
+def _screen(found: History, steps: doc.Instructions) -> doc.Page:
     """As many sessions as a screen has lines for, three at least."""
     more = doc.Paragraph("More: the same with --details, or as a page: --html history.html")
-    following = doc.Section("Next", (_steps(found, machine_file), more))
+    following = doc.Section("Next", (steps, more))
     notes = tuple(map(doc.Paragraph, found.notes[:3]))
-    console = Console(width=_WIDE)
     for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
         sections = doc.Section(None, (_table(found, most), *notes)), following
         page = doc.Page("History", None, notice=_notice(found), sections=sections)
-        if len(console.render_lines(TerminalPage(page))) <= _HIGH:
+        if len(Console(width=_WIDE).render_lines(TerminalPage(page))) <= _HIGH:
             break
     return page
 
 
-def _page(found: History, machine_file: Path | None) -> doc.Page:
+def _page(found: History, steps: doc.Instructions) -> doc.Page:
     notes = [*found.notes, f"The next session will find: {_sizes(found.prediction)} (95 %)."]
     for count, expanded in found.further.items():
         pairs = zip(found.pooled, expanded, strict=True)
@@ -69,12 +69,9 @@ def _page(found: History, machine_file: Path | None) -> doc.Page:
         sections.append(doc.Section("What is left of each touch", (_shapes(found),)))
     table = _table(found, len(found.sessions))
     sections.append(doc.Section("Sessions", (table, *map(doc.Paragraph, notes))))
+    sheet = (doc.Section("What to do next", (steps,)),)
     return doc.Page(
-        "History",
-        found.machine,
-        notice=_notice(found),
-        sheet=(doc.Section("What to do next", (_steps(found, machine_file),)),),
-        sections=tuple(sections),
+        "History", found.machine, notice=_notice(found), sheet=sheet, sections=tuple(sections)
     )
 
 
@@ -86,8 +83,13 @@ def _notice(found: History) -> doc.Notice:
         when = f"{_label(found, each.at)} and {_label(found, each.at + 1)}"
         told.append(f"Changed between {when}: {_sizes(each.parameters, ' by')}")
     told += [f"{counted(earlier, 'earlier change')}, marked in the table"] if earlier > 0 else []
-    if found.drift:
-        told.append(f"Drifting: {', '.join(map(_rate, found.drift))}")
+    rates = []
+    for rate in found.drift:
+        rates.append(rate.name)
+        if rate.per_day is not None and rate.std is not None:
+            size = with_uncertainty(_MONTH * rate.per_day, U95 * _MONTH * rate.std)
+            rates[-1] += f" {size} {unit_words(rate.unit)} in {_MONTH:g} days"
+    told += [f"Drifting: {', '.join(rates)}"] if rates else []
     if found.scatter:
         sizes = (f"{each.name} {plain(each.std, 3)} {each.unit}" for each in found.scatter)
         told.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
@@ -121,14 +123,6 @@ def _sizes(values: Sequence[Known], by: str = "") -> str:
     )
 
 
-def _rate(drift: Drift) -> str:
-    """A rate with its U, in a month."""
-    if drift.per_day is None or drift.std is None:
-        return drift.name
-    size = with_uncertainty(_MONTH * drift.per_day, U95 * _MONTH * drift.std)
-    return f"{drift.name} {size} {unit_words(drift.unit)} in {_MONTH:g} days"
-
-
 def _label(found: History, at: int) -> str:
     """Date, with the time where a day has several sessions; the file's name without dates."""
     session = found.sessions[at]
@@ -139,10 +133,8 @@ def _label(found: History, at: int) -> str:
 
 
 def _table(found: History, most: int) -> doc.Grid:
-    """A row for each session, or those around changes; a line where the machine changed.
-
-    Of parameters for which there is no room those that did something.
-    """
+    """A row for each session, or those around changes; a line where the machine changed; of
+    parameters for which there is no room those that did something."""
     count = len(found.sessions)
     every = [*range(len(found.pooled))]
     around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
@@ -157,54 +149,46 @@ def _table(found: History, most: int) -> doc.Grid:
         every = [k for k in every if names[k] in moved] or every[:6]
     decimals = [decimals_for(each.expanded) for each in found.pooled]
 
-    def row(name: str, sizes: Sequence[float], uncertain: bool = False) -> tuple[str, ...]:
-        """Lengths beyond 10 mm are no offsets: they have no sign."""
-        bare = [uncertain or abs(size) > 10.0 for size in sizes]
-        return (name, *((plain if bare[k] else signed)(sizes[k], decimals[k]) for k in every))
+    def row(name: str, sizes: Sequence[Known], uncertain: bool = False) -> tuple[str, ...]:
+        """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
+        shown = [each.expanded if uncertain else each.value for each in sizes]
+        bare = [uncertain or abs(size) > 10.0 for size in shown]
+        return (name, *((plain if bare[k] else signed)(shown[k], decimals[k]) for k in every))
 
     units = [unit_words(found.pooled[k].unit) for k in every]
     same = len(set(units)) == 1
     rows = [] if same else [("", *units)]
     for at, after in zip(shown, (*shown[1:], count), strict=True):
-        rows.append(row(_label(found, at), [each.value for each in found.sessions[at].parameters]))
+        rows.append(row(_label(found, at), found.sessions[at].parameters))
         if any(at <= change.at < after for change in found.changes):
             rows.append(tuple("-" * len(cell) for cell in rows[-1]))
         if after > at + 1:
             rows.append((f"… {after - at - 1} more", *("" for _ in every)))
-    rows.append(row("± U", [each.expanded for each in found.sessions[-1].parameters], True))
-    rows.append(row("best now", [each.value for each in found.pooled]))
-    rows.append(row("± U", [each.expanded for each in found.pooled], True))
+    rows.append(row("± U", found.sessions[-1].parameters, uncertain=True))
+    rows += [row("best now", found.pooled), row("± U", found.pooled, uncertain=True)]
     return doc.Grid((units[0] if same else "", *(names[k] for k in every)), tuple(rows))
-
-
-def _steps(found: History, machine_file: Path | None) -> doc.Instructions:
-    see = command("solve", found.sessions[-1].path, machine=machine_file)
-    steps = doc.Instruction(found.next), doc.Instruction("See the last session", see)
-    return doc.Instructions(steps)
 
 
 def _courses(found: History) -> doc.Figure:
     """A plot for each parameter: marks with U bars, and what is fitted to them."""
-    days = [each.started for each in found.sessions if found.dated and each.started]
-    starts = [datetime.fromisoformat(day) for day in days]
+    starts = [datetime.fromisoformat(s.started or "") for s in found.sessions if found.dated]
     times = [each.timestamp() for each in starts] or [*range(len(found.sessions))]
     labels = [f"{each:%Y-%m}" for each in starts] or [str(k + 1) for k in times]
-    wide, bottom = 330.0, 124.0
+    wide, top, bottom = 330.0, 22.0, 124.0
     across = figures.Scale(times[0], times[-1], 74.0, wide - 26.0)
     places = [across(time) for time in times]
     # A label is written where it changes and has room.
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
     dates = [*below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0)]
-    colours = dict(zip((*AXES, "a", "b", "c"), (*AXES, *AXES), strict=True))
     panels = []
     for k, now in enumerate(found.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in found.sessions]
         gaps = [c.at for c in found.changes if now.name in [each.name for each in c.parameters]]
-        limit = found.limit.limit_mm if found.limit and now.unit == "mm" else None
-        edges = [] if limit is None else [now.value - limit, now.value + limit]
-        ends = [*edges, *(value + side * half for value, half, _ in rows for side in (-1.0, 1.0))]
+        limit = [found.limit.limit_mm] if found.limit and now.unit == "mm" else []
+        edges = [now.value + side for size in limit for side in (-size, size)]
+        ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
         room = 0.06 * (max(ends) - min(ends)) or 1.0
-        up = figures.Scale(min(ends) - room, max(ends) + room, bottom, 22.0)
+        up = figures.Scale(min(ends) - room, max(ends) + room, bottom, top)
         parts = [
             *(line(50.0, y, wide, y, kind) for y, kind, _ in up.ticks(4)),
             *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
@@ -212,18 +196,18 @@ def _courses(found: History) -> doc.Figure:
             words(50.0, 12.0, f"{now.name}, {unit_words(now.unit)}", class_="strong"),
             *(line(50.0, up(edge), wide, up(edge), "due") for edge in edges),
         ]
-        middles = ((places[gap] + places[gap + 1]) / 2.0 for gap in gaps)
-        parts += [line(x, 22.0, x, bottom, "ink") for x in middles]
+        for gap in gaps:
+            middle = (places[gap] + places[gap + 1]) / 2.0
+            parts.append(line(middle, top, middle, bottom, "ink"))
         for start, end in pairwise([0, *(gap + 1 for gap in gaps), len(rows)]):
             parts.append(thread([(places[k], up(rows[k][2])) for k in range(start, end)]))
         for x, (value, half, _) in zip(places, rows, strict=True):
             parts.append(line(x, up(value - half), x, up(value + half), "whisker"))
             parts.append(figures.mark(x, up(value), 0, "mark", 3.0))
         finding = f"{now.name} of {len(rows)} sessions, {labels[0]} to {labels[-1]}."
-        own = "".join(letter if letter.isalnum() else "-" for letter in now.name)
-        axis = f"c-{colours.get(now.name, 'x')}"
-        drawn = figures.svg(f"course-{own}", wide, bottom + 26.0, now.name, finding, parts, axis)
-        panels.append(drawn)
+        name = "course-" + "".join(letter if letter.isalnum() else "-" for letter in now.name)
+        axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
+        panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
     key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
     key += " Dashed: the limit around the best value now." if found.limit else ""
     return doc.Figure(None, "", tuple(panels), columns=2, key=key)
