@@ -580,12 +580,12 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         taken.append(np.array([x, y]))
         parts.append(words(x, y + 4, name, "middle", "strong halo"))
     finding = "Three rails that should meet in one point, and the gap between each two of them."
-    return svg("rails", 328.0, 258.0, "The rails where they pass each other", finding, parts)
+    return svg("rails", 328.0, 294.0, "The rails where they pass each other", finding, parts)
 
 
 def _paper(place: Floats) -> Floats:
     """Where a point (3,) [px] is on the paper."""
-    return np.asarray(np.array([164.0, 136.0]) + place @ _ON_PAPER)
+    return np.asarray(np.array([164.0, 156.0]) + place @ _ON_PAPER)
 
 
 # --- causes that can be distinguished -----------------------------------------------------------
