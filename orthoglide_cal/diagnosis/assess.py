@@ -414,7 +414,7 @@ class Assessment:
             return self.at.offsets[0], self._unexplained_covariance()
         weights = np.array([share for share, _ in self.left_open])
         values = np.stack([fit.offsets for _, fit in self.left_open])
-        within = np.stack([fit.joint_covariance() for _, fit in self.left_open])
+        within = np.stack([fit.offsets_covariance for _, fit in self.left_open])
         mean = weights @ values
         apart = values - mean
         between = apart[:, :, None] * apart[:, None, :]

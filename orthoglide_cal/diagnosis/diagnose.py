@@ -241,7 +241,7 @@ def _explanations(found: Assessment) -> tuple[Explanation, ...]:
         fit = fits.get(ids)
         if fit is None:
             return Explanation(ids=ids, probability=probability)
-        std = np.sqrt(np.diag(fit.joint_covariance()))
+        std = np.sqrt(np.diag(fit.offsets_covariance))
         return Explanation(
             ids=ids,
             probability=probability,

@@ -399,7 +399,7 @@ class Linearised:
 
     @cached_property
     def seen(self) -> Floats:
-        """`shown` where the offsets-only model fits best."""
+        """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
         return self.shown(self.uncertain, self.jacobian)
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:

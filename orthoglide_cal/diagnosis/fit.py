@@ -89,11 +89,11 @@ class Fitted(ReadOnly):
         """Of its causes, in the order of its effects."""
         return tuple(effect.cause.id for effect in self.effects)
 
-    def joint_covariance(self, effects: Sequence[Effect] = ()) -> Floats:
-        """Of the offsets and the parameters of some of its effects in turn, internal units."""
-        slots = [self.slots[self.effects.index(effect)] for effect in effects]
-        chosen = np.r_[(slice(0, self.offsets.size), *slots)]
-        return np.asarray(self.covariance[np.ix_(chosen, chosen)])
+    @property
+    def offsets_covariance(self) -> Floats:
+        """Of the offsets alone, shape (3, 3), internal units."""
+        width = self.offsets.size
+        return self.covariance[:width, :width]
 
     @property
     def unread(self) -> Fitted:
@@ -150,7 +150,7 @@ class Fitted(ReadOnly):
         sized = [effect.cause.id for effect in self.effects if effect.covariance is not None]
         if not sized:
             return known
-        left = self.joint_covariance() - known.covariance_mm2
+        left = self.offsets_covariance - known.covariance_mm2
         return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 

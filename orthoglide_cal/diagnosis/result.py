@@ -269,11 +269,11 @@ class Diagnosis(ReadOnly):
         consistent = self.verdict is Verdict.CONSISTENT
         if consistent:
             (_, alone), *others = fits
-            least, fits = alone.joint_covariance(), tuple(others)
+            least, fits = alone.offsets_covariance, tuple(others)
         found = []
         for share, fit in fits:
             apart = fit.offsets - solution.offsets_mm
-            spread = share * (fit.joint_covariance() - least + np.outer(apart, apart))
+            spread = share * (fit.offsets_covariance - least + np.outer(apart, apart))
             found.append(Contribution.beyond(" and ".join(fit.ids), spread, possible=consistent))
         return tuple(found)
 

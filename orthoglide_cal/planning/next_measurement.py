@@ -135,7 +135,7 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     told = others & (apart.max(axis=0) >= WORTHLESS_SIGMA) & (chances.max() >= WORTH_TRYING)
     chances *= told.any()
     total = sum(share for share, _ in diagnosis.left_open)
-    within_now = sum(share * fit.joint_covariance() for share, fit in diagnosis.left_open) / total
+    within_now = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open) / total
     between = diagnosis.covariance_mm2 - within_now
     taken = 0.0 if first is None else _fixed(model, first, fits[0])
     now = half_width(np.inf) * np.sqrt((np.diag(diagnosis.covariance_mm2) + taken).max())

@@ -80,7 +80,7 @@ def test_the_budget_holds_what_the_data_leave_open() -> None:
     assert [each.source for each in lines] == [fit.effects[0].cause.id for _, fit in others]
     for each, (share, fit) in zip(lines, others, strict=True):
         apart = fit.offsets - solution.offsets_mm
-        less_sure = fit.joint_covariance() - alone.joint_covariance()
+        less_sure = fit.offsets_covariance - alone.offsets_covariance
         size2, directions = np.linalg.eigh(share * (less_sure + np.outer(apart, apart)))
         # A cause that leaves them a little surer takes nothing away.
         positive = (directions * np.maximum(size2, 0.0)) @ directions.T
@@ -259,7 +259,7 @@ def test_where_several_are_open_the_parameters_are_their_mean() -> None:
     open_ = diagnosis_of(case).left_open
     mean = sum(share * fit.offsets for share, fit in open_)
     assert found(case.answer) == pytest.approx(mean)
-    within = sum(share * np.diag(fit.joint_covariance()) for share, fit in open_)
+    within = sum(share * np.diag(fit.offsets_covariance) for share, fit in open_)
     apart = sum(share * (fit.offsets - mean) ** 2 for share, fit in open_)
     std = np.array([each.std for each in case.answer.parameters])
     assert np.all(std >= (1.0 - 1e-9) * np.sqrt(within + apart))
