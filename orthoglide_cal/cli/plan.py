@@ -1,4 +1,4 @@
-"""`orthocal plan`: what a measurement will tell, before it is made."""
+"""`orthocal plan`: what a measurement will tell, before it is made; its program or places."""
 
 from __future__ import annotations
 

@@ -132,9 +132,12 @@ def require_rank(problem: Problem) -> None:
 
 
 def require_determined(problem: Problem) -> None:
-    """As `require_rank`: is each parameter determined better than of any such machine?
+    """Do the data determine each parameter better than it is known of any such machine?
 
     Asked of the nominal machine with the stated noise: what a search must stand on.
+
+    Raises:
+        RankDeficientError: no; as of `require_rank`.
     """
     model, jacobian = problem.model, problem.at_zero[1]
     std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))

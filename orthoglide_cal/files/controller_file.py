@@ -3,7 +3,7 @@
 LinuxCNC's INI has `HOME_OFFSET` in `[JOINT_0..2]`, in its `LINEAR_UNITS`; Klipper's printer.cfg has
 the parameters of a delta in the block that SAVE_CONFIG wrote. Only these values change: every other
 byte stays, and so do line ends, encoding, file mode and links. The file is a path, or the address
-of a Moonraker server.
+of a Moonraker server. The offsets of a LinuxCNC that runs on this computer are told by `halcmd`.
 """
 
 from __future__ import annotations

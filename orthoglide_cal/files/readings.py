@@ -74,10 +74,10 @@ class GaugeIdentity(Schema):
 class Circumstances(Schema):
     """What a session says around its readings; None or empty where not given, never invented."""
 
-    protocol: str | None = None
+    protocol: str | None = None  # as `measure` was told
     operator: str | None = None
-    gauges: tuple[GaugeIdentity, ...] = ()
-    started: Moment | None = None
+    gauges: tuple[GaugeIdentity, ...] = ()  # that were used
+    started: Moment | None = None  # ISO 8601
     finished: Moment | None = None
 
 

@@ -3,7 +3,8 @@
 Everything that one kind does differently from another is an attribute or a method here: where the
 nominal rails are, how the controller turns a wanted place into joints, which parameters a
 calibration determines, what a gauge reads, how such a machine is measured, and the words for it.
-The rest of the program does not ask which kind it has.
+The rest of the program does not ask which kind it has. With it stand what each kind gives: the
+instrument that reads it, what is uncertain of its readings, and its vocabulary.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ class Written(Schema):
 class Entered(Schema):
     """Parameters that were entered in the controller."""
 
-    date: Day
+    date: Day  # ISO 8601
     # Active before and from then on [mm]; None for a printer, whose own file has them.
     before: Named[JointOffsets] | None = None
     after: Named[JointOffsets] | None = None

@@ -1,4 +1,7 @@
-"""Beginning a session, and going on with one only if nothing essential has changed."""
+"""Beginning a session, and going on with one only if nothing essential has changed.
+
+Also what is measured next where earlier readings are continued, and where the session's file is.
+"""
 
 from __future__ import annotations
 

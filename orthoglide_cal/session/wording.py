@@ -1,4 +1,4 @@
-"""The words and tables that lead through a session, in plain characters."""
+"""The words that lead through a session, in plain characters."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One document per kind of result; each module makes one and says it as plain values, too."""
+"""One document per kind of result, as plain values, too; and what several of them show."""
