@@ -41,6 +41,7 @@ from orthoglide_cal.model import Cause, Floats, Model
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.words import listed, signed
 
@@ -53,7 +54,6 @@ FURTHER, MOST_STEPS = math.log(0.5), 20  # log prior of one more step
 STANDS = 0.2  # probability of "unchanged"; 400 such machines are all called so, at 0.5 two not
 ESTABLISHED, LEFT_OPEN = 0.95, 0.03  # for a second story; for another one
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
-WARM_K = 2.0  # a larger difference of temperatures is told
 U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
 
 Sizes = tuple[Known, ...]
@@ -442,8 +442,7 @@ class _Tale:
                 yield part.at, self.table.known(values, spread, part.subset)
 
     def state(self, at: int, later: float = 0.0, measured: bool = False, more: int = 0) -> Sizes:
-        """The parameters at a session or so much later, or what a session finds of them then;
-        with so many `more` sessions like that one."""
+        """The parameters at a session, or so much later, or as measured, or with so many more."""
         table, covariance, columns = self.table, self.covariance, self.columns(later)[at]
         own = np.median(table.own, axis=0) + np.diag(self.scatter**2)
         if more:
@@ -505,8 +504,7 @@ def compare(
         raise UsageError(what, "Give --dates one date for each, in the order of the files.")
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    said = (moment_of(given, day) for given, day in zip_longest(inputs, dates))
-    moments = [each for each in said if each]
+    moments = [at for given, day in zip_longest(inputs, dates) if (at := moment_of(given, day))]
     dated = len(moments) == len(inputs)
     times = np.arange(len(inputs), dtype=np.float64)
     if dated:
@@ -555,7 +553,6 @@ def compare(
                 gauges=tuple(gauge.id for gauge in conditions.gauges),
             )
         )
-    paths = [each.path for each in sessions]
     decides = HOMINGS if Story.SCATTERING in (verdict, *rivals) else AGAIN
     return History(
         machine=machine.name,
@@ -566,7 +563,7 @@ def compare(
         probability=min(share[verdict], 1.0),
         ambiguous_with=tuple(rivals),
         changes=tuple(
-            Change(at=at, before=paths[at], after=paths[at + 1], parameters=step)
+            Change(at=at, before=sessions[at].path, after=sessions[at + 1].path, parameters=step)
             for at, step in best.sizes(Story.CHANGED)
         ),
         drift=tuple(
@@ -608,7 +605,7 @@ def _one_machine(models: Sequence[Model]) -> list[str]:
 def _circumstances(sessions: Sequence[DatedSession], reads: Sequence[_Read]) -> Iterator[str]:
     """What else differed between the sessions, and which causes they show."""
     warm = [each.temperature_c for each in sessions if each.temperature_c is not None]
-    if warm and max(warm) - min(warm) > WARM_K:
+    if warm and max(warm) - min(warm) > STEP_K:
         swing = f"{min(warm):.1f} to {max(warm):.1f} °C"
         yield f"The temperature differs ({swing}); what follows it is not a change of the machine."
     if len({each.gauges for each in sessions if each.gauges}) > 1:

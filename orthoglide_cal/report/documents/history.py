@@ -133,8 +133,7 @@ def _label(found: History, at: int) -> str:
 
 
 def _table(found: History, most: int) -> doc.Grid:
-    """A row for each session, or those around changes; a line where the machine changed; of
-    parameters for which there is no room those that did something."""
+    """A row for each session, or those around changes; a line where the machine changed."""
     count = len(found.sessions)
     every = [*range(len(found.pooled))]
     around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
@@ -143,7 +142,7 @@ def _table(found: History, most: int) -> doc.Grid:
     names = [each.name for each in found.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
-    if sum(max(len(name), 6) + 2 for name in names) > _ROOM:
+    if sum(max(len(name), 6) + 2 for name in names) > _ROOM:  # those that did something
         moved = {each.name for change in found.changes for each in change.parameters}
         moved |= {rate.name for rate in found.drift} | {size.name for size in found.scatter}
         every = [k for k in every if names[k] in moved] or every[:6]
