@@ -52,7 +52,7 @@ SIZES = 2.0 ** np.arange(-1.0, 10.0)  # prior ones, in units of what a session k
 FREE = 1e6  # prior size of what is reported
 FURTHER, MOST_STEPS = math.log(0.5), 20  # log prior of one more step
 STANDS = 0.2  # probability of "unchanged"; 400 such machines are all called so, at 0.5 two not
-ESTABLISHED, LEFT_OPEN = 0.95, 0.03  # for a second story; for another one
+ESTABLISHED, LEFT_OPEN = 0.95, 0.03  # for a second trend; for another one
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
 U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
 
@@ -61,7 +61,7 @@ _Common = dict[tuple[str, ...], Floats]
 _Shape = tuple[Floats, Floats, LinearDelta]  # touched places (n, 2), what is left (n,), machine
 
 
-class Story(StrEnum):
+class Trend(StrEnum):
     """What happened between the first session and the last; what matters most first."""
 
     CHANGED = "changed"
@@ -70,15 +70,15 @@ class Story(StrEnum):
     UNCHANGED = "unchanged"
 
 
-PRIOR = {Story.CHANGED: 0.2, Story.DRIFTING: 0.1, Story.SCATTERING: 0.1}
-TELLABLE = [tuple(chosen) for count in range(3) for chosen in combinations(PRIOR, count)]
+PRIOR = {Trend.CHANGED: 0.2, Trend.DRIFTING: 0.1, Trend.SCATTERING: 0.1}
+COMBINATIONS = [tuple(chosen) for count in range(3) for chosen in combinations(PRIOR, count)]
 AGAIN = "Measure once more: one further session decides between them."
 HOMINGS = "Home three times and measure one cycle after each: that decides between them."
 ADVICE = {
-    Story.CHANGED: "Look for a collision, a loose carriage or an exchanged part.",
-    Story.DRIFTING: "Look for wear or warming up; calibrate again before the drift matters.",
-    Story.SCATTERING: "Check home switches and couplings: no calibration is better than homing.",
-    Story.UNCHANGED: "Nothing to do: measure again at the next service, or after a collision.",
+    Trend.CHANGED: "Look for a collision, a loose carriage or an exchanged part.",
+    Trend.DRIFTING: "Look for wear or warming up; calibrate again before the drift matters.",
+    Trend.SCATTERING: "Check home switches and couplings: no calibration is better than homing.",
+    Trend.UNCHANGED: "Nothing to do: measure again at the next service, or after a collision.",
 }
 
 
@@ -140,16 +140,16 @@ class History(Schema):
     kind: str
     dated: bool = Field(description="false: the order given counts")
     sessions: tuple[DatedSession, ...]
-    verdict: Story
+    verdict: Trend
     probability: float
-    ambiguous_with: tuple[Story, ...] = ()
+    ambiguous_with: tuple[Trend, ...] = ()
     changes: tuple[Change, ...] = ()
     drift: tuple[Drift, ...] = ()
     scatter: tuple[HomingScatter, ...] = ()
     pooled: Sizes = Field(description="best values now, from all sessions together")
     further: Mapping[int, tuple[float, ...]] = Field(description="sessions more → U of the same")
     prediction: Sizes = Field(description="what the next session will find")
-    also: tuple[Story, ...] = ()
+    also: tuple[Trend, ...] = ()
     limit: Reached | None = None
     notes: tuple[str, ...] = ()
     next: str
@@ -280,7 +280,7 @@ def _standing(reads: Sequence[_Read]) -> list[Ids]:
 class _Move(NamedTuple):
     """A step or a drift: of which parameters, of which prior size; a step with its place."""
 
-    story: Story
+    trend: Trend
     at: int
     subset: tuple[int, ...]
     size: float
@@ -307,14 +307,14 @@ class _Table:
         for key in dict.fromkeys(key for read in reads for key in read.common):
             like = next(read.common[key] for read in reads if key in read.common)
             every = [read.common.get(key, 0.0 * like) / self.unit[:, None] for read in reads]
-            # Few directions tell what many unknowns do.
+            # Few directions hold what many unknowns do.
             size, turn = np.linalg.eigh(np.einsum("npq,npr->qr", every, every))
             columns.append(np.array(every) @ turn[:, size > 1e-8 * size.max()])
         self.base = np.concatenate(columns, axis=2)
         self.span = float(np.ptp(times)) or 1.0
         after = np.arange(count) > np.arange(count - 1)[:, None]
         line = (times - times.mean())[None] / self.span
-        self.courses = {Story.CHANGED: 1.0 * after, Story.DRIFTING: line}
+        self.courses = {Trend.CHANGED: 1.0 * after, Trend.DRIFTING: line}
         one_or_two = (chosen for k in (1, 2) for chosen in combinations(range(width), k))
         self.subsets = list(dict.fromkeys(map(tuple, (*one_or_two, *groups, range(width)))))
 
@@ -327,45 +327,45 @@ class _Table:
             for k, value, u in zip(chosen, (unit * values).tolist(), std, strict=True)
         )
 
-    def tell(self, told: Sequence[Story]) -> tuple[float, _Tale]:
-        """A story's best parts, free in size, and its log evidence: over all that they may be."""
+    def fit(self, trends: Sequence[Trend]) -> tuple[float, _FittedTrends]:
+        """Best parts of trends, free in size, and the log evidence: over all that they may be."""
         every = np.eye(len(self.unit))
         scatter = 0.0 * self.unit
-        rounds, sizes = (2, SIZES) if Story.SCATTERING in told else (1, np.zeros(1))
+        rounds, sizes = (2, SIZES) if Trend.SCATTERING in trends else (1, np.zeros(1))
         tried = [size * own for own in (every.sum(axis=0), *every) for size in sizes]
         for _ in range(rounds):
             # Twice, because other parts fit with the likeliest scatter.
-            parts = self._search(told, scatter)
-            tales = [_Tale(self, parts, each) for each in tried]
-            whole = max(tales, key=lambda tale: tale.log)
+            parts = self._search(trends, scatter)
+            fitted = [_FittedTrends(self, parts, each) for each in tried]
+            whole = max(fitted, key=lambda each: each.log)
             scatter = whole.scatter
-        log = log_mean(np.array([tale.log for tale in tales]))
+        log = log_mean(np.array([each.log for each in fitted]))
         for part in parts:
             # The chosen one stands for all that the other parts leave open.
-            others = _Tale(self, [each for each in parts if each is not part], scatter)
-            log += others.one_more(part.story)[0] + others.log - whole.log
-        log += sum(math.log(p if story in told else 1.0 - p) for story, p in PRIOR.items())
-        steps = sum(part.story is Story.CHANGED for part in parts)
+            others = _FittedTrends(self, [each for each in parts if each is not part], scatter)
+            log += others.one_more(part.trend)[0] + others.log - whole.log
+        log += sum(math.log(p if trend in trends else 1.0 - p) for trend, p in PRIOR.items())
+        steps = sum(part.trend is Trend.CHANGED for part in parts)
         free = [part._replace(size=FREE) for part in sorted(parts, key=lambda part: part.at)]
-        return log + max(steps - 1, 0) * FURTHER, _Tale(self, free, scatter)
+        return log + max(steps - 1, 0) * FURTHER, _FittedTrends(self, free, scatter)
 
-    def _search(self, told: Sequence[Story], scatter: Floats) -> list[_Move]:
+    def _search(self, trends: Sequence[Trend], scatter: Floats) -> list[_Move]:
         """The best step and drift, and further steps as long as they are likelier than not."""
         parts: list[_Move] = []
-        for story in (story for story in told if story in self.courses):
-            parts.append(_Tale(self, parts, scatter).one_more(story)[1])
-        while parts and Story.CHANGED in told:
+        for trend in (trend for trend in trends if trend in self.courses):
+            parts.append(_FittedTrends(self, parts, scatter).one_more(trend)[1])
+        while parts and Trend.CHANGED in trends:
             for k, part in enumerate(parts):
-                others = _Tale(self, parts[:k] + parts[k + 1 :], scatter)
-                parts[k] = others.one_more(part.story)[1]
-            log, more = _Tale(self, parts, scatter).one_more(Story.CHANGED)
+                others = _FittedTrends(self, parts[:k] + parts[k + 1 :], scatter)
+                parts[k] = others.one_more(part.trend)[1]
+            log, more = _FittedTrends(self, parts, scatter).one_more(Trend.CHANGED)
             if log + FURTHER < 0.0 or len(parts) >= MOST_STEPS:
                 break
             parts.append(more)
         return parts
 
 
-class _Tale:
+class _FittedTrends:
     """These parts and a scatter (p,): unknowns `found` (m,), what is `left`, `log` evidence."""
 
     def __init__(self, table: _Table, parts: Sequence[_Move], scatter: Floats) -> None:
@@ -390,14 +390,14 @@ class _Tale:
         table = self.table
         found = [table.base]
         for part in self.parts:
-            shift = later / table.span if part.story is Story.DRIFTING else 0.0
-            course = table.courses[part.story][part.at] + shift
+            shift = later / table.span if part.trend is Trend.DRIFTING else 0.0
+            course = table.courses[part.trend][part.at] + shift
             found.append(course[:, None, None] * np.eye(len(table.unit))[:, list(part.subset)])
         return np.concatenate(found, axis=2)
 
-    def one_more(self, story: Story) -> tuple[float, _Move]:
+    def one_more(self, trend: Trend) -> tuple[float, _Move]:
         """Log evidence that one more part adds, over all that it may be, and the likeliest."""
-        table, course = self.table, self.table.courses[story]
+        table, course = self.table, self.table.courses[trend]
         shared = np.einsum("gn,npm->gpm", course, self.weighted, optimize=True)
         own = np.einsum("gn,npq->gpq", course**2, self.inverse, optimize=True)
         known = own - shared @ self.covariance @ shared.swapaxes(1, 2)
@@ -411,13 +411,13 @@ class _Tale:
             scale = 1.0 + spread * np.maximum(power, 0.0)[:, None]
             logs[:, number] = 0.5 * (apart2 * spread / scale - np.log(scale)).sum(axis=2)
         place, subset, size = np.unravel_index(int(logs.argmax()), logs.shape)
-        return log_mean(logs), _Move(story, int(place), table.subsets[subset], float(SIZES[size]))
+        return log_mean(logs), _Move(trend, int(place), table.subsets[subset], float(SIZES[size]))
 
     @property
-    def stories(self) -> tuple[Story, ...]:
+    def trends(self) -> tuple[Trend, ...]:
         """What happened, what matters most first."""
-        own = [part.story for part in self.parts] + [Story.SCATTERING] * bool(self.scatter.any())
-        return tuple(each for each in Story if each in own) or (Story.UNCHANGED,)
+        own = [part.trend for part in self.parts] + [Trend.SCATTERING] * bool(self.scatter.any())
+        return tuple(each for each in Trend if each in own) or (Trend.UNCHANGED,)
 
     @property
     def homing(self) -> tuple[HomingScatter, ...]:
@@ -431,13 +431,13 @@ class _Tale:
             for k in np.flatnonzero(self.scatter).tolist()
         )
 
-    def sizes(self, story: Story) -> Iterator[tuple[int, Sizes]]:
+    def sizes(self, trend: Trend) -> Iterator[tuple[int, Sizes]]:
         """Place and size of each step; rates per unit of time."""
         start = self.table.base.shape[2]
-        time = self.table.span if story is Story.DRIFTING else 1.0
+        time = self.table.span if trend is Trend.DRIFTING else 1.0
         for part in self.parts:
             slot = slice(start, start := start + len(part.subset))
-            if part.story is story:
+            if part.trend is trend:
                 values, spread = self.found[slot] / time, self.covariance[slot, slot] / time**2
                 yield part.at, self.table.known(values, spread, part.subset)
 
@@ -457,7 +457,7 @@ class _Tale:
         beyond = [s.name for s in self.homing if s.unit == "mm" and U95 * s.std > limit_mm]
         now = {each.name: each.std for each in self.state(-1)}
         found = Reached(limit_mm=limit_mm, scatter_exceeds=tuple(beyond))
-        for rate in (rate for _, rates in self.sizes(Story.DRIFTING) for rate in rates):
+        for rate in (rate for _, rates in self.sizes(Trend.DRIFTING) for rate in rates):
             times = np.linspace(0.0, limit_mm / max(abs(rate.value), 1e-12), 100_001)
             off = abs(rate.value) * times + ONE_SIDED * np.hypot(now[rate.name], rate.std * times)
             days = float(times[np.argmax(off >= limit_mm)])
@@ -526,16 +526,16 @@ def compare(
     for read, own in zip(reads, standing, strict=True):
         read.settle(own, causes)
     table = _Table(reads, times, causes)
-    tales = [table.tell(stories) for stories in TELLABLE if len(stories) < len(inputs)]
-    total = log_sum(np.array([log for log, _ in tales]))
-    told = [(math.exp(log - total), tale) for log, tale in tales]
-    # Two sessions tell no step from a drift or scatter.
-    _, best = told[1] if len(inputs) == 2 else max(told[1:], key=lambda pair: pair[0])
-    best = told[0][1] if told[0][0] > STANDS else best
-    share = {story: sum(p for p, each in told if each.stories[0] is story) for story in Story}
-    verdict, *others = best.stories
-    least = STANDS if verdict is Story.UNCHANGED else LEFT_OPEN
-    rivals = sorted((s for s in {*Story} - {verdict} if share[s] > least), key=lambda s: -share[s])
+    fitted = [table.fit(trends) for trends in COMBINATIONS if len(trends) < len(inputs)]
+    total = log_sum(np.array([log for log, _ in fitted]))
+    weighed = [(math.exp(log - total), each) for log, each in fitted]
+    # Two sessions do not distinguish a step from a drift or scatter.
+    _, best = weighed[1] if len(inputs) == 2 else max(weighed[1:], key=lambda pair: pair[0])
+    best = weighed[0][1] if weighed[0][0] > STANDS else best
+    share = {trend: sum(p for p, each in weighed if each.trends[0] is trend) for trend in Trend}
+    verdict, *others = best.trends
+    least = STANDS if verdict is Trend.UNCHANGED else LEFT_OPEN
+    rivals = sorted((s for s in {*Trend} - {verdict} if share[s] > least), key=lambda s: -share[s])
     sessions = []
     unit, every = table.unit, range(len(table.unit))
     for k, read in enumerate(reads):
@@ -553,7 +553,7 @@ def compare(
                 gauges=tuple(gauge.id for gauge in conditions.gauges),
             )
         )
-    decides = HOMINGS if Story.SCATTERING in (verdict, *rivals) else AGAIN
+    decides = HOMINGS if Trend.SCATTERING in (verdict, *rivals) else AGAIN
     return History(
         machine=machine.name,
         kind=machine.kind,
@@ -564,18 +564,18 @@ def compare(
         ambiguous_with=tuple(rivals),
         changes=tuple(
             Change(at=at, before=sessions[at].path, after=sessions[at + 1].path, parameters=step)
-            for at, step in best.sizes(Story.CHANGED)
+            for at, step in best.sizes(Trend.CHANGED)
         ),
         drift=tuple(
             Drift(name=r.name, unit=r.unit, **({"per_day": r.value, "std": r.std} if dated else {}))
-            for _, rates in best.sizes(Story.DRIFTING)
+            for _, rates in best.sizes(Trend.DRIFTING)
             for r in rates
         ),
         scatter=best.homing,
         pooled=best.state(-1),
         further={n: tuple(u.expanded for u in best.state(-1, more=n)) for n in (1, 2, 5)},
         prediction=best.state(-1, float(np.median(np.diff(times))), measured=True),
-        also=tuple(s for s in others if sum(p for p, t in told if s in t.stories) >= ESTABLISHED),
+        also=tuple(s for s in others if sum(p for p, t in weighed if s in t.trends) >= ESTABLISHED),
         limit=None if limit_mm is None else best.reached(limit_mm, moments[-1] if dated else None),
         notes=(*notes, *_circumstances(sessions, reads)),
         next=decides if rivals else ADVICE[verdict],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.results.history import History, Story, compare, moment_of
+from orthoglide_cal.results.history import History, Trend, compare, moment_of
 from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.machines import NOMINAL
@@ -118,7 +118,7 @@ def test_what_all_sessions_share_is_not_counted_twice():
     """Seven sessions know the offsets little better than one: the legs stay as they are."""
     found = compare(draw("unchanged", 2, 7).inputs)
     one, all_ = found.sessions[0].parameters[0], found.pooled[0]
-    assert found.verdict is Story.UNCHANGED
+    assert found.verdict is Trend.UNCHANGED
     assert 0.7 * one.std < all_.std < one.std
     # Its own share averages out; each further session adds less.
     assert found.sessions[0].own_expanded[0] < 0.8 * one.expanded
@@ -130,9 +130,9 @@ def test_a_recorded_adjustment_is_no_change_and_an_unrecorded_one_is():
     changed = (given(session(TRUE, 1)), given(session(TRUE * 0.0, 2)))
     recorded = given(session(TRUE * 0.0, 2), NOMINAL.holding(tuple(TRUE)))
     found = compare([changed[0], recorded], ["2026-03-02", "2026-04-02"])
-    assert found.verdict is Story.UNCHANGED
+    assert found.verdict is Trend.UNCHANGED
     assert any("Recorded adjustment" in note for note in found.notes)
-    assert compare(changed).verdict is Story.CHANGED
+    assert compare(changed).verdict is Trend.CHANGED
     # `verify` says the same of both: the machine responded, and nothing else changed.
     checked = verify(*changed, TRUE)
     assert checked.kept

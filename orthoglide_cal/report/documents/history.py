@@ -17,7 +17,7 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.figures import below, line, thread, words
 from orthoglide_cal.report.terminal import TerminalPage
-from orthoglide_cal.results.history import U95, History, Story
+from orthoglide_cal.results.history import U95, History, Trend
 from orthoglide_cal.words import (
     counted,
     decimals_for,
@@ -108,7 +108,7 @@ def _notice(found: History) -> doc.Notice:
             said = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
             said += " best values are entered now"
         lines.append(f"Limit {limit.limit_mm:g} mm: {said}.")
-    tone = doc.Tone.GOOD if found.verdict is Story.UNCHANGED else doc.Tone.WARN
+    tone = doc.Tone.GOOD if found.verdict is Trend.UNCHANGED else doc.Tone.WARN
     tone = doc.Tone.OPEN if found.ambiguous_with else tone
     sure = percent(min(found.probability, 0.9999), 1)
     return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=found.machine)
