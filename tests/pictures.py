@@ -1,4 +1,4 @@
-"""The pictures at the head of the README: `python -m tests.pictures` makes them anew.
+"""The pictures at the head of the README: `python -m tests.pictures` makes them again.
 
 A terminal that shows what `solve` says of a sample, and the first sheet of its report. Both are
 SVG, so that a test compares them with what the program says.

@@ -26,7 +26,7 @@ def test_the_shown_answer_is_the_programs() -> None:
 
 
 def test_the_pictures_show_what_the_program_says() -> None:
-    """If the words were changed on purpose: `python -m tests.pictures` makes the pictures anew."""
+    """If the words were changed on purpose: `python -m tests.pictures` makes the pictures again."""
     for name, content in pictures().items():
         assert f"](sample_data/{name})" in TEXT
         assert (ROOT / "sample_data" / name).read_text(encoding="utf-8") == content, name

@@ -205,7 +205,7 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         from concurrent.futures import ThreadPoolExecutor
 
         # numpy lets go of the interpreter in long loops. A third of the time went into fetching
-        # memory anew: glibc returns what is freed to the system above a threshold that grows to
+        # memory again: glibc returns what is freed to the system above a threshold that grows to
         # the largest block ever freed (mallopt(3), M_MMAP_THRESHOLD), such as this one.
         np.empty(31 << 20, dtype=np.uint8)
         with ThreadPoolExecutor(min(os.cpu_count() or 1, len(starts))) as pool:

@@ -246,7 +246,7 @@ def number_setups(
     """Number the gauge set-ups, 0 … k−1 by first use, shape (n,): one unknown zero each.
 
     A gauge that stays in its place keeps its zero. A gauge known by its label that was used
-    elsewhere and comes back has been set up anew: its zero is another one. That can only be said
+    elsewhere and comes back has been set up again: its zero is another one. That can only be said
     where the file states the order in time.
 
     Args:

@@ -344,7 +344,7 @@ class NextReading:
         steps: of the readings in time order, then of the one to come, n + 1.
         past: indices of the readings to compare with: not those that were kept in doubt, (k,).
         rows: indices of those and of the one to come, (k + 1,).
-        fresh: not 0 where a reading that was kept in doubt began the zero anew, (n + 1,).
+        fresh: not 0 where a reading that was kept in doubt began a new zero, (n + 1,).
         setup: readings of one set-up share a zero, (n + 1,).
         partner: set-up of the other gauge of the same leg, (n + 1,); −1 without one.
         series: indices of earlier readings by the same gauge in the same set-up.

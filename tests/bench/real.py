@@ -3,7 +3,7 @@
 The files are the user's and stay where they are: each folder in FOLDER is a machine; of files that
 lie in FOLDER itself those are one machine whose names differ in a date only. Their order is that of
 their names. Every stored measurement is diagnosed; every date is predicted from every other one of
-the same kind with the calibrated parameters fitted anew, as the program does, and by the firmware's
+the same kind with its calibrated parameters fitted again, as here, and by the firmware's
 own further freedom, three arms, which is computed here by the independent truth.
 """
 
@@ -52,7 +52,7 @@ class Judged:
 
 @dataclass
 class Pair:
-    """A date predicted from another one; µm r.m.s., parameters fitted anew."""
+    """A date predicted from another one; µm r.m.s., parameters fitted again."""
 
     first: str
     second: str

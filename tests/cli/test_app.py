@@ -194,11 +194,13 @@ def test_the_worst_exit_code_wins_and_every_file_has_its_place(tmp_path: Path) -
 
 
 def test_messages_name_the_place_once(capsys: pytest.CaptureFixture[str]) -> None:
-    common.tell_error(InputError("Bad.", "Mend.", file="a.csv", line=3, column="leg"), "a.csv")
+    common.tell_error(
+        InputError("Bad.", "Correct it.", file="a.csv", line=3, column="leg"), "a.csv"
+    )
     common.tell_error(RankDeficientError("Too few.", "Add one.", ["x"]), "a.csv")
     common.tell_error(UsageError("No.", "Yes."))
     assert capsys.readouterr().err.splitlines() == [
-        "a.csv, line 3, column leg: Bad. Mend.",
+        "a.csv, line 3, column leg: Bad. Correct it.",
         "a.csv: Too few. Add one.",
         "No. Yes.",
     ]

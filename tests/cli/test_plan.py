@@ -92,7 +92,7 @@ def test_a_target_takes_as_many_cycles_as_it_needs() -> None:
     assert f"± 0.022 mm takes {data['cycles']} cycles" in shown
 
 
-def test_a_target_below_what_cannot_be_seen_says_what_would_mend_it(tmp_path: Path) -> None:
+def test_a_target_below_what_cannot_be_seen_says_what_would_help(tmp_path: Path) -> None:
     def said(target: str, *options: str) -> str:
         shown = once("plan", "--target", target, *options).stdout
         return " ".join(shown.partition("\nNext\n")[0].replace("│", " ").split())

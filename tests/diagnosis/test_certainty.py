@@ -65,7 +65,7 @@ def test_a_miscounted_turn_is_named_although_the_reading_may_just_be_wrong() -> 
 
 
 def test_readings_to_take_again() -> None:
-    """A wrong reading is taken again; a stand that moved is not mended so.
+    """A wrong reading is taken again; a stand that moved is not corrected by that.
 
     Unless it left one reading before it or, the stand being gone, one after it: nothing that is
     read later can tell such a knock from one wrong reading.

@@ -40,7 +40,7 @@ LEANING = Truth(
     leans=frozen(np.array([[3.0, -1.5], [1.0, -8.5], [1.0, -7.5]])),
     lost=frozen([0.07, 0.07, 0.015]),
 )
-# The same, calibrated anew: other values in its controller.
+# The same, calibrated again: other values in its controller.
 MOVED = replace(V400, radius=162.3, angles=(210.1, 329.9, 90.0), endstops=(420.6, 419.7, 420.2))
 HOMED = replace(LEANING, endstops=frozen([0.4, -0.2, 0.3]), radius=-0.4)
 MESH = Layout(240)
@@ -72,7 +72,7 @@ def day(
 
 @pytest.fixture(scope="module")
 def leaning(tmp_path_factory: pytest.TempPathFactory) -> tuple[Input, Input]:
-    """A printer, and the same after it was calibrated anew."""
+    """A printer, and the same after it was calibrated again."""
     first, second = tmp_path_factory.mktemp("first"), tmp_path_factory.mktemp("second")
     return given(first, day(1, V400, LEANING)), given(second, day(2, MOVED, HOMED))
 
@@ -133,7 +133,7 @@ def test_few_touches_of_a_recalibrated_machine_are_predicted_as_well_as_is_state
 
 
 def test_of_the_same_parameters_only_a_moved_origin_is_fitted_again(tmp_path: Path) -> None:
-    """Not calibrated anew, the machine of the next day is predicted wholly but for its endstops."""
+    """Not calibrated again, the next day's machine is predicted wholly but for its endstops."""
     first, next_day = tmp_path / "first", tmp_path / "next"
     first.mkdir()
     next_day.mkdir()

@@ -130,7 +130,7 @@ def test_what_stored_arms_are_doubted_by_is_told_and_counted(tmp_path: Path) -> 
 def dates(
     seed: int, layouts: tuple[Layout, Layout], lost: Floats = LOST
 ) -> tuple[DeltaSession, DeltaSession]:
-    """Two days of a bent bed and lost motion; the controller was calibrated anew in between."""
+    """Two days of a bent bed and lost motion; the controller was calibrated again in between."""
     rng = np.random.default_rng(seed)
     truth = Truth(bed=quartic(rng, BENT_MM), lost=lost)
     later = replace(V400, radius=162.3, angles=(210.1, 329.9, 90.0), endstops=(420.6, 419.7, 420.2))

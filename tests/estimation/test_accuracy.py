@@ -186,7 +186,7 @@ def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() ->
     """By fits that believe other gaps; these are known with correlations, which must not be lost.
 
     The program's derivative is a step of one standard deviation: right within 2e-3 of itself. All
-    readings at once are weighted anew by that doubt; the paper's methods stay as they are.
+    readings at once are weighted again by that doubt; the paper's methods stay as they are.
     """
     gaps = np.array([0.3, -0.4, 0.25])
     root = 0.01 * np.array([[2.0, 0.0, 0.0], [1.5, 1.0, 0.0], [-0.7, 0.8, 0.5]])

@@ -1,4 +1,4 @@
-"""Data that do not determine the offsets: which ones, and whether the named readings mend it."""
+"""Data that do not determine the offsets: which ones, and whether those named complete them."""
 
 import re
 
@@ -61,8 +61,8 @@ def test_six_differences(
     assert error.undetermined == undetermined
     added = [f"d{direction}_{leg}" for leg, direction in DOUBLE_WORDS.findall(error.remedy)]
     assert added
-    mended = only(full, *names, *added)
-    assert solve(mended, model).offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
+    completed = only(full, *names, *added)
+    assert solve(completed, model).offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
     # No more than are needed: with one of them less it is refused again.
     for left_out in added:
         refused(only(full, *names, *(name for name in added if name != left_out)), model)
@@ -82,13 +82,13 @@ def test_single_posture_differences(names: tuple[str, ...], undetermined: tuple[
     assert error.undetermined == undetermined
     sign = {"iso": "0", "max": "+", "min": "-"}
     added = [f"d{d}_{leg}{sign[posture]}" for leg, d, posture in SINGLE_WORDS.findall(error.remedy)]
-    mended = solve(only(full, *dict.fromkeys((*names, *added))), NOMINAL)
+    completed = solve(only(full, *dict.fromkeys((*names, *added))), NOMINAL)
     # The linear method neglects terms of the order Δρ²/L.
-    assert mended.offsets_mm == pytest.approx(OFFSETS, abs=0.1)
+    assert completed.offsets_mm == pytest.approx(OFFSETS, abs=0.1)
 
 
 @both_models
-def test_raw_readings_and_the_readings_that_mend_them(model: Model) -> None:
+def test_raw_readings_and_the_readings_that_complete_them(model: Model) -> None:
     full = readings(model, double_posture(model.machine), seed=None)
     plan = full.plan
     rng = np.random.default_rng(3)
@@ -105,8 +105,8 @@ def test_raw_readings_and_the_readings_that_mend_them(model: Model) -> None:
             for leg, direction in places:
                 ends = np.isin(plan.displacement, model.machine.joint_limits_mm)
                 kept |= of(plan, leg, direction) & ends
-            mended = solve(some(full, kept), model)
-            assert mended.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
+            completed = solve(some(full, kept), model)
+            assert completed.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
     assert refusals > 30
 
 
@@ -119,8 +119,8 @@ def test_raw_single_posture_readings() -> None:
     for leg, direction, posture in SINGLE_WORDS.findall(error.remedy):
         there = plan.displacement == LARGE.displacement_mm(Posture(posture))
         kept |= of(plan, leg, direction) & there
-    mended = solve(some(full, kept), NOMINAL_LARGE)
-    assert mended.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
+    completed = solve(some(full, kept), NOMINAL_LARGE)
+    assert completed.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
 
 
 @pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])

@@ -155,7 +155,7 @@ def test_the_machine_inside_is_used_unless_another_is_named(tmp_path):
 
 
 def test_accepted_causes_belong_to_the_machine_inside(tmp_path):
-    """Machines are told apart by their causes, but not by the last digit of one."""
+    """Machines are distinguished by their causes, but not by the last digit of one."""
     found = extended(encoder_scale=(0.0403, -1.1537, -0.9618), axis_gap=(1 / 3, 0.2, -0.1))
     same = machine_from_text(machine_text(found), "m.yaml")
     path = save(tmp_path, session_text(values(same)))

@@ -1,4 +1,4 @@
-"""The paper's kinematics written anew for the tests: eqs. (3) and (4) with the errata.
+"""The paper's kinematics written again for the tests: eqs. (3) and (4) with the errata.
 
 Closed forms that hold for the nominal machine alone, and Newton's method for rails in any place.
 The program uses neither.

@@ -1,4 +1,4 @@
-"""Table 2 written anew for the tests: eqs. (18) to (24) with the errata, one reading at a time.
+"""Table 2 written again for the tests: eqs. (18) to (24) with the errata, one reading at a time.
 
 The tool is found by Newton's method on the sphere equations, not by eq. (4).
 """

@@ -1,4 +1,4 @@
-"""Machines as schemas: the keys of their files, told apart by kind, with bounds and words."""
+"""Machines as schemas: the keys of their files, distinguished by kind, with bounds and words."""
 
 import pytest
 import yaml

@@ -1,4 +1,4 @@
-"""Tool-position error and compensation, against kinematics written anew for the tests."""
+"""Tool-position error and compensation, against kinematics written again for the tests."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Which causes these data cannot tell apart, and the measurement that can."""
+"""Which causes these data cannot distinguish, and the measurement that can."""
 
 from dataclasses import replace
 
@@ -123,8 +123,8 @@ def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str
     before = assessed(readings)
     found = diagnose(readings, MODEL)
     # With new zeros, as the later readings below have them.
-    afresh = [each for each in ranked(found) if not each.option.continues]
-    following = max(afresh, key=lambda each: each.separation_sigma)
+    new_stands = [each for each in ranked(found) if not each.option.continues]
+    following = max(new_stands, key=lambda each: each.separation_sigma)
     assert following.between
     assert set(following.between) == {(cause,), (rival,)}
     plan = joined(LIMITS, following.option.plan)

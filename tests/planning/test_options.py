@@ -18,7 +18,7 @@ MACHINE = model_of(truth.LARGE, truth.MICRON).machine
 FIRST = double_posture(MACHINE, cycles=2)
 ALL = options(FIRST, MACHINE)
 GOING_ON = [option for option in ALL if option.continues]
-AFRESH = [option for option in ALL if not option.continues]
+WITH_NEW_STANDS = [option for option in ALL if not option.continues]
 
 
 @pytest.mark.parametrize("option", ALL, ids=lambda option: option.what)
@@ -45,7 +45,7 @@ def test_stands_that_stay_keep_their_zeros_and_others_get_new_ones() -> None:
         assert set(option.plan.part) == {0}
         assert set(option.plan.leg) == {2}
         assert set(option.plan.setup) <= set(FIRST.setup[FIRST.leg == 2])
-    for option in AFRESH:
+    for option in WITH_NEW_STANDS:
         assert set(option.plan.part) == {1}
         assert option.plan.setup.min() == FIRST.setups
         assert joined(FIRST, option.plan).setups == FIRST.setups + 2 * len(set(option.plan.leg))

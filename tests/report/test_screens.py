@@ -107,7 +107,7 @@ def test_of_several_faults_that_do_not_show_the_screen_has_the_names() -> None:
 
 
 def test_what_a_named_cause_asks_for() -> None:
-    """The record before the machine, how a reading is wrong, and no offset before it is mended."""
+    """The record before the machine, how a reading is wrong, and no offset before that."""
     said = both_screens(of_orthoglide(("misread",), 1, "micron", None))
     assert re.search(r"misread at .+?: \d\.\d+ ± \d\.\d+ mm\s+too (high|low)\.", said)
     assert re.search(r"\d\. Then solve again, and enter only what it releases\.", said)

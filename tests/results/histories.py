@@ -1,7 +1,7 @@
 """Histories of a machine with a known story, from the independent truth: shared by the tests.
 
 Each session is measured by `tests.truth` on the same machine (legs and gauge scale stay), with its
-stands placed anew; the program sees the text of the tables and nothing else.
+stands placed again; the program sees the text of the tables and nothing else.
 """
 
 from __future__ import annotations

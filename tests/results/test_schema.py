@@ -1,6 +1,6 @@
 """`orthocal guide json`: the keys of `--json`, as the schemas of the answer say them.
 
-To write the page anew: python -m tests.results.test_schema
+To write the page again: python -m tests.results.test_schema
 """
 
 import textwrap

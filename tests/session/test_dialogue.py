@@ -210,7 +210,7 @@ def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
     assert "do not touch" in screen.text
     assert len(screen.text.splitlines()) < before
     _, screen = answered(path, ["0.41", "r x"])
-    assert screen.text.count("do not touch") == 1  # nothing counts any more: set it up anew
+    assert screen.text.count("do not touch") == 1  # nothing counts any more: set it up again
 
 
 @pytest.mark.parametrize("line", ["", "911", "\x1b[A", "urr", "u1", "k", "y", "m", "u", "ß0.64"])
@@ -335,7 +335,7 @@ def test_a_moved_stand_gets_a_new_zero_and_the_offsets_stay_right(tmp_path: Path
 def test_a_clock_that_is_set_back_does_not_turn_the_order_around(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     answered(path, ["-0.64", "0.41"], first=opened(DOUBLE))
-    dialogue, _ = answered(path, ["-0.95"])  # its clock begins anew
+    dialogue, _ = answered(path, ["-0.95"])  # its clock begins again
     minutes = dialogue.so_far.minutes
     assert np.all(np.diff(minutes) >= 0.0)
     assert minutes[0] > 0.0

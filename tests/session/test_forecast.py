@@ -73,7 +73,7 @@ def unknowns(plan: GaugePlan, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def test_the_covariance_is_that_of_the_formula() -> None:
-    """Built up from its unknowns, with a comparison begun anew half-way through leg y."""
+    """Built up from its unknowns, with a comparison begun again half-way through leg y."""
     plan = timed_plan()
     fresh = np.where((np.arange(60) > 33) & (plan.leg == 1) & (plan.direction == 2), 34, 0)
     found = in_full(plan, fresh=fresh)

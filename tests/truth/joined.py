@@ -22,7 +22,7 @@ def continue_session(
 
     The machine, its offsets and causes, the gauges and their scale stay. What happened to a gauge
     or to the record in the session goes on where its stands stay, and is over where they are set
-    up afresh: there the gauges have zeros and places of their own.
+    up again: there the gauges have zeros and places of their own.
 
     Args:
         session: what was measured so far, in one part or several.

@@ -61,7 +61,7 @@ class Plan:
     gauge_at: Floats
     """Where along the leg that gauge was set up: carriage 0, tool 1, shape (N,)."""
     part: Ints
-    """Sitting, from 0; all stands are set up afresh for each, shape (N,)."""
+    """Sitting, from 0; all stands are set up again for each, shape (N,)."""
     turned: Ints
     """1 where the bar was turned half round its own axis, else 0, shape (N,)."""
     entered: Floats

@@ -20,7 +20,7 @@ from .session import Session, make_session
 
 HEALTHY = "healthy"
 STANDS_OUT = 4.0
-"""Sigma from which a truth counts as told apart from a rival."""
+"""Sigma from which a truth counts as distinguished from a rival."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Separation:
     rivals: tuple[str, ...]
     """Hypotheses other than a single truth, nearest first."""
     bound: float = STANDS_OUT
-    """Sigma from which the truth counts as told apart from another."""
+    """Sigma from which the truth counts as distinguished from another."""
 
     @property
     def nearest(self) -> str:

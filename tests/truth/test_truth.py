@@ -65,7 +65,7 @@ def test_settings_have_the_stated_sizes() -> None:
     drawn = [make_session(seed, PROTOTYPE, DIAL).setting for seed in range(400)]
     for part, sd in (("legs", 0.01), ("misplaced", 1.0), ("scale", 0.001)):
         assert np.std([getattr(each, part) for each in drawn]) == pytest.approx(sd, rel=0.2)
-    # The machine and the gauge stay; the stands are put there anew.
+    # The machine and the gauge stay; the stands are put there again.
     first = make_session(3, PROTOTYPE, DIAL)
     later = second_session(first, 3).setting
     assert np.array_equal(later.legs, first.setting.legs)
