@@ -32,13 +32,9 @@ def verify(
     def judge(path: str) -> None:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         found = verified(*inputs, applied, limit)
+        shown = verification_document(found, identify(found.inputs, *found.options))
         common.deliver(
-            verification_document(found, identify(found.inputs, *found.options)),
-            as_json=json,
-            html=html,
-            markdown=markdown,
-            details=details,
-            overwrite=overwrite,
+            shown, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
         )
 
     common.for_each([before], judge, as_json=json)
@@ -78,13 +74,9 @@ def history(
             paths += within + sorted(printers_in(path))
         inputs = [common.read_input(str(path), machine, data) for path in paths]
         found = compare(inputs, dates.split(",") if dates else (), limit)
+        shown = history_document(found, machine)
         common.deliver(
-            history_document(found, machine),
-            as_json=json,
-            html=html,
-            markdown=markdown,
-            details=details,
-            overwrite=overwrite,
+            shown, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
         )
 
     common.for_each(files[:1], judge, as_json=json)

@@ -541,18 +541,17 @@ def compare(
     for k, read in enumerate(reads):
         conditions = read.given.conditions
         total = sum((shared @ shared.T for shared in read.common.values()), read.covariance)
-        sessions.append(
-            DatedSession(
-                path=read.given.measured.source.path,
-                started=moments[k].isoformat() if dated else conditions.started,
-                parameters=table.known(read.values / unit, total / np.outer(unit, unit), every),
-                own_expanded=tuple((U95 * np.sqrt(read.covariance.diagonal())).tolist()),
-                fitted=tuple(one.value for one in best.state(k)),
-                causes=standing[k],
-                temperature_c=conditions.mean_temperature_c,
-                gauges=tuple(gauge.id for gauge in conditions.gauges),
-            )
+        known = DatedSession(
+            path=read.given.measured.source.path,
+            started=moments[k].isoformat() if dated else conditions.started,
+            parameters=table.known(read.values / unit, total / np.outer(unit, unit), every),
+            own_expanded=tuple((U95 * np.sqrt(read.covariance.diagonal())).tolist()),
+            fitted=tuple(one.value for one in best.state(k)),
+            causes=standing[k],
+            temperature_c=conditions.mean_temperature_c,
+            gauges=tuple(gauge.id for gauge in conditions.gauges),
         )
+        sessions.append(known)
     decides = HOMINGS if Trend.SCATTERING in (verdict, *rivals) else AGAIN
     return History(
         machine=machine.name,
