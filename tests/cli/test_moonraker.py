@@ -53,6 +53,13 @@ def test_servers_that_are_of_no_use(answers: dict, said: str) -> None:
     assert said in words(result.stderr)
 
 
+def test_a_server_that_sends_more_than_any_printer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("orthoglide_cal.files.moonraker._LARGEST", 10)
+    result = run("solve", StandIn(info=INFO, printer=GOOD).address)
+    assert result.exit_code == 3
+    assert "The server there is not Moonraker." in words(result.stderr)
+
+
 @pytest.mark.parametrize(
     "address", ["http://127.0.0.1:9", "http://:80", "http://a:b", "http://a/b"]
 )

@@ -106,7 +106,7 @@ def test_a_connection_that_is_lost_is_said_once_and_the_session_goes_on(
 ) -> None:
     rsh.joints = [ISO, None]
     dialogue, screen = followed(tmp_path, rsh, "0.10", "0.12", "q")
-    assert screen.text.count("does not answer any more") == 1
+    assert screen.text.count("does not answer any more: it has closed.") == 1
     assert len(dialogue.state.accepted) == 2
 
 
