@@ -133,6 +133,7 @@ class ControllerFile:
         """The file with other values in some lines."""
         lines = dict(enumerate(self.data.splitlines(keepends=True), start=1))
         for each in values:
+            # Behind the sign: what stands before it may hold the same digits.
             key, *value = re.split(rb"(?<=[:=])", lines.get(each.line, b""), maxsplit=1)
             after = b"".join(value).replace(each.before.encode(), each.after.encode(), 1)
             lines[each.line] = key + after

@@ -49,7 +49,10 @@ METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = MappingProxyType(
     {
         MeasuringProtocol.DOUBLE: (
             Method.READINGS,
-            *(Method.TWELVE, Method.TWELVE_LINEAR, Method.SIX, Method.SIX_LINEAR),
+            Method.TWELVE,
+            Method.TWELVE_LINEAR,
+            Method.SIX,
+            Method.SIX_LINEAR,
         ),
         MeasuringProtocol.SINGLE: (Method.READINGS, Method.SINGLE, Method.SINGLE_SEQUENTIAL),
         MeasuringProtocol.BEST: (Method.READINGS,),

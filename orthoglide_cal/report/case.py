@@ -82,19 +82,25 @@ class Case:
         """Machine, data, and a method that was asked for, at the end of the first line."""
         answer = self.answer
         data = data_words(self.source, answer.input.kind, answer.input.readings)
-        return ", ".join((answer.machine.name, data, *(f"method {each}" for each in self._method)))
+        told = [answer.machine.name, data]
+        if self._method is not None:
+            told.append(f"method {self._method}")
+        return ", ".join(told)
 
     @property
-    def _method(self) -> tuple[str, ...]:
+    def _method(self) -> str | None:
         """The method, if another one than the usual was asked for."""
         method = self.answer.method
-        return () if method in (None, self.answer.input.kind) else (str(method),)
+        return None if method == self.answer.input.kind else method
 
     def typed(self, verb: str, *options: str) -> str:
         """A command about the same input, with what was given for it, and further options."""
-        given = [f"--method {each}" for each in self._method if verb in _TAKING_METHODS]
+        given = []
+        if self._method is not None and verb in _TAKING_METHODS:
+            given.append(f"--method {self._method}")
         given += filter(None, options)
-        given += [f"--rule-out {id}" for id in self.answer.ruled_out if verb in _DIAGNOSING]
+        if verb in _DIAGNOSING:
+            given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         return about(verb, self.source, machine=self.machine_file, options=" ".join(given))
 
     def more(self, verb: str) -> doc.Paragraph:

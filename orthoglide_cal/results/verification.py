@@ -389,9 +389,14 @@ def _common(
     first, second = solutions
     machine = first.model.machine
     columns = (
-        *(machine.parameter_names, machine.parameter_units, machine.active, entered),
-        *(first.offsets_mm.tolist(), first.expanded_mm.tolist()),
-        *(second.offsets_mm.tolist(), second.expanded_mm.tolist()),
+        machine.parameter_names,
+        machine.parameter_units,
+        machine.active,
+        entered,
+        first.offsets_mm.tolist(),
+        first.expanded_mm.tolist(),
+        second.offsets_mm.tolist(),
+        second.expanded_mm.tolist(),
     )
     parameters = {
         name: VerifiedParameter(
