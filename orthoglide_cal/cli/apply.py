@@ -56,7 +56,7 @@ def apply(
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files import read_input
-    from orthoglide_cal.files.controller_file import controller_file, live_offsets
+    from orthoglide_cal.files.controller_file import controller_file, is_live
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.documents.application import application_document
     from orthoglide_cal.results import take_back
@@ -89,17 +89,14 @@ def apply(
         if not agrees(question):
             common.tell("Nothing was changed.")
             return
-        live = False
-        if controller and controller.adds:
-            held = [float(each.before) for each in controller.settings.values()]
-            live = live_offsets() == held and agrees(LIVE)
+        runs = controller is not None and controller.adds and is_live(controller)
+        live = runs and agrees(LIVE)
         _write(found)
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
         if live and controller:
-            written = controller_file(controller.target).settings.values()
-            if live_offsets(*(each.before for each in written)) is None:
+            if not is_live(controller_file(controller.target), anew=True):
                 raise InputError(
                     "The running LinuxCNC does not take the offsets; its INI holds them.",
                     "Restart LinuxCNC, then home.",
@@ -121,7 +118,7 @@ def _write(found: Application) -> None:
     from orthoglide_cal.files.controller_file import replace_file
 
     record, controller = found.file.document, found.controller
-    writes = [(record.path, record.sha256, found.text.encode())]
+    writes = [(record.path, record.sha256, found.then.document.text.encode())]
     if controller is not None:
         writes.append((controller.target, controller.sha256, found.data))
     for target, before, data in reversed(writes) if found.undone else writes:
@@ -146,12 +143,7 @@ def _entered(
         UsageError: there is no machine file, or they cannot be recorded there.
         UnusableResultError: they must not be used.
     """
-    from orthoglide_cal.files import (
-        default_machine,
-        machine_in_folder,
-        new_machine_file,
-        read_input,
-    )
+    from orthoglide_cal.files import machine_in_folder, new_machine_file, read_input
     from orthoglide_cal.report.case import SETTLED
     from orthoglide_cal.report.controller import values_of
     from orthoglide_cal.results import apply as application
@@ -160,21 +152,19 @@ def _entered(
     file = None
     if machine or not of_printer or machine_in_folder(Path()):
         file = common.read_machine_file(common.own_machine_file(machine))
-    own = read_input(path, otherwise=lambda: file.model if file else default_machine())
-    file = file or new_machine_file(own.model)
-    known = file.model.machine
-    if known.keeps_itself and controller is None:
+    if file and file.model.machine.keeps_itself and controller is None:
+        known = file.model.machine
         options = f"--format {known.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
-        raise UsageError(
-            known.keeps_itself, f"See what to give it: {shown}; or write it: {written}"
-        )
+        remedy = f"See what to give it: {shown}; or write it: {written}"
+        raise UsageError(known.keeps_itself, remedy)
     export = released(common.read_input(path, machine, data, rule_out), machine)
-    case = export.case
-    if case.answer.release.settled:
+    given, answer = export.case.given, export.case.answer
+    if answer.release.settled:
         raise UsageError(f"{SETTLED}.", "Leave everything as it is.")
-    values = values_of(export).by_name if known.keeps_itself else None
+    file = file or new_machine_file(given.model)
+    values = values_of(export).by_name if file.model.machine.keeps_itself else None
+    measured_on = read_input(path).model if given.is_session else None
     now = datetime.now().astimezone()
-    measured_on = own.model if own.is_session else None
-    return application(case.given, case.answer, file, now, measured_on, controller, values)
+    return application(given, answer, file, now, measured_on, controller, values)

@@ -13,8 +13,7 @@ from orthoglide_cal.errors import OrthocalError, command
 _DIGEST = 8
 
 if TYPE_CHECKING:
-    from orthoglide_cal.files import FoundSession
-    from orthoglide_cal.model import Machine
+    from orthoglide_cal.files import FoundSession, StoredMachine
     from orthoglide_cal.report import document as doc
 
 
@@ -26,12 +25,11 @@ def start() -> None:
     from orthoglide_cal.session import unfinished
 
     here = Path()
-    path = machine = to = None
+    file = to = None
     sessions, waiting, printers = sessions_in(here), unfinished(here), printers_in(here)
     try:
-        path = machine_in_folder(here)
         known = "none in this folder"
-        if path:
+        if path := machine_in_folder(here):
             file = common.read_machine_file(path)
             machine, to = file.model.machine, unwritten(file)
             known = f"{path}: {machine.name}, {machine.geometry_words}"
@@ -47,7 +45,7 @@ def start() -> None:
     if printers and not sessions:
         title = "calibration of a linear delta by its own probe"
     try:
-        found = list(_next(path, machine, to, sessions, waiting, printers))
+        found = list(_next(file, to, sessions, waiting, printers))
     except OrthocalError as error:
         found = [doc.Instruction(str(error), command("validate", str(sessions[-1].path)))]
     if len(sessions) > 1 and not (waiting or to):
@@ -68,8 +66,7 @@ def start() -> None:
 
 
 def _next(
-    file: Path | None,
-    machine: Machine | None,
+    file: StoredMachine | None,
     to: str | None,
     sessions: list[FoundSession],
     waiting: list[Path],
@@ -85,12 +82,13 @@ def _next(
     from orthoglide_cal.results import answer_to
 
     last = str(sessions[-1].path) if sessions else ""
+    machine = file.model.machine if file else None
     entered = machine.history[-1].data_sha256 if machine and machine.history else None
     paths = [str(each.path) for each in reversed(sessions)] if entered else []
     # The session whose offsets were entered last.
     applied = next((path for path in paths if read_document(path).sha256 == entered), None)
-    if to:
-        yield Paragraph(f"{file} records a change of {to}, which was not written.")
+    if to and file:
+        yield Paragraph(f"{file.document.path} records a change of {to}, which was not written.")
         of = applied or "SESSION"
         yield Instruction("Write it", command("apply", of, options=f"--to {to}"))
         yield Instruction("Or take it back", command("apply", options=f"--undo --to {to}"))

@@ -16,6 +16,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.faults import Faults
@@ -234,22 +236,21 @@ def _found(
     return found
 
 
-def live_offsets(*new: str) -> list[float] | None:
-    """The home offsets of a LinuxCNC on this computer, by `halcmd`; None if none runs, or takes it.
+def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
+    """Whether a LinuxCNC on this computer has these home offsets, by `halcmd`.
 
     Args:
-        new: set before they are read, in the unit of its INI; in force at the next homing.
+        anew: set them before; they are in force at the next homing.
     """
-
-    def halcmd(*what: str) -> str:
-        return subprocess.run(
-            ["halcmd", *what], capture_output=True, text=True, check=True, timeout=5.0
-        ).stdout
-
-    pins = [f"ini.{joint}.home_offset" for joint in range(len(AXES))]
+    values = {f"ini.{i}.home_offset": v.before for i, v in enumerate(ini.settings.values())}
+    asked = [f"setp {pin} {value}" for pin, value in values.items() if anew]
+    asked += [f"getp {pin}" for pin in values]
+    said = "\n".join((*asked, ""))
     try:
-        for pin, text in zip(pins, new, strict=False):
-            halcmd("setp", pin, text)
-        return [float(halcmd("getp", pin)) for pin in pins]
+        run = subprocess.run(
+            ["halcmd", "-f"], input=said, capture_output=True, text=True, check=True, timeout=5.0
+        )
+        found = np.array(run.stdout.split(), dtype=float)
+        return np.allclose(found, np.array([*values.values()], dtype=float), rtol=1e-6, atol=1e-6)
     except (OSError, subprocess.SubprocessError, ValueError):
-        return None
+        return False

@@ -387,10 +387,12 @@ def new_machine_file(model: Model) -> StoredMachine:
     return machine_file_in(load_tree(document))
 
 
-def with_history(file: StoredMachine, offsets_mm: JointOffsets | None, *history: Entered) -> str:
-    """The file's text with other active offsets [mm] (None: the same) and another history.
+def with_history(
+    file: StoredMachine, offsets_mm: JointOffsets | None, *history: Entered
+) -> StoredMachine:
+    """The file with other active offsets [mm] (None: the same) and another history, not written.
 
-    Comments, order and blanks stay as they are.
+    Comments, order and blanks stay as they are; the digest is still that of the file.
     """
     held = {"offsets_mm": offsets_mm} if offsets_mm is not None else {}
     machine = file.model.machine.changed(**held, history=history)
@@ -399,8 +401,9 @@ def with_history(file: StoredMachine, offsets_mm: JointOffsets | None, *history:
     text = edited(file.document.text, {key: values[key] for key in (*held, "history")})
     with suppress(InputError):
         if machine_values(machine_from_text(text, file.document.path)) == values:
-            return text
-    return machine_text(model)  # JSON and other rare forms of YAML have no comments to lose
+            return replace(file, model=model, document=replace(file.document, text=text))
+    text = machine_text(model)  # JSON and other rare forms of YAML have no comments to lose
+    return replace(file, model=model, document=replace(file.document, text=text))
 
 
 def new_machine(values: Mapping[str, object], path: str) -> str:

@@ -6,6 +6,7 @@ import errno
 import hashlib
 import os
 import re
+import shutil
 import stat
 import sys
 import time
@@ -125,17 +126,17 @@ def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
             if _LEFT.fullmatch(left.name) and time.time() - left.stat().st_mtime > _ABANDONED_S:
                 left.unlink()
     try:
-        if not overwrite and path.exists():
+        there = path.exists()
+        if there and not overwrite:
             raise FileExistsError
-        mode = path.stat().st_mode if path.exists() else None
-        if mode is not None and not mode & stat.S_IWUSR:
+        if there and not path.stat().st_mode & stat.S_IWUSR:
             raise PermissionError(errno.EACCES, "it is read-only")
         with temporary.open("xb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        if mode is not None:
-            temporary.chmod(stat.S_IMODE(mode))
+        if there:
+            shutil.copymode(path, temporary)
         if overwrite:
             temporary.replace(path)
         else:

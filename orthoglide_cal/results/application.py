@@ -12,7 +12,7 @@ from pathlib import Path
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import Conditions, Input, StoredMachine, differing, with_history
 from orthoglide_cal.files.controller_file import ControllerFile
-from orthoglide_cal.model import Entered, Machine, Model
+from orthoglide_cal.model import Entered, Model
 from orthoglide_cal.model.machine import JointOffsets, Written
 from orthoglide_cal.results.answer import Answer
 
@@ -38,7 +38,7 @@ class Application:
         file: the machine file as it is.
         entry: what is recorded, or taken back.
         undone: True if it is taken back.
-        text: the machine file as it will be.
+        then: the machine file as it will be.
         conditions: of the measurement; None where it is taken back.
         controller, data: the controller's file as it is, and as it will be; None and empty where it
             is not written.
@@ -47,7 +47,7 @@ class Application:
     file: StoredMachine
     entry: Entered
     undone: bool
-    text: str
+    then: StoredMachine
     conditions: Conditions | None = None
     controller: ControllerFile | None = None
     data: bytes = b""
@@ -87,17 +87,15 @@ def apply(
             offsets were entered after it; the controller's file is of another kind of machine, or
             does not hold what it held when that was measured.
     """
-    machine, sha256 = file.model.machine, given.measured.source.sha256
-    known = _written_to(machine, controller)
+    sha256 = given.measured.source.sha256
+    known = _written_to(file, controller)
     if controller and known and known.sha256_before == controller.sha256:
-        *history, last = machine.history
+        *history, last = file.model.machine.history
         if last.data_sha256 == sha256:
             # The program was killed before it wrote that file: as if nothing were recorded.
-            machine = machine.changed(history=tuple(history))
-            known = None
-            if last.before is not None:
-                machine = machine.changed(offsets_mm=last.before)
-            file = replace(file, model=replace(file.model, machine=machine))
+            file = with_history(file, last.before, *history)
+            known = _written_to(file, controller)
+    machine = file.model.machine
     obstacle = None if machine.keeps_itself else _obstacle(given, file)
     if measured_on is not None:
         # Causes may have been accepted since; rails and legs are what they were.
@@ -132,13 +130,13 @@ def apply(
         before = given.model.orthoglide.offsets_mm
         after = JointOffsets(*(each.new(decimals) for each in answer.parameters))
         entry = entry.changed(before=before, after=after)
-    text = with_history(file, entry.after, *machine.history, entry)
-    return Application(file, entry, False, text, given.conditions, controller, data)
+    then = with_history(file, entry.after, *machine.history, entry)
+    return Application(file, entry, False, then, given.conditions, controller, data)
 
 
-def _written_to(machine: Machine, controller: ControllerFile | None) -> Written | None:
-    """What the last entry of a machine wrote to a controller's file; None if it did not."""
-    written = machine.history[-1].written if machine.history else None
+def _written_to(file: StoredMachine, controller: ControllerFile | None) -> Written | None:
+    """What the last entry wrote to a controller's file; None if it did not."""
+    written = file.model.machine.written
     return written if written and controller and written.target == controller.target else None
 
 
@@ -154,7 +152,7 @@ def recording(given: Input) -> Recording:
 
 def unwritten(file: StoredMachine) -> str | None:
     """The controller's file of the last entry, if the program was killed before it wrote it."""
-    *_, written = None, *(each.written for each in file.model.machine.history)
+    written = file.model.machine.written
     if written is None or written.sha256_before == written.sha256_after:
         return None
     path = Path(written.target)
@@ -230,11 +228,11 @@ def take_back(
             f"{path} holds {_triple(machine.active)} mm, not what was entered on {last.date}.",
             "It was changed by hand: change it back by hand.",
         )
-    text, data = with_history(file, last.before, *history), b""
+    then, data = with_history(file, last.before, *history), b""
     if last.written is None and controller is not None:
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
     if last.written is not None:
-        if controller is None or _written_to(machine, controller) is None:
+        if controller is None or controller.target != last.written.target:
             raise UsageError(
                 f"The last entry of {path} was written to {last.written.target}.",
                 "Restore that, too: "
@@ -244,7 +242,7 @@ def take_back(
             controller = None
         else:
             data = controller.restored(last.written)
-    return Application(file, last, True, text, None, controller, data)
+    return Application(file, last, True, then, None, controller, data)
 
 
 def _newer(started: str | None, history: tuple[Entered, ...]) -> bool:

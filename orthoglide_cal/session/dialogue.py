@@ -350,11 +350,10 @@ class Dialogue:
             source=token.source,
             remark=stood.words if stood else "",
         )
+        question = check(coming, value)
         if stood and stood.away_mm > NEAR_MM:
             far = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
-            question: Question | None = Question(Doubt.PLACE, far)
-        else:
-            question = check(coming, value)
+            question = Question(Doubt.PLACE, far)
         if question is None:
             self.write(taken)
             self._acknowledge(step, value)

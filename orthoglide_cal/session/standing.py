@@ -22,7 +22,6 @@ NEAR_MM = 0.05  # farther from the posture, a reading is questioned
 _TIMEOUT_S = 2.0
 _ADDRESS = re.compile(r"linuxcnc(?::([^:\[\]\s]+|\[[^\]\s]+\])(?::([0-9]{1,5}))?)?")
 _UNITS = {"MM": 1.0, "INCH": MM_PER_INCH, "CM": 10.0}
-_IDENTITY = "1"  # joints are the axes of the tool
 
 
 class Stood(NamedTuple):
@@ -38,6 +37,9 @@ class Standing:
     Args:
         address: linuxcnc[:HOST[:PORT]], of linuxcncrsh.
 
+    Attributes:
+        close: ends the connection.
+
     Raises:
         UsageError: there is no LinuxCNC, or one that cannot be followed.
     """
@@ -48,18 +50,19 @@ class Standing:
         if found is None or not 0 < port < 65536:
             raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
         host = (found[1] or "localhost").strip("[]")
-        self._open = ExitStack()
         try:
-            self._socket = socket.create_connection((host, port), _TIMEOUT_S)
-            self._open.enter_context(self._socket)
-            self._lines = self._socket.makefile("r", encoding="ascii", errors="replace")
-            self._open.enter_context(self._lines)
-            self._ask("hello EMC orthocal 1.0", "HELLO ACK")
-            (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
-            self._unit_mm = _UNITS[unit]
-            self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == [_IDENTITY]
+            with ExitStack() as opened:
+                self._socket = socket.create_connection((host, port), _TIMEOUT_S)
+                opened.enter_context(self._socket)
+                self._lines = self._socket.makefile("r", encoding="ascii", errors="replace")
+                opened.enter_context(self._lines)
+                self._ask("hello EMC orthocal 1.0", "HELLO ACK")
+                (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
+                self._unit_mm = _UNITS[unit]
+                # Identity: its joints are the axes of the tool.
+                self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == ["1"]
+                self.close = opened.pop_all().close
         except (OSError, KeyError, ValueError) as error:
-            self.close()
             raise UsageError(
                 f"No LinuxCNC can be followed at {host}:{port}: {system_words(error)}.",
                 "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh); or"
@@ -85,10 +88,6 @@ class Standing:
         axes = zip(AXES, stands.tolist(), strict=True)
         said = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
         return Stood(away, f"the controller stood at {said}")
-
-    def close(self) -> None:
-        """End the connection."""
-        self._open.close()
 
     def _ask(self, question: str, answer: str) -> list[str]:
         """The words of an answer behind its name. Raises OSError."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from orthoglide_cal.files.controller_file import replace_file
+from orthoglide_cal.files.controller_file import ControllerFile, replace_file
 from tests import truth
 from tests.files.test_controller_file import CFG, INI
 from tests.linuxcnc import LinuxCnc, missing
@@ -123,13 +123,13 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
     if on == "again":
         told: list[str] = []
 
-        def live(*new: str) -> list[float]:
+        def live(ini: ControllerFile, *, anew: bool = False) -> bool:
             """A LinuxCNC with these offsets runs here."""
-            told.extend(new)
-            return [0.5, -12.25, 0.0]
+            told.extend(each.before for each in ini.settings.values() if anew)
+            return True
 
         with monkeypatch.context() as patch:
-            patch.setattr("orthoglide_cal.files.controller_file.live_offsets", live)
+            patch.setattr("orthoglide_cal.files.controller_file.is_live", live)
             done("apply", "before.csv", "--to", "mill.ini", "--yes")
         assert [float(text) for text in told] == offsets() != [0.5, -12.25, 0.0]
         assert len(history()) == 1

@@ -5,9 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from orthoglide_cal.errors import command
-from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.model import AXES
-from orthoglide_cal.model.machine import Written
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import measure_again
 from orthoglide_cal.results import Application
@@ -38,17 +36,24 @@ def _data(found: Application) -> dict[str, object]:
 def _page(found: Application, session: str) -> doc.Page:
     machine = found.file.model.machine
     if found.controller is not None and found.entry.written is not None:
-        grid = _written(found, found.controller, found.entry.written)
-        said = machine.vocabulary.restart
+        head, written = ("line", "what", "now", "from now on"), found.entry.written
+        rows = tuple(
+            (str(each.line), each.key, each.after, doc.Strong(each.before))
+            if found.undone
+            else (str(each.line), each.key, each.before, doc.Strong(each.after))
+            for each in written.values
+        )
+        notes = (f"Lines of {written.target}; all others stay.", *found.controller.remarks)
+        caption, said = " ".join(notes), machine.vocabulary.restart
         if found.controller.adds:
             said = f"Restart LinuxCNC: it reads its INI only then. {said}"
     else:
+        head = ("axis", "before", "change", "from now on")
         rows = tuple(
             (axis, signed(before, 4), signed(after - before, 4), doc.Strong(signed(after, 4)))
             for axis, before, after in zip(AXES, *found.offsets_mm, strict=False)
         )
         caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
-        grid = doc.Grid(("axis", "before", "change", "from now on"), rows, caption=caption)
         said = "The controller must hold the last column, and be homed since."
     if found.undone:
         steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
@@ -61,15 +66,6 @@ def _page(found: Application, session: str) -> doc.Page:
             doc.Instruction("Compare with the prediction.", command("verify", session, "AFTER")),
         ]
     title = "To be taken back" if found.undone else "To be recorded"
+    grid = doc.Grid(head, rows, caption=caption)
     section = doc.Section(None, (grid, doc.Instructions(tuple(steps))))
     return doc.Page(kind=title, title=machine.name, sections=(section,))
-
-
-def _written(found: Application, controller: ControllerFile, written: Written) -> doc.Grid:
-    """The lines of the controller's file that change."""
-    rows = []
-    for each in written.values:
-        now, new = (each.after, each.before) if found.undone else (each.before, each.after)
-        rows.append((str(each.line), each.key, now, doc.Strong(new)))
-    notes = (f"Lines of {written.target}; all others stay.", *controller.remarks)
-    return doc.Grid(("line", "what", "now", "from now on"), tuple(rows), caption=" ".join(notes))
