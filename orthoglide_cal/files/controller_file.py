@@ -21,7 +21,7 @@ import numpy as np
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.text import read_bytes, write_bytes
+from orthoglide_cal.files.text import read_bytes, write_text
 from orthoglide_cal.model import AXES
 from orthoglide_cal.model.machine import Written, WrittenValue
 from orthoglide_cal.words import MM_PER_INCH, plain
@@ -192,7 +192,7 @@ def replace_file(target: str, before: str, data: bytes) -> None:
     if server:
         moonraker.upload(server, data)
     else:
-        write_bytes(Path(target).resolve(), data, overwrite=True)
+        write_text(Path(target).resolve(), data, overwrite=True)
 
 
 def _found(

@@ -105,13 +105,8 @@ def check_size(size: int, path: str, limit: int) -> None:
         raise InputError(what, remedy, file=path)
 
 
-def write_text(path: Path, text: str, *, overwrite: bool = False) -> None:
-    """Write UTF-8 text as `write_bytes` does."""
-    write_bytes(path, text.encode(), overwrite=overwrite)
-
-
-def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
-    """Write a file through a temporary one beside it, synchronised to the disk.
+def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> None:
+    """Write a file, in UTF-8, through a temporary one beside it, synchronised to the disk.
 
     A file that is replaced keeps its mode; without `overwrite` none is replaced.
 
@@ -132,7 +127,7 @@ def write_bytes(path: Path, data: bytes, *, overwrite: bool = False) -> None:
         if there and not path.stat().st_mode & stat.S_IWUSR:
             raise PermissionError(errno.EACCES, "it is read-only")
         with temporary.open("xb") as file:
-            file.write(data)
+            file.write(text if isinstance(text, bytes) else text.encode())
             file.flush()
             os.fsync(file.fileno())
         if there:

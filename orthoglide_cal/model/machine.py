@@ -282,11 +282,6 @@ class Machine(Schema):
         return next((each for each in self.history if each.data_sha256 == sha256), None)
 
     @property
-    def written(self) -> Written | None:
-        """What the last entry wrote to the controller."""
-        return self.history[-1].written if self.history else None
-
-    @property
     def probes(self) -> bool:
         """Whether it measures itself."""
         return bool(self.vocabulary.probing)

@@ -73,10 +73,8 @@ def apply(
     What was active before is what the measurement says of it, not what stands in the file.
 
     Args:
-        given: the input.
-        answer: to it, released.
+        answer: to the input, released.
         file: of the machine that was measured.
-        at: the time.
         measured_on: what the session itself says of its machine; None without a session.
         controller: the controller's file, if it is to be written.
         values: parameter → what is to stand there, of a printer [mm, deg]; None for another
@@ -88,13 +86,13 @@ def apply(
             does not hold what it held when that was measured.
     """
     sha256 = given.measured.source.sha256
-    known = _written_to(file, controller)
+    known = _last_written(file, controller)
     if controller and known and known.sha256_before == controller.sha256:
         *history, last = file.model.machine.history
         if last.data_sha256 == sha256:
             # The program was killed before it wrote that file: as if nothing were recorded.
             file = with_history(file, last.before, *history)
-            known = _written_to(file, controller)
+            known = _last_written(file, controller)
     machine = file.model.machine
     obstacle = None if machine.keeps_itself else _obstacle(given, file)
     if measured_on is not None:
@@ -134,12 +132,6 @@ def apply(
     return Application(file, entry, False, then, given.conditions, controller, data)
 
 
-def _written_to(file: StoredMachine, controller: ControllerFile | None) -> Written | None:
-    """What the last entry wrote to a controller's file; None if it did not."""
-    written = file.model.machine.written
-    return written if written and controller and written.target == controller.target else None
-
-
 def recording(given: Input) -> Recording:
     """Whether what is entered from this measurement can be recorded, or was."""
     file = given.keeper
@@ -152,12 +144,19 @@ def recording(given: Input) -> Recording:
 
 def unwritten(file: StoredMachine) -> str | None:
     """The controller's file of the last entry, if the program was killed before it wrote it."""
-    written = file.model.machine.written
-    if written is None or written.sha256_before == written.sha256_after:
+    written = _last_written(file)
+    path = Path(written.target if written else "")
+    if written is None or written.sha256_before == written.sha256_after or not path.is_file():
         return None
-    path = Path(written.target)
-    same = path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == written.sha256_before
-    return written.target if same else None
+    held = hashlib.sha256(path.read_bytes()).hexdigest()
+    return written.target if held == written.sha256_before else None
+
+
+def _last_written(file: StoredMachine, controller: ControllerFile | None = None) -> Written | None:
+    """What the last entry wrote to this controller's file, or to any; None if it did not."""
+    *_, written = None, *(each.written for each in file.model.machine.history)
+    elsewhere = written and controller and written.target != controller.target
+    return None if elsewhere else written
 
 
 def _other_machine(
