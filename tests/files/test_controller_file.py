@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import InputError, InvalidFileError, OrthocalError, UsageError
-from orthoglide_cal.files.controller_file import controller_file, replace_file
+from orthoglide_cal.files.controller_file import controller_file, is_live, replace_file
 
 INI = """\
 # Fräse 7; HOME_OFFSET = 9 in a remark
@@ -185,6 +185,19 @@ def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
         replace_file(before.target, before.sha256, b"nothing")
     assert path.read_text(encoding="utf-8") == INI
     assert [each.name for each in tmp_path.iterdir()] == ["mill.ini"]
+
+
+@pytest.mark.parametrize(("offset", "same"), [("310.25041", True), ("310.2514", False)])
+def test_a_running_linuxcnc_tells_seven_digits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offset: str, same: bool
+) -> None:
+    program = tmp_path / "halcmd"
+    program.write_text("#!/bin/sh\nprintf '310.2504\\n-12.25\\n0\\n'\n", encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    path = tmp_path / "mill.ini"
+    path.write_text(INI.replace("0.500\n", f"{offset}\n"), encoding="utf-8")
+    assert is_live(controller_file(str(path))) is same
 
 
 @pytest.mark.parametrize("count", [150, pytest.param(5000, marks=pytest.mark.slow)])
