@@ -18,18 +18,21 @@ from orthoglide_cal import __version__
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.apply import apply
 from orthoglide_cal.cli.common import PlainCommand, flag, leave_closed, switch_colour_off
-from orthoglide_cal.cli.diagnose import diagnose, solve
+from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.guide import guide
-from orthoglide_cal.cli.history import history, verify
+from orthoglide_cal.cli.history import history
 from orthoglide_cal.cli.machine import machine
 from orthoglide_cal.cli.measure import INTERRUPTED, measure
 from orthoglide_cal.cli.paper import paper
 from orthoglide_cal.cli.plan import plan
 from orthoglide_cal.cli.report import report
 from orthoglide_cal.cli.simulate import simulate
+from orthoglide_cal.cli.solve import solve
 from orthoglide_cal.cli.start import start
-from orthoglide_cal.cli.validate import template, validate
+from orthoglide_cal.cli.template import template
+from orthoglide_cal.cli.validate import validate
+from orthoglide_cal.cli.verify import verify
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 
 # For terminals that have no other signs.

@@ -1,4 +1,4 @@
-"""`orthocal solve` and `orthocal diagnose`: the offsets; what else is wrong, and what to do."""
+"""`orthocal diagnose`: what else is wrong, how sure that is, and what to do."""
 
 from __future__ import annotations
 
@@ -8,31 +8,7 @@ from typing import Annotated
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Offsets, Text, flag, option
-from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError
-
-
-def solve(
-    files: common.Files,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    rule_out: common.RuleOut = None,
-    method: common.MethodName = None,
-    details: common.WithDetails = False,
-    json: common.AsJson = False,
-) -> None:
-    """Find the joint offsets and whether they may be entered."""
-    from orthoglide_cal.report.case import Case
-    from orthoglide_cal.report.documents.solution import solution_document
-    from orthoglide_cal.results import answer_to
-
-    def judge(path: str) -> int:
-        given = common.read_input(path, machine, data, rule_out)
-        found = answer_to(given, method, details=details or json)
-        document = solution_document(Case(given, found, machine))
-        common.deliver(document, as_json=json, details=details)
-        return 0 if found.release.usable else UnusableResultError.exit_code
-
-    common.for_each(files, judge, as_json=json)
+from orthoglide_cal.errors import OrthocalError, UsageError
 
 
 def diagnose(

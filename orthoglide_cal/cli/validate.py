@@ -1,11 +1,8 @@
-"""`orthocal validate` and `orthocal template`: everything wrong with a file; an example of one."""
+"""`orthocal validate`: everything that is wrong with a file."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import argument
 from orthoglide_cal.errors import InputError, UnusableResultError
 
 
@@ -38,22 +35,3 @@ def validate(
         return 0 if check.valid else InputError.exit_code
 
     common.for_each(files, judge, as_json=json)
-
-
-def template(
-    kind: Annotated[
-        Literal["readings", "differences", "machine", "touches", "gcode"],
-        argument("KIND", "readings, differences, machine, touches or gcode."),
-    ],
-) -> None:
-    """Print an example file to fill in with your own numbers."""
-    from importlib.resources import files
-
-    from orthoglide_cal.files import new_machine
-
-    if kind == "machine":
-        print(new_machine({"name": "my machine"}, "-"), end="")
-    else:
-        ending = "nc" if kind == "gcode" else "csv"
-        shipped = files("orthoglide_cal.files") / "templates" / f"{kind}.{ending}"
-        print(shipped.read_text(encoding="utf-8"), end="")

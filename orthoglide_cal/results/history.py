@@ -498,7 +498,10 @@ def compare(
         UnusableResultError: a session does not determine the parameters.
     """
     if len(inputs) < 2:
-        raise UsageError("A history needs two sessions or more.", "Name files, or their folder.")
+        raise UsageError(
+            "A history needs two sessions or more.",
+            "Name files, or a folder of sessions (not of tables).",
+        )
     if len(dates) not in (0, len(inputs)):
         what = f"There are {len(dates)} dates for {len(inputs)} sessions."
         raise UsageError(what, "Give --dates one date for each, in the order of the files.")

@@ -9,14 +9,13 @@ from itertools import pairwise
 from pathlib import Path, PurePath
 
 import numpy as np
-from rich.console import Console
 
 from orthoglide_cal.diagnosis.result import CauseParameter as Known
 from orthoglide_cal.errors import command
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.figures import below, line, thread, words
-from orthoglide_cal.report.terminal import TerminalPage
+from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results.history import U95, History, Trend
 from orthoglide_cal.words import (
     counted,
@@ -29,7 +28,7 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-_WIDE, _HIGH = 80, 24  # of a screen, characters
+_HIGH = 24  # lines of a screen
 _ROOM = 64  # columns beside the dates
 _TOLD = 3  # of its changes in words
 _MONTH = 30.0  # days, in which a drift is told
@@ -53,7 +52,7 @@ def _screen(found: History, steps: doc.Instructions) -> doc.Page:
     for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
         sections = doc.Section(None, (_table(found, most), *notes)), following
         page = doc.Page("History", None, notice=_notice(found), sections=sections)
-        if len(Console(width=_WIDE).render_lines(TerminalPage(page))) <= _HIGH:
+        if height(page) <= _HIGH:
             break
     return page
 
@@ -220,4 +219,4 @@ def _shapes(found: History) -> doc.Figure:
     maps += figures.bed_maps("last", other, {"": last}, *bed)
     if np.array_equal(place, other):
         maps += figures.bed_maps("difference", place, {"": last - first}, *bed)
-    return doc.Figure(None, "", maps)
+    return doc.Figure(None, "", maps, columns=2)

@@ -1,0 +1,30 @@
+"""`orthocal solve`: from readings to joint offsets, and whether they may be entered."""
+
+from __future__ import annotations
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.errors import UnusableResultError
+
+
+def solve(
+    files: common.Files,
+    machine: common.MachineFile = None,
+    data: common.Data = None,
+    rule_out: common.RuleOut = None,
+    method: common.MethodName = None,
+    details: common.WithDetails = False,
+    json: common.AsJson = False,
+) -> None:
+    """Find the joint offsets and whether they may be entered."""
+    from orthoglide_cal.report.case import Case
+    from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.results import answer_to
+
+    def judge(path: str) -> int:
+        given = common.read_input(path, machine, data, rule_out)
+        found = answer_to(given, method, details=details or json)
+        document = solution_document(Case(given, found, machine))
+        common.deliver(document, as_json=json, details=details)
+        return 0 if found.release.usable else UnusableResultError.exit_code
+
+    common.for_each(files, judge, as_json=json)

@@ -1,0 +1,26 @@
+"""`orthocal template`: an example file, to be overwritten with your own numbers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from orthoglide_cal.cli.common import argument
+
+
+def template(
+    kind: Annotated[
+        Literal["readings", "differences", "machine", "touches", "gcode"],
+        argument("KIND", "readings, differences, machine, touches or gcode."),
+    ],
+) -> None:
+    """Print an example file to fill in with your own numbers."""
+    from importlib.resources import files
+
+    from orthoglide_cal.files import new_machine
+
+    if kind == "machine":
+        print(new_machine({"name": "my machine"}, "-"), end="")
+    else:
+        ending = "nc" if kind == "gcode" else "csv"
+        shipped = files("orthoglide_cal.files") / "templates" / f"{kind}.{ending}"
+        print(shipped.read_text(encoding="utf-8"), end="")

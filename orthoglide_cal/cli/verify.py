@@ -1,0 +1,39 @@
+"""`orthocal verify`: did a correction help?"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import MEASURED, argument
+
+
+def verify(
+    before: Annotated[str, argument("BEFORE", f"Measured before the correction. {MEASURED}.")],
+    after: Annotated[
+        str, argument("AFTER", "Measured after the correction, with the same protocol.")
+    ],
+    applied: common.Applied = None,
+    limit: common.Limit = None,
+    machine: common.MachineFile = None,
+    data: common.Data = None,
+    html: common.HtmlFile = None,
+    markdown: common.MarkdownFile = None,
+    details: common.WithDetails = False,
+    json: common.AsJson = False,
+    overwrite: common.Overwrite = False,
+) -> None:
+    """Compare the predicted effect of a correction with the real one."""
+    from orthoglide_cal.report.documents.verification import verification_document
+    from orthoglide_cal.results import identify
+    from orthoglide_cal.results.verification import verify as verified
+
+    def judge(path: str) -> None:
+        inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
+        found = verified(*inputs, applied, limit)
+        shown = verification_document(found, identify(found.inputs, *found.options))
+        common.deliver(
+            shown, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
+        )
+
+    common.for_each([before], judge, as_json=json)
