@@ -498,10 +498,7 @@ def compare(
         UnusableResultError: a session does not determine the parameters.
     """
     if len(inputs) < 2:
-        raise UsageError(
-            "A history needs two sessions or more.",
-            "Name files, or a folder of sessions (not of tables).",
-        )
+        raise UsageError("A history needs two sessions or more.", "Name files, or their folder.")
     if len(dates) not in (0, len(inputs)):
         what = f"There are {len(dates)} dates for {len(inputs)} sessions."
         raise UsageError(what, "Give --dates one date for each, in the order of the files.")
