@@ -44,4 +44,4 @@ def history(
             shown, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
         )
 
-    common.for_each(files[:1], judge, as_json=json)
+    common.for_each(files[:1] if json else [""], judge, as_json=json)

@@ -33,6 +33,7 @@ from orthoglide_cal.diagnosis.fit import Fitted, fit_explanations
 from orthoglide_cal.diagnosis.result import CauseParameter as Known
 from orthoglide_cal.diagnosis.scores import Score
 from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
@@ -172,6 +173,8 @@ class _Read:
         self.white = white
         (self.alone,) = _fits(white, ())
         explained = dof > 0 and chance_of_residual(self.alone.square, dof, noise) > PLAIN
+        if not explained:
+            solve(given.measured, white.problem.model)  # numbers out of all proportion are refused
         self.found = None if explained else assess(white)
         # Set of lasting causes → probabilities of the explanations with it; {} if none explains.
         self.listed: dict[Ids, dict[Ids, float]] = {}
@@ -624,7 +627,6 @@ def _circumstances(sessions: Sequence[DatedSession], reads: Sequence[_Read]) -> 
 
 
 def _shape(read: _Read) -> _Shape:
-    """What the parameters leave of each touch of a bed [mm]."""
     plan, machine = ProbePlan.require(read.white.plan), LinearDelta.require(read.white.machine)
     touched = ~plan.distance
     return plan.place[touched, :2], read.white.plain(read.alone.left)[touched], machine

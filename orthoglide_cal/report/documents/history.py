@@ -29,7 +29,6 @@ from orthoglide_cal.words import (
 )
 
 _HIGH = 24  # lines of a screen
-_ROOM = 64  # columns beside the dates
 _TOLD = 3  # of its changes in words
 _MONTH = 30.0  # days, in which a drift is told
 
@@ -141,7 +140,7 @@ def _table(found: History, most: int) -> doc.Grid:
     names = [each.name for each in found.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
-    if sum(max(len(name), 6) + 2 for name in names) > _ROOM:  # those that did something
+    if sum(max(len(name), 6) + 2 for name in names) > 64:  # those that did something
         moved = {each.name for change in found.changes for each in change.parameters}
         moved |= {rate.name for rate in found.drift} | {size.name for size in found.scatter}
         every = [k for k in every if names[k] in moved] or every[:6]
