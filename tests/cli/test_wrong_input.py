@@ -299,7 +299,7 @@ def test_where_nothing_is_determined_no_table_is_empty(
     path = tmp_path / "wild.csv"
     head = "leg,posture,direction,cycle,reading_mm,seq,minutes"
     path.write_text("\n".join([head, *WILD.split()]), encoding="utf-8")
-    result = run(*words.format(path, six=SIX).split())
+    result = run(*(word.format(path, six=SIX) for word in words.split()))
     assert result.exit_code == code, result.output
     told = "wild.csv: The offsets would be" if "history" in words else "There is no result"
     assert told in result.output
