@@ -10,6 +10,7 @@ instrument that reads it, what is uncertain of its readings, and its vocabulary.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -292,9 +293,9 @@ class Machine(Schema):
         return HOMING_MM if self.homing_mm is None else self.homing_mm
 
     @property
+    @abstractmethod
     def instrument(self) -> Instrument:
         """What reads it."""
-        raise NotImplementedError
 
     @property
     def unobservable(self) -> tuple[str, ...]:
@@ -307,14 +308,14 @@ class Machine(Schema):
         return MappingProxyType({})
 
     @property
+    @abstractmethod
     def active(self) -> tuple[float, ...]:
         """What the controller has of each calibrated parameter, in its unit."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def plausible(self) -> tuple[float, ...]:
         """The largest size of each calibrated parameter that a machine can have, in its unit."""
-        raise NotImplementedError
 
     @property
     def max_reportable_u(self) -> tuple[float, ...]:
@@ -322,19 +323,19 @@ class Machine(Schema):
         return self.plausible
 
     @property
+    @abstractmethod
     def travel_mm(self) -> float:
         """How far a carriage can move, about [mm]."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def geometry_words(self) -> str:
         """Its nominal geometry in one line."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def nominal_rails(self) -> Geometry:
         """Rails and legs as the controller has them."""
-        raise NotImplementedError
 
     @property
     def expanding_mm(self) -> float:
@@ -342,20 +343,20 @@ class Machine(Schema):
         return float(self.nominal_rails.lengths.mean())
 
     @property
+    @abstractmethod
     def home_mm(self) -> float:
         """Joint value from which displacements count [mm]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
     ) -> GaugeResponse:
         """What gauges or probes are pushed to, and its derivative where that is asked for and
         known in closed form; arguments and errors as of `simulate`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def reading_words(self, plan: Plan, index: int) -> str:
         """One reading of a plan in words."""
-        raise NotImplementedError
 
     def differing(self, after: Machine) -> tuple[str, ...]:
         """Which settings the controller of the same machine has otherwise later, in words.
@@ -388,9 +389,9 @@ class Machine(Schema):
         """What neighbouring readings share, and what nobody calls an error; None for nothing."""
         return None
 
+    @abstractmethod
     def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
         """What nobody knows exactly of the gauges or of what they touch in the readings of a plan.
 
         `predict` gives the readings of any plan, (n,) [mm].
         """
-        raise NotImplementedError
