@@ -23,7 +23,7 @@ from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.printer_file import (
     ZERO_UNKNOWN,
     PrinterFile,
-    StoredMesh,
+    Stored,
     read_printer_file,
 )
 from orthoglide_cal.files.printer_settings import LARGEST_MM, Value, within
@@ -107,6 +107,6 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
         remarks += (f"The probe's z offset is not known: {ZERO_UNKNOWN}",)
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
-    mesh = StoredMesh.of_touches("console", touches[:, :4])
+    mesh = Stored.of_touches("console", touches[:, :4].tolist(), offset[2])
     source = document.source
     return replace(settings, probe=offset, mesh=mesh, source=source, remarks=remarks)

@@ -15,7 +15,7 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import ZERO_UNKNOWN, PrinterFile, StoredMesh
+from orthoglide_cal.files.printer_file import ZERO_UNKNOWN, PrinterFile, Stored
 from orthoglide_cal.files.printer_settings import LARGEST_MM, within
 from orthoglide_cal.files.text import FileText
 
@@ -76,7 +76,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     faults.check()
     offset = np.nan_to_num(settings.probe)
     lines_of = range(4, 4 + len(y))
-    grid = StoredMesh.of_grid("heightmap", x, y, heights, lines_of, offset)
+    grid = Stored.of_grid("heightmap", x, y, heights, lines_of, offset)
     remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
     mesh = replace(grid, remarks=(remark,))
     return replace(

@@ -27,7 +27,7 @@ from orthoglide_cal.files.machine_file import (
     machine_file_in,
 )
 from orthoglide_cal.files.marlin_output import MARLIN_OUTPUT, read_marlin
-from orthoglide_cal.files.printer_file import PrinterFile, StoredMesh, read_printer_file
+from orthoglide_cal.files.printer_file import PrinterFile, read_printer_file
 from orthoglide_cal.files.probe_readings import (
     PLACE_COLUMNS,
     known_printer,
@@ -324,7 +324,7 @@ def _firmware_file(
         if folder and (folder / "printer.cfg").is_file():
             beside = read_printer_file(read_document(str(folder / "printer.cfg")))
             remark = "The settings are those of printer.cfg in the same folder."
-            beside = replace(beside, heights=None, distances=None, mesh=None, remarks=(remark,))
+            beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
     elif MARLIN_OUTPUT.search(text):
         read, named = read_marlin, "--machine FILE, or keep what M503 prints in this file"
         beside = read_codes(document) if SETTINGS.search(text) else None
@@ -338,7 +338,7 @@ def _firmware_file(
     # which do not tell where the probe is.
     settings = beside
     if isinstance(known, PrinterFile):
-        settings = replace(known, heights=None, distances=None, mesh=None, remarks=())
+        settings = replace(known, heights=None, mesh=None, remarks=())
     elif known or beside is None:
         machine = (known or otherwise()).machine
         if isinstance(machine, LinearDelta) and beside:
@@ -360,9 +360,8 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
-    for each in (file.mesh, file.heights):
-        if isinstance(each, StoredMesh):
-            file = _with_bed(file, float(np.hypot(each.x, each.y).max()))
+    for each in filter(None, (file.mesh, file.heights)):
+        file = _with_bed(file, float(np.hypot(*each.plan.place.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
     delta = model.machine
     if not isinstance(delta, LinearDelta):

@@ -20,7 +20,7 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError, UnreachableError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG, PrinterFile, StoredMesh
+from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG, PrinterFile, Stored
 from orthoglide_cal.files.printer_settings import LARGEST_MM, within
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats
@@ -135,9 +135,9 @@ class _Reader:
         heights = np.array(rows)
         x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
         heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
-        mesh = StoredMesh.of_grid("", x, y, heights, lines, self.offset)
-        points = np.column_stack((mesh.line, mesh.x, mesh.y, mesh.height))
-        return np.asarray(points[np.argsort(mesh.order)])
+        mesh = Stored.of_grid("", x, y, heights, lines, self.offset)
+        points = np.column_stack((mesh.line, mesh.plan.place[:, :2], mesh.value))
+        return np.asarray(points[mesh.plan.in_time])
 
 
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
@@ -170,8 +170,8 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             f" the middle ({_MARGIN_MM:g} mm from the edge), is assumed."
         )
 
-    def stored(name: str, then: LinearDelta, touches: Iterable[Sequence[float]]) -> StoredMesh:
-        mesh = StoredMesh.of_touches(name, list(touches))
+    def stored(name: str, then: LinearDelta, touches: Iterable[Sequence[float]]) -> Stored:
+        mesh = Stored.of_touches(name, list(touches), reader.offset[2])
         if then is reader.now:
             return mesh
         remarks.append(
@@ -179,13 +179,13 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             f" {reader.changed}); they are counted from those in force after it."
         )
         try:
-            place = np.column_stack((mesh.x, mesh.y, mesh.height + reader.offset[2]))
-            x, y, z = reader.now.believed(then, place).T
+            place = reader.now.believed(then, mesh.plan.place)
         except UnreachableError as error:
             what = f"The arms cannot reach a place of {name}."
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
-        return replace(mesh, x=x, y=y, height=z - reader.offset[2])
+        plan = replace(mesh.plan, place=place, other=place)
+        return replace(mesh, plan=plan, value=place[:, 2] - reader.offset[2])
 
     heights = mesh = None
     if reader.seven[1]:
@@ -211,7 +211,6 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         machine=reader.now,
         probe=reader.offset,
         heights=heights,
-        distances=None,
         mesh=mesh,
         source=document.source,
         firmware="marlin",

@@ -27,6 +27,7 @@ from orthoglide_cal.model.linear_delta import (
     counter_clockwise,
 )
 from orthoglide_cal.model.plan import Bools, Ints, ReadOnly
+from orthoglide_cal.model.probe_plan import MINUTES_PER_TOUCH, ProbePlan
 
 _TOWERS = ("stepper_a", "stepper_b", "stepper_c")
 # Where the towers a, b, c of all firmwares stand before any correction, counter-clockwise from x.
@@ -54,67 +55,52 @@ ZERO_UNKNOWN = (
     "it cannot show the common height of the three endstops. Set the height of the nozzle again"
     " after entering them."
 )
+# DELTA_CALIBRATE leaves stored heights right on the mean.
+_TRIMMED_MM = 0.02
 _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
 
 
 @dataclass(frozen=True)
-class StoredCalibration(ReadOnly):
-    """Heights of the nozzle over the bed, or distances on a printed object; n of them.
+class Stored(ReadOnly):
+    """Touches, and distances on a printed object, that a file stores; n readings.
 
     Attributes:
-        first, second: joint positions as indicated (heights of the carriage joints over the bed by
-            the parameters in force), shape (n, 3) [mm]; both ends of a distance, the same twice of
-            a height.
-        value: the probe's offset, a height that was entered by hand, or the distance that callipers
-            showed, shape (n,) [mm].
+        plan: with the places where the controller believes the nozzle to be.
+        value: as of `Readings`, shape (n,) [mm]; NaN where no arms reach.
         line: in the file, shape (n,).
+        mesh: its name; None for heights that are stored with the positions of the carriages.
+        remarks: what to know about it.
     """
 
-    first: Floats
-    second: Floats
+    plan: ProbePlan
     value: Floats
     line: Ints
-
-
-@dataclass(frozen=True)
-class StoredMesh(ReadOnly):
-    """The probed points of a mesh without those that only repeat a neighbour; n of them.
-
-    Attributes:
-        x, y: commanded place of the nozzle, shape (n,) [mm]; the probe touches its offset from it.
-        height: at which the probe triggered, less its z offset, shape (n,) [mm].
-        order: when each was probed, 0 to n - 1, shape (n,): row after row, the first in the
-            direction of +x, the second of -x, and so on.
-        line: in the file, shape (n,).
-        remarks: what to know about it.
-        padded: number of points left out.
-    """
-
-    profile: str
-    x: Floats
-    y: Floats
-    height: Floats
-    order: Ints
-    line: Ints
+    mesh: str | None = None
     remarks: tuple[str, ...] = ()
-    padded: int = 0
 
     @classmethod
-    def of_touches(cls, profile: str, touches: Sequence[Sequence[float]] | Floats) -> StoredMesh:
-        """From line, x, y and height of each, in the order of time; at least one."""
+    def of_touches(cls, mesh: str, touches: Sequence[Sequence[float]], trigger: float) -> Stored:
+        """From line, x, y and height of each, in the order of time; at least one.
+
+        Heights are those of the nozzle over where it is when the probe triggers, `trigger` [mm].
+        """
         line, x, y, height = np.array(touches).T
-        return cls(profile, x, y, height, np.arange(len(line)), line.astype(int))
+        place = np.column_stack((x, y, height + trigger))
+        plan = touching(place, np.full(len(line), trigger), np.arange(len(line)))
+        return cls(plan, height, line.astype(int), mesh)
 
     @classmethod
     def of_grid(
-        cls, profile: str, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
-    ) -> StoredMesh:
+        cls, mesh: str, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
+    ) -> Stored:
         """From rows of heights, shape (m, n) [mm]; NaN where nothing was probed.
+
+        The first row was probed in the direction of +x, the second of -x, and so on.
 
         Args:
             x, y: places of the probe, shapes (n,) and (m,) [mm].
             height, line: of each row.
-            offset: of the probe from the nozzle, in x and y [mm].
+            offset: of the probe from the nozzle, shape (3,) [mm].
         """
         probed = np.isfinite(height)
         turn = np.arange(probed.size).reshape(probed.shape)
@@ -122,7 +108,33 @@ class StoredMesh(ReadOnly):
         at, along = (place[probed] for place in np.meshgrid(x, y))
         order = np.argsort(np.argsort(turn[probed]))
         lines = np.repeat(line, len(x)).reshape(probed.shape)[probed]
-        return cls(profile, at - offset[0], along - offset[1], height[probed], order, lines)
+        place = np.column_stack((at - offset[0], along - offset[1], height[probed] + offset[2]))
+        plan = touching(place, np.full(len(place), offset[2]), order)
+        return cls(plan, height[probed], lines, mesh)
+
+
+def touching(
+    place: Floats,
+    surface: Floats,
+    order: Ints,
+    minutes: Floats | None = None,
+    other: Floats | None = None,
+) -> ProbePlan:
+    """Touches of surfaces, (t,) [mm], and behind them the distances to other places (n, 3).
+
+    All are as precise as each other.
+    """
+    n, touches = len(place), len(surface)
+    clock = np.asarray(MINUTES_PER_TOUCH * order if minutes is None else minutes, np.float64)
+    return ProbePlan(
+        order=order,
+        hours=clock / 60.0,
+        place=place,
+        other=place if other is None else other,
+        surface=np.concatenate((surface, np.zeros(n - touches))),
+        distance=np.arange(n) >= touches,
+        weight=np.ones(n),
+    )
 
 
 @dataclass(frozen=True)
@@ -133,8 +145,8 @@ class PrinterFile(ReadOnly):
         machine: with the parameters in force, and what is usual else.
         probe: what is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and
             the nozzle's height when the probe triggers. NaN where it is not known.
-        heights, distances, mesh: what is stored; None where there is nothing. Heights whose
-            places are known, as of a mesh, are stored as one.
+        heights, mesh: what is stored; None where there is nothing. Heights have the distances
+            behind them.
         remarks: what to know about it, but for its mesh.
         firmware: as an export names it.
     """
@@ -142,9 +154,8 @@ class PrinterFile(ReadOnly):
     machine: LinearDelta
     probe: Floats
     source: Source
-    heights: StoredCalibration | StoredMesh | None = None
-    distances: StoredCalibration | None = None
-    mesh: StoredMesh | None = None
+    heights: Stored | None = None
+    mesh: Stored | None = None
     remarks: tuple[str, ...] = ()
     firmware: str = "klipper"
 
@@ -183,18 +194,18 @@ def read_printer_file(
     home = endstops + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
     # A file that stores no steps need not say how long they are.
     stored = any(map(_STORED.match, settings.options_of(_CALIBRATION)))
-    step = np.array([_step(settings, tower) for tower in _TOWERS if stored])
+    step = np.array([_step(settings, tower) if stored else 0.0 for tower in _TOWERS])
     heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
     distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
     mesh = _mesh(settings, sensor, probe)
     settings.faults.check()
     scanning = _SCANNING.fullmatch(sensor) is not None
+    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning)
     return PrinterFile(
-        delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning),
+        machine,
         probe,
         document.source,
-        heights=heights,
-        distances=distances,
+        heights=_reached(machine, heights, distances),
         mesh=mesh,
         remarks=tuple(settings.remarks),
     )
@@ -261,8 +272,14 @@ def _step(settings: Settings, tower: str) -> float:
 
 def _calibration(
     settings: Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
-) -> StoredCalibration | None:
-    """What [delta_calibrate] stores under these names; None where it stores nothing."""
+) -> list[Floats]:
+    """What [delta_calibrate] stores under these names, n values.
+
+    Returns:
+        Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
+        height, shapes (n, 3) [mm]; the probe's offset, a height that was entered by hand, or the
+        distance that callipers showed [mm]; and the line of each.
+    """
     pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
     options = settings.options_of(_CALIBRATION)
     found: dict[tuple[int, int, str], int] = {}
@@ -282,17 +299,35 @@ def _calibration(
                 remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
                 settings.note(_CALIBRATION, stem, what, remedy)
     nothing = [math.nan] * len(_TOWERS)
-    steps = [
+    steps = (
         [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in lines]
         for end in ends
-    ]
-    if settings.faults or not lines:
+    )
+    carriages = (home - np.reshape(each, (-1, 3)) * step for each in steps)
+    return [*carriages, np.array(values), np.array(list(lines.values()))]
+
+
+def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
+    """Heights and distances, at the places where the machine's parameters put the nozzle."""
+    rails, known = machine.nominal_rails, stored[0][2]
+    if not len(known):
         return None
-    first, second = home - np.array(steps) * step
-    return StoredCalibration(first, second, np.array(values), np.array(list(lines.values())))
+    first, second, value, line = map(np.concatenate, zip(*stored, strict=True))
+    place, other = (np.asarray(rails.tool_for(at, strict=False)) for at in (first, second))
+    plan = touching(place, known, np.arange(len(value)), other=other)
+    value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
+    trimmed = float(np.mean(value[: len(known)]))
+    remark = (
+        f"The settings in force put the nozzle {abs(trimmed):.3f} mm"
+        f" {'higher' if trimmed > 0.0 else 'lower'} than it was stored at. If the endstops"
+        " were changed after DELTA_CALIBRATE, as for a first layer, entering the result"
+        " removes that: set the height of the nozzle again afterwards."
+    )
+    remarks = (remark,) if abs(trimmed) > _TRIMMED_MM else ()
+    return Stored(plan, value, line.astype(int), remarks=remarks)
 
 
-def _mesh(settings: Settings, sensor: str, probe: Floats) -> StoredMesh | None:
+def _mesh(settings: Settings, sensor: str, probe: Floats) -> Stored | None:
     profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
     if not profiles:
         return None
@@ -311,10 +346,14 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> StoredMesh | None:
         return None
     probed = _probed(*np.meshgrid(x, y), rows, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
-    offset = np.zeros(2) if (section, "x_offset") in settings.options else probe
-    heights = np.where(probed, rows, math.nan)
-    mesh = StoredMesh.of_grid(profile, x, y, heights, lines, offset)
-    return replace(mesh, remarks=tuple(remarks), padded=int(np.sum(~probed)))
+    offset = probe * (0.0, 0.0, 1.0) if (section, "x_offset") in settings.options else probe
+    if padded := int(np.sum(~probed)):
+        remarks.append(
+            f"{padded} points of the mesh {profile!r} were not probed: they repeat a neighbour and"
+            " are left out."
+        )
+    mesh = Stored.of_grid(profile, x, y, np.where(probed, rows, math.nan), lines, offset)
+    return replace(mesh, remarks=tuple(remarks))
 
 
 def _mesh_remarks(settings: Settings, sensor: str, section: str) -> Iterator[str]:

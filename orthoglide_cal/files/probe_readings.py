@@ -10,12 +10,12 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.printer_file import PrinterFile, StoredCalibration, StoredMesh
+from orthoglide_cal.files.printer_file import PrinterFile, Stored, touching
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
-from orthoglide_cal.model import Excerpt, Floats, Ints, Readings
+from orthoglide_cal.model import Excerpt, Readings
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.probe_plan import MINUTES_PER_TOUCH, ProbePlan
+from orthoglide_cal.model.probe_plan import ProbePlan
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = tuple(ProbeRow.model_fields)
@@ -26,8 +26,6 @@ BEYOND = 1.2
 _FAR_MM = 10.0
 # How far the real arms can be from those that the firmware has.
 _ARMS = "leg_length"
-# DELTA_CALIBRATE leaves stored heights right on the mean.
-_TRIMMED_MM = 0.02
 
 
 def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
@@ -65,7 +63,7 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     order = np.argsort(np.argsort(seq, kind="stable"))
     minutes = np.array([row.minutes or 0.0 for row in rows]) if timed else None
     return Readings(
-        _plan(machine, place, surface, order, minutes),
+        touching(place, surface, order, minutes),
         place[:, 2] - surface,
         np.array([record.line for record in table.rows]),
         timed,
@@ -136,115 +134,55 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
         again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
         probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
         raise InputError(what, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
-    words = f"{len(found.line)} {'points of a mesh' if chosen == 'mesh' else 'heights'}"
-    if isinstance(found, StoredMesh):
-        readings = _mesh(file, found, machine)
-    else:
-        readings = _calibration(file, found, machine)
-        if file.distances is not None:
-            words += f" and {len(file.distances.line)} distances"
+    _check_stored(file, found, machine)
+    distances = int(found.plan.distance.sum())
+    words = f"{len(found.plan) - distances} {'points of a mesh' if chosen == 'mesh' else 'heights'}"
+    if distances:
+        words += f" and {distances} distances"
     also: tuple[Literal["mesh"], ...] = ("mesh",) if file.mesh and chosen != "mesh" else ()
     excerpt = Excerpt(chosen, words, also, file.firmware)
-    return replace(readings, source=replace(file.source, excerpt=excerpt))
-
-
-def _mesh(file: PrinterFile, mesh: StoredMesh, machine: LinearDelta) -> Readings:
-    n = len(mesh.x)
-    if n > 1 and np.ptp(mesh.height) == 0.0:
-        what = f"All {n} heights of the mesh {mesh.profile!r} are {mesh.height[0]:g}"
-        what += ": a placeholder, not a measurement."
-        remedy = "Probe the bed, and save the mesh."
-        line = int(mesh.line[0])
-        raise InputError(what, remedy, file=file.source.path, line=line)
-    remedy = "Check it, and probe the bed again."
-    _check_stored(file, mesh.line, mesh.height, "A height of the mesh", remedy)
-    away = np.hypot(mesh.x, mesh.y)
-    if away.max() > BEYOND * machine.bed_radius_mm:
-        what = f"The mesh {mesh.profile!r} reaches {away.max():.0f} mm from the middle of the bed."
-        remedy = (
-            f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
-            "print_radius of [printer], unless stated the delta_radius; or B of M665."
-        )
-        line = int(mesh.line[np.argmax(away)])
-        raise InputError(what, remedy, file=file.source.path, line=line)
-    place = np.column_stack((mesh.x, mesh.y, mesh.height + file.probe[2]))
-    plan = _plan(machine, place, np.full(n, file.probe[2]), mesh.order)
-    remarks = [*file.remarks, *mesh.remarks]
-    if mesh.padded:
-        remarks.append(
-            f"{mesh.padded} points of the mesh {mesh.profile!r} were not probed: they repeat a"
-            " neighbour and are left out."
-        )
-    return Readings(plan, mesh.height, mesh.line, False, file.source, remarks=tuple(remarks))
-
-
-def _calibration(file: PrinterFile, heights: StoredCalibration, machine: LinearDelta) -> Readings:
-    """Heights and distances, at the places where the machine's parameters put the nozzle."""
-    rails, distances = machine.nominal_rails, file.distances
-
-    def reached(carriages: Floats) -> Floats:
-        return np.asarray(rails.tool_for(carriages, strict=False))
-
-    other = place = reached(heights.first)
-    value = place[:, 2] - heights.value
-    line = heights.line
-    remarks = file.remarks
-    remedy = (
-        "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length changed"
-        " after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again."
+    ratio = machine.probe.noise_mm / machine.probe.calliper_mm
+    return Readings(
+        replace(found.plan, weight=np.where(found.plan.distance, ratio, 1.0)),
+        found.value,
+        found.line,
+        False,
+        replace(file.source, excerpt=excerpt),
+        remarks=(*file.remarks, *found.remarks),
     )
-    _check_stored(file, line, value, "The stored height", remedy)
-    trimmed = float(np.mean(value))
-    if abs(trimmed) > _TRIMMED_MM:
-        remarks += (
-            f"The settings in force put the nozzle {abs(trimmed):.3f} mm"
-            f" {'higher' if trimmed > 0.0 else 'lower'} than it was stored at. If the endstops"
-            " were changed after DELTA_CALIBRATE, as for a first layer, entering the result"
-            " removes that: set the height of the nozzle again afterwards.",
-        )
-    if distances is not None:
-        first, second = reached(distances.first), reached(distances.second)
-        longer = distances.value - np.linalg.norm(second - first, axis=1)
-        remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
-        _check_stored(file, distances.line, longer, "The stored distance", remedy)
-        place, other = np.vstack((place, first)), np.vstack((other, second))
-        value, line = np.append(value, longer), np.append(line, distances.line)
-    plan = _plan(machine, place, heights.value, np.arange(len(place)), other=other)
-    return Readings(plan, value, line, False, file.source, remarks=remarks)
 
 
-def _check_stored(file: PrinterFile, line: Ints, apart: Floats, what: str, remedy: str) -> None:
-    """Raises for the first that cannot belong to the settings in force.
+def _check_stored(file: PrinterFile, found: Stored, machine: LinearDelta) -> None:
+    """Raises InputError for what cannot belong to the settings in force."""
 
-    Args:
-        apart: what the settings make of each, less what is stored [mm]; NaN where no arms reach.
-    """
-    far = np.flatnonzero(~(np.abs(apart) < _FAR_MM))
+    def refuse(index: int, what: str, remedy: str) -> InputError:
+        return InputError(what, remedy, file=file.source.path, line=int(found.line[index]))
+
+    n, value, mesh = len(found.plan), found.value, f"mesh {found.mesh!r}"
+    if found.mesh is not None and n > 1 and np.ptp(value) == 0.0:
+        what = f"All {n} heights of the {mesh} are {value[0]:g}: a placeholder, not a measurement."
+        raise refuse(0, what, "Probe the bed, and save the mesh.")
+    far = np.flatnonzero(~(np.abs(value) < _FAR_MM))
     if far.size:
-        size = abs(float(apart[far[0]]))
+        first = int(far[0])
+        what, remedy = "A height of the mesh", "Check it, and probe the bed again."
+        if found.plan.distance[first]:
+            what = "The stored distance"
+            remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
+        elif found.mesh is None:
+            what = "The stored height"
+            remedy = (
+                "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length"
+                " changed after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again."
+            )
+        size = abs(float(value[first]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
-        what = f"{what} is {off} by the settings in force."
-        raise InputError(what, remedy, file=file.source.path, line=int(line[far[0]]))
-
-
-def _plan(
-    machine: LinearDelta,
-    place: Floats,
-    surface: Floats,
-    order: Ints,
-    minutes: Floats | None = None,
-    other: Floats | None = None,
-) -> ProbePlan:
-    """Touches of surfaces, (t,) [mm], and behind them the distances to other places (n, 3)."""
-    n, touches = len(place), len(surface)
-    clock = np.asarray(MINUTES_PER_TOUCH * order if minutes is None else minutes, np.float64)
-    distance = np.arange(n) >= touches
-    return ProbePlan(
-        order=order,
-        hours=clock / 60.0,
-        place=place,
-        other=place if other is None else other,
-        surface=np.concatenate((surface, np.zeros(n - touches))),
-        distance=distance,
-        weight=np.where(distance, machine.probe.noise_mm / machine.probe.calliper_mm, 1.0),
-    )
+        raise refuse(first, f"{what} is {off} by the settings in force.", remedy)
+    away = np.hypot(*found.plan.place.T[:2])
+    if found.mesh is not None and away.max() > BEYOND * machine.bed_radius_mm:
+        raise refuse(
+            int(np.argmax(away)),
+            f"The {mesh} reaches {away.max():.0f} mm from the middle of the bed.",
+            f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
+            "print_radius of [printer], unless stated the delta_radius; or B of M665.",
+        )

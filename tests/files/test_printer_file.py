@@ -94,6 +94,10 @@ radius: 90
     + MESH
 )
 
+PADDED = (
+    "12 points of the mesh 'default' were not probed: they repeat a neighbour and are left out."
+)
+
 
 def read(text):
     return read_printer_file(document(text, "printer.cfg"))
@@ -127,25 +131,31 @@ def test_steps_below_the_endstops_are_heights_of_the_carriages():
         return [top - count * way for top, count, way in zip(home, counts, step, strict=True)]
 
     heights = [at(100, 200, 300.5), at(-100, 0, 10), at(0, 0, 400)]
-    np.testing.assert_allclose(found.heights.first, heights, rtol=1e-14)
-    assert found.heights.value.tolist() == [1.5, 1.5, 0.1]
-    starts = ["#*# height0 ", "#*# height1 ", "#*# manual_height0 "]
+    plan, carriages = found.heights.plan, found.machine.nominal_rails.joints_for
+    first, second = [*heights, at(1000, 2000, 3000)], [*heights, at(0, 0, 80)]
+    np.testing.assert_allclose(carriages(plan.place), first, rtol=1e-13)
+    np.testing.assert_allclose(carriages(plan.other), second, rtol=1e-13)
+    assert plan.distance.tolist() == [False, False, False, True]
+    assert plan.surface.tolist() == [1.5, 1.5, 0.1, 0.0]
+    value = plan.place[:, 2] - plan.surface
+    np.testing.assert_array_equal(found.heights.value[:3], value[:3])
+    assert found.heights.value[3] == 65.02 - plan.wanted[3]
+    starts = ["#*# height0 ", "#*# height1 ", "#*# manual_height0 ", "#*# distance0 "]
     assert found.heights.line.tolist() == [line_of(GOOD, start) for start in starts]
-    np.testing.assert_allclose(found.distances.first, [at(1000, 2000, 3000)], rtol=1e-14)
-    np.testing.assert_allclose(found.distances.second, [at(0, 0, 80)], rtol=1e-14)
-    assert found.distances.value.tolist() == [65.02]
-    assert found.distances.line.tolist() == [line_of(GOOD, "#*# distance0 ")]
 
 
 def test_points_beyond_the_mesh_radius_are_left_out():
     mesh = read(GOOD).mesh
-    assert (mesh.profile, mesh.padded, len(mesh.x)) == ("default", 12, 13)
-    np.testing.assert_allclose(mesh.x[:4] + 2.0, [0.0, -49.99, 0.0, 49.99], atol=1e-12)
-    np.testing.assert_allclose(mesh.y[:4] - 3.5, [-99.98, -49.99, -49.99, -49.99])
-    assert mesh.height.tolist() == [
+    assert (mesh.mesh, mesh.remarks, len(mesh.plan)) == ("default", (PADDED,), 13)
+    x, y, z = mesh.plan.place.T
+    np.testing.assert_allclose(x[:4] + 2.0, [0.0, -49.99, 0.0, 49.99], atol=1e-12)
+    np.testing.assert_allclose(y[:4] - 3.5, [-99.98, -49.99, -49.99, -49.99])
+    np.testing.assert_array_equal(z, mesh.value + 1.5)
+    assert mesh.plan.surface.tolist() == [1.5] * 13
+    assert mesh.value.tolist() == [
         0.1, 0.21, 0.22, 0.23, 0.3, 0.31, 0.32, 0.33, 0.34, -0.41, -0.42, -0.43, 0.5,
     ]  # fmt: skip
-    assert mesh.order.tolist() == [0, 3, 2, 1, 4, 5, 6, 7, 8, 11, 10, 9, 12]
+    assert mesh.plan.order.tolist() == [0, 3, 2, 1, 4, 5, 6, 7, 8, 11, 10, 9, 12]
     assert mesh.line[0] == line_of(GOOD, "#*# points") + 1
     assert mesh.line[-1] == mesh.line[0] + 4
 
@@ -173,18 +183,18 @@ def test_the_mesh_of_another_file(old, new, padded, x):
     text = text.replace("mesh_radius: 100\n", "") if padded == 0 else text
     text = text.replace(CALIBRATION, "") if "rotation" in old else text
     mesh = read(text).mesh
-    assert (mesh.padded, len(mesh.x)) == (padded, 25 - padded)
-    assert mesh.x[0] == pytest.approx(x - 2.0)
+    assert (mesh.remarks, len(mesh.plan)) == ((PADDED,) if padded else (), 25 - padded)
+    assert mesh.plan.place[0, 0] == pytest.approx(x - 2.0)
 
 
 def test_another_profile_where_there_is_no_default():
     text = GOOD.replace("[bed_mesh default]", "[bed_mesh hot bed]")
-    assert read(text).mesh.profile == "hot bed"
+    assert read(text).mesh.mesh == "hot bed"
     two = read(GOOD + MESH.replace("[bed_mesh default]", "[bed_mesh hot]").replace("0.3", "0.9"))
-    assert two.mesh.profile == "default"
-    assert two.mesh.height[4] == 0.3
+    assert two.mesh.mesh == "default"
+    assert two.mesh.value[4] == 0.3
     assert two.remarks == ()
-    (remark,) = two.mesh.remarks
+    remark, _ = two.mesh.remarks
     assert remark.startswith("Of 2 stored meshes, 'default' was taken.")
 
 
@@ -195,25 +205,25 @@ def test_another_profile_where_there_is_no_default():
 def test_offsets_of_whatever_probes(name):
     found, same = read(GOOD.replace("[probe]", f"[{name}]")), read(GOOD)
     assert found.probe.tolist() == [2.0, -3.5, 1.5]
-    np.testing.assert_array_equal(found.mesh.x, same.mesh.x)
+    assert found.mesh.plan == same.mesh.plan
 
 
 def test_offsets_that_may_stand_in_an_included_file_are_asked_for():
     bare = GOOD.replace("x_offset: 2\n", "").replace("y_offset: -3.5\n", "")
-    (remark,) = read(bare).mesh.remarks
+    remark, _ = read(bare).mesh.remarks
     assert "x_offset and y_offset of [probe] taken as 0" in remark
-    (remark,) = read(GOOD.replace("x_offset: 2\n", "")).mesh.remarks
+    remark, _ = read(GOOD.replace("x_offset: 2\n", "")).mesh.remarks
     assert remark.startswith("x_offset of [probe]")
-    assert read(bare.replace("[include macros.cfg]\n", "")).mesh.remarks == ()
+    assert read(bare.replace("[include macros.cfg]\n", "")).mesh.remarks == (PADDED,)
 
 
 @pytest.mark.parametrize("option", ["zero_reference_position: 0,0", "relative_reference_index: 12"])
 def test_a_mesh_that_counts_from_one_of_its_places_does_not_tell_the_height(option):
     text = GOOD.replace("mesh_radius: 100\n", f"mesh_radius: 100\n{option}\n")
-    (remark,) = read(text).mesh.remarks
+    remark, _ = read(text).mesh.remarks
     assert f"line {line_of(text, option)}, {option.split(':')[0]}" in remark
     assert "the common height of the three endstops" in remark
-    assert read(GOOD).mesh.remarks == ()
+    assert read(GOOD).mesh.remarks == (PADDED,)
 
 
 def test_the_lines_above_win_as_in_klipper_and_the_difference_is_told():
@@ -252,14 +262,14 @@ def test_what_makes_no_difference(text):
     found, same = read(text), read(GOOD)
     assert found.machine == same.machine
     assert found.remarks == ()
-    np.testing.assert_array_equal(found.heights.first, same.heights.first)
-    np.testing.assert_array_equal(found.distances.first, same.distances.first)
-    np.testing.assert_array_equal(found.mesh.height, same.mesh.height)
+    for one, other in ((found.heights, same.heights), (found.mesh, same.mesh)):
+        assert one.plan == other.plan
+        np.testing.assert_array_equal(one.value, other.value)
 
 
 def test_what_is_not_stored_is_none():
     found = read(GOOD.replace(MESH, "").replace(CALIBRATION, ""))
-    assert (found.heights, found.distances, found.mesh) == (None, None, None)
+    assert (found.heights, found.mesh) == (None, None)
 
 
 # Old text, new text, start of the line that is at fault (None: no line), words of the message.

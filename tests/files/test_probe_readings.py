@@ -15,9 +15,9 @@ from orthoglide_cal.files import (
     read_machine_file,
 )
 from orthoglide_cal.files.printer_file import REPEATABILITY_MM
-from orthoglide_cal.files.probe_readings import MINUTES_PER_TOUCH
 from orthoglide_cal.model import Model, Readings
 from orthoglide_cal.model.linear_delta import CALLIPER_MM, Endstops, LinearDelta
+from orthoglide_cal.model.probe_plan import MINUTES_PER_TOUCH
 from tests.printer_files import printer_cfg
 from tests.printers import CONFIG, UNEVEN, printer, true_values
 from tests.truth.delta import (
