@@ -50,16 +50,16 @@ def start() -> None:
         found = [doc.Instruction(str(error), command("validate", str(sessions[-1].path)))]
     if len(sessions) > 1 and not (waiting or to):
         found.append(doc.Instruction("Check whether the machine has changed", "orthocal history ."))
-    steps = tuple(each for each in found if isinstance(each, doc.Instruction))
-    said = tuple(each for each in found if not isinstance(each, doc.Instruction))
+    steps = [each for each in found if isinstance(each, doc.Instruction)]
+    said = [each for each in found if not isinstance(each, doc.Instruction)]
     page = doc.Page(
         "orthocal",
         title,
-        facts=doc.Facts(tuple((name, doc.Given(value)) for name, value in facts)),
-        sections=(
-            *([doc.Section(None, said)] if said else []),
-            doc.Section("Next" if steps else None, (doc.Instructions(steps),)),
-        ),
+        facts=doc.Facts([(name, doc.Given(value)) for name, value in facts]),
+        sections=[
+            doc.Section(None, *said),
+            doc.Section("Next" if steps else None, doc.Instructions(steps)),
+        ],
     )
     common.deliver(doc.Document(dict, lambda: page))
     common.tell("All commands: orthocal --help")
@@ -78,7 +78,7 @@ def _next(
     """
     from orthoglide_cal.files import read_document, read_input
     from orthoglide_cal.report.case import Case, decision_notice, measure_again, to_do
-    from orthoglide_cal.report.document import Instruction, Paragraph
+    from orthoglide_cal.report.document import Instruction
     from orthoglide_cal.results import answer_to
 
     last = str(sessions[-1].path) if sessions else ""
@@ -88,7 +88,7 @@ def _next(
     # The session whose offsets were entered last.
     applied = next((path for path in paths if read_document(path).sha256 == entered), None)
     if to and file:
-        yield Paragraph(f"{file.document.path} records a change of {to}, which was not written.")
+        yield f"{file.document.path} records a change of {to}, which was not written."
         of = applied or "SESSION"
         yield Instruction("Write it", command("apply", of, options=f"--to {to}"))
         yield Instruction("Or take it back", command("apply", options=f"--undo --to {to}"))
@@ -111,7 +111,7 @@ def _next(
         again = measure_again(read_input(last).conditions)
         yield Instruction("Its offsets are entered: measure again", again)
     elif applied and _reported(applied, last):
-        yield Paragraph("Nothing more to do: measured, entered, measured again and reported.")
+        yield "Nothing more to do: measured, entered, measured again and reported."
     elif applied:
         write = command("report", applied, options=f"--after {last} --html report.html")
         yield Instruction("Compare with the prediction", command("verify", applied, last))

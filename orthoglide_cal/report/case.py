@@ -103,9 +103,9 @@ class Case:
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         return about(verb, self.source, machine=self.machine_file, options=" ".join(given))
 
-    def more(self, verb: str) -> doc.Paragraph:
+    def more(self, verb: str) -> doc.Line:
         """Where the rest stands."""
-        return doc.Paragraph(("More: ", doc.Typed(self.typed(verb, "--details"))))
+        return "More: ", doc.Typed(self.typed(verb, "--details"))
 
     def remedied(self, remedy: Remedy) -> str | None:
         """What to type for a remedy; None where there is nothing to type."""

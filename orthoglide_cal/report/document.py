@@ -6,7 +6,7 @@ shows its values, `terminal`, `html` and `markdown` its page.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -68,11 +68,10 @@ class Tone(StrEnum):
 
 
 @dataclass(frozen=True)
-class Paragraph:
-    """One paragraph; `small` for explanations."""
+class Small:
+    """A paragraph in small print: an explanation."""
 
     content: Line
-    small: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class Notice:
 class Facts:
     """Name and value."""
 
-    rows: tuple[tuple[str, Blank], ...]
+    rows: Sequence[tuple[str, Blank]]
 
 
 @dataclass(frozen=True)
@@ -100,9 +99,9 @@ class Grid:
     each row is a tile with the first cell as its name, the last as its value, the others below.
     """
 
-    head: tuple[str, ...]  # not shown if all are empty
-    rows: tuple[tuple[Blank, ...], ...]
-    words: tuple[int, ...] = (0,)
+    head: Sequence[str]  # not shown if all are empty
+    rows: Sequence[Sequence[Blank]]
+    words: Sequence[int] = (0,)
     caption: str | None = None
     tiles: bool = False
 
@@ -113,10 +112,10 @@ class Figure:
 
     title: str | None  # None if its section's title says it
     finding: str  # what one sees in it, in words
-    panels: tuple[Html, ...]
+    panels: Sequence[Html]
     columns: int = 3  # most side by side; 0: half as wide as a page, beside the other blocks
     key: str | None = None  # explanation of the marks
-    sketch: tuple[str, ...] = ()  # the same in characters, for a terminal
+    sketch: Sequence[str] = ()  # the same in characters, for a terminal
     legend: Html | None = None  # the scale of colours that all panels share
 
     @property
@@ -137,35 +136,40 @@ class Instruction:
 class Instructions:
     """Things to do, in order."""
 
-    items: tuple[Instruction, ...]
+    items: Sequence[Instruction]
 
 
 @dataclass(frozen=True)
 class Listing:
     """Lines that stay lines, with their indentation, however long they are."""
 
-    lines: tuple[str, ...]
+    lines: Sequence[str]
 
 
-Block = Paragraph | Notice | Facts | Grid | Figure | Instructions | Listing
+# A line alone is a paragraph.
+Block = Line | Small | Notice | Facts | Grid | Figure | Instructions | Listing
 
 
-@dataclass(frozen=True)
+@dataclass(init=False)
 class Section:
-    """A part of the document."""
+    """A part of the document; it is not shown without blocks, nor is a table without rows."""
 
     title: str | None
-    blocks: tuple[Block, ...]
+    blocks: list[Block]
+
+    def __init__(self, title: str | None, *blocks: Block) -> None:
+        self.title = title
+        self.blocks = [each for each in blocks if not isinstance(each, Grid) or each.rows]
 
     @property
-    def in_characters(self) -> tuple[Block, ...]:
+    def in_characters(self) -> list[Block]:
         """The blocks but figures without a sketch: their words would refer to nothing."""
-        return tuple(b for b in self.blocks if not isinstance(b, Figure) or b.sketch)
+        return [block for block in self.blocks if not isinstance(block, Figure) or block.sketch]
 
 
 def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
     """What to do next, in order."""
-    return Section("Next", (Instructions(tuple(steps)), *more))
+    return Section("Next", Instructions(tuple(steps)), *more)
 
 
 @dataclass(frozen=True)
@@ -177,9 +181,9 @@ class Page:
     number: str | None = None  # unique; only letters, digits and "-"
     facts: Facts | None = None  # the most important ones, under the title
     notice: Notice | None = None  # the answer in one box
-    sheet: tuple[Section, ...] = ()  # what belongs on the first page, to be pinned to the machine
-    sections: tuple[Section, ...] = ()  # the evidence, from the second page on
-    signatures: tuple[str, ...] = ()  # lines to sign on, at the end of the first page
+    sheet: Sequence[Section] = ()  # what belongs on the first page, to be pinned to the machine
+    sections: Sequence[Section] = ()  # the evidence, from the second page on
+    signatures: Sequence[str] = ()  # lines to sign on, at the end of the first page
     scope: str | None = None  # for what it holds; stands at its end
     stamp: str | None = None  # one word across the first page; None for what may be relied on
 

@@ -71,7 +71,7 @@ def signed_page(
     if later:
         strip = doc.Grid(
             ("conditions", "before", "after"),
-            tuple((name, value, later[0][name]) for name, value in first.items()),
+            [(name, value, later[0][name]) for name, value in first.items()],
             words=(0, 1, 2),
             caption=f"{identity.software}; data with the first digits of SHA-256.",
         )
@@ -80,7 +80,7 @@ def signed_page(
         title=machine.name,
         number=identity.number,
         facts=doc.Facts((*stated(machine, OWNER), *own, issued)),
-        sheet=(doc.Section(None, (strip,)),),
+        sheet=[doc.Section(None, strip)],
         scope=f"This report holds for the machine and the {words.instruments} that it names, as"
         f" they were when they were measured, and for the {words.positions} and conditions stated"
         " in it; for nothing else. It is valid only with all its pages: reproduce it only in full.",

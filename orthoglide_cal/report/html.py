@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from collections.abc import Iterable, Iterator
 from importlib.resources import files
 
 from orthoglide_cal.report import document as doc
@@ -51,9 +52,9 @@ def html(page: doc.Page) -> str:
     signatures = [tag("div", f"{role}, date") for role in page.signatures]
     main = tag(
         "main",
-        tag("div", *map(_section, page.sheet), class_="sheet"),
+        tag("div", *_sections(page.sheet), class_="sheet"),
         tag("div", *signatures, class_="sign") if signatures else None,
-        tag("div", *map(_section, page.sections), class_="evidence"),
+        tag("div", *_sections(page.sections), class_="evidence"),
     )
     body = tag(
         "body",
@@ -65,18 +66,20 @@ def html(page: doc.Page) -> str:
     return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
 
 
-def _section(section: doc.Section) -> Html:
-    title = tag("h2", section.title) if section.title is not None else None
-    # Many panels take the whole width of a wide screen, where others stand side by side.
-    wide = any(isinstance(b, doc.Figure) and len(b.panels) > MOST_PANELS for b in section.blocks)
-    blocks = (_block(block) for block in section.blocks)
-    return tag("section", title, *blocks, class_="wide" if wide else None)
+def _sections(sections: Iterable[doc.Section]) -> Iterator[Html]:
+    for each in sections:
+        # Many panels take the whole width of a wide screen, where others stand side by side.
+        pictures = (block for block in each.blocks if isinstance(block, doc.Figure))
+        wide = "wide" if any(len(block.panels) > MOST_PANELS for block in pictures) else None
+        title = tag("h2", each.title) if each.title is not None else None
+        if each.blocks:
+            yield tag("section", title, *map(_block, each.blocks), class_=wide)
 
 
 def _block(block: doc.Block) -> Html:
     match block:
-        case doc.Paragraph():
-            return tag("p", _line(block.content), class_="small" if block.small else None)
+        case doc.Small():
+            return tag("p", _line(block.content), class_="small")
         case doc.Notice():
             title = tag("h2", tag("span", f"{block.tone.sign} ", aria_hidden="true"), block.title)
             lines = (tag("p", _line(line)) for line in block.lines)
@@ -92,6 +95,8 @@ def _block(block: doc.Block) -> Html:
             return tag("pre", join(block.lines, "\n"))
         case doc.Instructions():
             return tag("ol", *map(_instruction, block.items), class_="steps")
+        case _:
+            return tag("p", _line(block))
 
 
 def _instruction(item: doc.Instruction) -> Html:

@@ -29,7 +29,7 @@ def markdown(page: doc.Page) -> str:
 
 def _block(block: doc.Block) -> str:
     match block:
-        case doc.Paragraph():
+        case doc.Small():
             return _line(block.content)
         case doc.Notice():
             lines = [f"**{in_markdown(block.title)}**", *(_line(line) for line in block.lines)]
@@ -48,6 +48,8 @@ def _block(block: doc.Block) -> str:
                 f"{n}. {_line(item.content)}" + (f" {_code(item.command)}" if item.command else "")
                 for n, item in enumerate(block.items, start=1)
             )
+        case _:
+            return _line(block)
 
 
 def _table(grid: doc.Grid) -> str:

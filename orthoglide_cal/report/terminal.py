@@ -62,21 +62,16 @@ class TerminalPage:
                 close = section.title is None and not headed
                 if number and isinstance(block, doc.Grid | doc.Figure) and not close:
                     yield Text()
-                if isinstance(block, doc.Paragraph) and close:
-                    taken = self._flow(block.content, len(_GAP), "dim" if block.small else "")
-                    yield from _hung(taken, _GAP, _GAP)
-                else:
-                    yield from self._block(block)
+                yield from self._block(block, _GAP if close else "")
         if page.signatures:
             yield Text()
         yield from (Text(f"{role}, date: {_BLANK}") for role in page.signatures)
         if headed:
             yield Text()
 
-    def _block(self, block: doc.Block) -> Iterator[Text]:
+    def _block(self, block: doc.Block, indent: str = "") -> Iterator[Text]:
+        """Its lines; a paragraph behind an indentation."""
         match block:
-            case doc.Paragraph():
-                yield from self._flow(block.content, style="dim" if block.small else "")
             case doc.Notice():
                 yield from self._notice(block)
             case doc.Facts():
@@ -93,6 +88,11 @@ class TerminalPage:
                 for number, item in enumerate(block.items, start=1):
                     first = f"{_GAP}{number}. "
                     yield from self._instruction(item, first, " " * len(first))
+            case _:
+                small = isinstance(block, doc.Small)
+                content = block.content if isinstance(block, doc.Small) else block
+                lines = self._flow(content, len(indent), "dim" if small else "")
+                yield from _hung(lines, indent, indent)
 
     def _instruction(self, item: doc.Instruction, first: str, rest: str) -> Iterator[Text]:
         """What to do; what to type stands behind it where both fit on one line."""

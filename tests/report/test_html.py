@@ -118,6 +118,10 @@ def test_captions_do_not_scroll_with_their_tables(made):
         assert "<p" not in scrolled
 
 
+def test_no_heading_stands_over_nothing(made):
+    assert not re.search(r"<section>(<h2>[^<]*</h2>)?</section>", made[1])
+
+
 def test_a_report_is_no_certificate(made):
     """Only a gauge has a certificate; the word "accredited" is nowhere."""
     name, _, outline = made

@@ -30,7 +30,7 @@ def shown(page: doc.Page, width: int = 80, colour: bool = False) -> str:
 
 
 def of_blocks(*blocks: doc.Block) -> doc.Page:
-    return doc.Page("Report", "m", sections=(doc.Section(None, blocks),))
+    return doc.Page("Report", "m", sections=(doc.Section(None, *blocks),))
 
 
 def blocks_of(page: doc.Page) -> Iterator[doc.Block]:
@@ -42,7 +42,7 @@ def blocks_of(page: doc.Page) -> Iterator[doc.Block]:
 def lines_of(block: doc.Block) -> Iterator[doc.Line]:
     """Every line of a block but what stands in grids."""
     match block:
-        case doc.Paragraph():
+        case doc.Small():
             yield block.content
         case doc.Notice():
             yield from block.lines
@@ -50,6 +50,8 @@ def lines_of(block: doc.Block) -> Iterator[doc.Line]:
             yield from (value for _, value in block.rows if value is not None)
         case doc.Instructions():
             yield from (item.content for item in block.items)
+        case str() | tuple():
+            yield block
 
 
 def unwrapped(page: doc.Page) -> list[str]:
@@ -90,7 +92,7 @@ def test_commands_are_never_wrapped(kind):
 @pytest.mark.parametrize(
     "block",
     [
-        doc.Paragraph(("Run next: ", doc.Typed(LONG))),
+        ("Run next: ", doc.Typed(LONG)),
         doc.Facts((("a rather long name of a fact", doc.Typed(LONG)),)),
         doc.Instructions((doc.Instruction("Do this " * 20, LONG),)),
         doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.Typed(LONG)),)),
@@ -184,7 +186,7 @@ def test_a_wide_table_is_turned():
 def test_what_is_typed_stands_behind_its_sentence_where_both_fit():
     def steps(width: int) -> list[str]:
         item = doc.Instruction("Measure again", "orthocal measure after.yaml")
-        page = doc.Page("k", None, sections=(doc.Section("Next", (doc.Instructions((item,)),)),))
+        page = doc.Page("k", None, sections=[doc.Section("Next", doc.Instructions([item]))])
         return shown(page, width).splitlines()[1:]
 
     command = "orthocal measure after.yaml"
@@ -204,7 +206,7 @@ def test_columns_of_words_are_wrapped_before_numbers_move():
 def test_blank_fields_are_lines_to_write_on():
     page = doc.Page(
         kind="Report", title="m", facts=doc.Facts((("Operator", None),)),
-        sections=(doc.Section("s", (doc.Grid(("a", "b"), (("x", None),)),)),),
+        sections=[doc.Section("s", doc.Grid(("a", "b"), [("x", None)]))],
         signatures=("Checked by",),
     )  # fmt: skip
     assert "Operator  ____" in shown(page)

@@ -67,5 +67,5 @@ def _page(found: Application, session: str) -> doc.Page:
         ]
     title = "To be taken back" if found.undone else "To be recorded"
     grid = doc.Grid(head, rows, caption=caption)
-    section = doc.Section(None, (grid, doc.Instructions(tuple(steps))))
-    return doc.Page(kind=title, title=machine.name, sections=(section,))
+    section = doc.Section(None, grid, doc.Instructions(steps))
+    return doc.Page(kind=title, title=machine.name, sections=[section])

@@ -104,10 +104,9 @@ def calibration_document(
             if drawn and not released:
                 # Where the rails are drawn, the first sheet is full.
                 chosen = pages if answer.shims else sheet
-                chosen.append(doc.Section("What would be left if the result were entered", drawn))
+                chosen.append(doc.Section("What would be left if the result were entered", *drawn))
             sheet += map(_other, others)
-            residuals = tuple(residual_blocks(case))
-            pages.append(doc.Section("Residuals (measured − model)", residuals))
+            pages.append(doc.Section("Residuals (measured − model)", *residual_blocks(case)))
             if answer.verdict is not None:
                 pages.append(diagnosis_section(case))
             pages += [*budget_sections(machine, answer.budget, answer.total), *origin]
@@ -119,8 +118,8 @@ def calibration_document(
         return replace(
             frame,
             notice=_notice(case, left),
-            sheet=tuple(sheet),
-            sections=tuple(pages),
+            sheet=sheet,
+            sections=pages,
             signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
         )
 
@@ -177,11 +176,11 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
         rows.append((doc.Strong(gap.name), size, told))
     caption = "Shim all three, then measure again. xy: how far rail x lies above rail y, along z;"
     caption += " and so on. U: 95 %."
-    grid = doc.Grid(("rails", "gap ± U", "shim"), tuple(rows), (0, 1, 2), caption)
+    grid = doc.Grid(("rails", "gap ± U", "shim"), rows, (0, 1, 2), caption)
     picture = figures.rails_sketch({gap.name: gap.value for gap in gaps})
     key = "The rails where they really are, their gaps enlarged."
     figure = doc.Figure(None, "", (picture,), columns=0, key=key)
-    yield doc.Section("Where the rails pass each other", (grid, figure))
+    yield doc.Section("Where the rails pass each other", grid, figure)
 
 
 def _result(
@@ -198,14 +197,13 @@ def _result(
         return
     yield doc.next_steps(to_do(case))
     if answer.release.usable:
-        blocks = (parameters_grid(case), *open_blocks(case), *alone_block(case), *drawn)
-        yield doc.Section(parameters_title(case), blocks)
+        blocks = *open_blocks(case), *alone_block(case), *drawn
+        yield doc.Section(parameters_title(case), parameters_grid(case), *blocks)
     else:
         found = ", ".join(f"{each.name} {found_words(each)}" for each in answer.parameters)
         causes = " and ".join(answer.named)
         said = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
-        paragraph = doc.Paragraph(f"{said} {found} (± U, 95 %).", small=True)
-        yield doc.Section(None, (paragraph, *open_blocks(case)))
+        yield doc.Section(None, doc.Small(f"{said} {found} (± U, 95 %)."), *open_blocks(case))
 
 
 def _differences(
@@ -230,9 +228,9 @@ def _other(case: Case) -> doc.Section:
     told = []
     if rms is not None:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
-        told = [doc.Paragraph(f"{before} mm r.m.s. as found, {after} would be left.")]
+        told = [f"{before} mm r.m.s. as found, {after} would be left."]
     again = doc.Instruction("See all of it.", case.typed("report"))
-    return doc.Section(title, (notice, *told, doc.Instructions((again,))))
+    return doc.Section(title, notice, *told, doc.Instructions([again]))
 
 
 # --- the evidence -----------------------------------------------------------------------------
@@ -269,7 +267,7 @@ def _workspace(
         key += f" Dotted: {limit_mm:g} mm."
     figure = doc.Figure(None, "", maps[0], key=key, legend=maps[1])
     title = "Tool-position error over the workspace"
-    yield doc.Section(title, (doc.Paragraph(lead), figure))
+    yield doc.Section(title, lead, figure)
 
 
 # --- conditions and origin --------------------------------------------------------------------
@@ -299,13 +297,13 @@ def _conditions(case: Case) -> doc.Section:
         for row in answer.residuals
         if row.leg and row.direction and row.gauge_at is not None
     }
-    blocks: list[doc.Block] = [doc.Facts(tuple(rows))]
+    blocks: list[doc.Block] = [doc.Facts(rows)]
     if places:
         blocks.append(_sketch(case, sorted(places)))
     if given.notes and answer.parameters:
-        notes = tuple((str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES])
+        notes = [(str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES]]
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
-    return doc.Section(f"Conditions and {noise}s", tuple(blocks))
+    return doc.Section(f"Conditions and {noise}s", *blocks)
 
 
 def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
@@ -355,5 +353,4 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.accepted)))
     if answer.method is not None and answer.noise is not None:
         rows += [("Solved by", method_words(case)), ("Noise, mm", noise_words(answer))]
-    warnings = (doc.Paragraph(warning, small=True) for warning in answer.warnings)
-    return doc.Section("Traceability", (doc.Facts(tuple(rows)), *warnings))
+    return doc.Section("Traceability", doc.Facts(rows), *map(doc.Small, answer.warnings))

@@ -28,27 +28,25 @@ def machine_document(model: Model) -> doc.Document:
 def _machine_page(model: Model) -> doc.Page:
     machine, values = model.machine, machine_values(model)
     own = {key: value for key, value in values.items() if key not in _ELSEWHERE}
-    facts = doc.Facts((*_rows(own), *stated(machine, OWNER), *stated(machine, MEANS)))
-    sections = []
-    rows: list[tuple[str, ...]] = []
-    for one in machine.history:
-        day, digest = one.date[:10], one.data_sha256[:12]
-        rows.append((day, _written(one.before), _written(one.after), digest))
-    if rows:
-        head = ("entered", "before, mm", "after, mm", "from SHA-256")
-        sections.append(doc.Section("In the controller", (doc.Grid(head, tuple(rows)),)))
-    rows = []
+    facts = doc.Facts([*_rows(own), *stated(machine, OWNER), *stated(machine, MEANS)])
+    entered = [
+        (one.date[:10], _written(one.before), _written(one.after), one.data_sha256[:12])
+        for one in machine.history
+    ]
+    known = []
     for effect in model.accepted:
         sizes = (
             f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
             for name, each in model.called(effect).items()
         )
-        rows.append((effect.cause.id, ", ".join(sizes), (effect.date or "")[:10]))
-    if rows:
-        titles = ("cause", "size, one standard deviation", "found")
-        grid = doc.Grid(titles, tuple(rows), words=(0, 1))
-        sections.append(doc.Section("What is known to be wrong with it", (grid,)))
-    return doc.Page("Machine", machine.name, facts=facts, sections=tuple(sections))
+        known.append((effect.cause.id, ", ".join(sizes), (effect.date or "")[:10]))
+    history = doc.Grid(("entered", "before, mm", "after, mm", "from SHA-256"), entered)
+    wrong = doc.Grid(("cause", "size, one standard deviation", "found"), known, words=(0, 1))
+    sections = [
+        doc.Section("In the controller", history),
+        doc.Section("What is known to be wrong with it", wrong),
+    ]
+    return doc.Page("Machine", machine.name, facts=facts, sections=sections)
 
 
 def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, doc.Blank]]:
@@ -100,7 +98,7 @@ def check_document(
         lines += [f"    → {problem.remedy}"] if problem.remedy else []
     lines += [f"  {refused.what}", f"    → {refused.remedy}"] if refused else []
     lines += [f"  note: {remark}" for remark in check.remarks]
-    page = doc.Page("Validation", sections=(doc.Section(None, (doc.Listing(tuple(lines)),)),))
+    page = doc.Page("Validation", sections=[doc.Section(None, doc.Listing(lines))])
     return doc.Document(partial(told.model_dump, mode="json"), lambda: page)
 
 
@@ -132,9 +130,9 @@ def paper_document(found: Reproduction) -> doc.Document:
         if found.reproduced:
             told = "Reproduced in every figure that can be computed."
             verdict = doc.Notice(doc.Tone.GOOD, told)
-        grid = doc.Grid(("", "", *found.columns), tuple(rows), words=(0, 1))
+        grid = doc.Grid(("", "", *found.columns), rows, words=(0, 1))
         kind = "Accuracy" if found.table == "accuracy" else f"Table {found.table}"
-        section = doc.Section(None, (grid, *map(doc.Paragraph, found.notes), verdict))
-        return doc.Page(kind, found.title, sections=(section,))
+        section = doc.Section(None, grid, *found.notes, verdict)
+        return doc.Page(kind, found.title, sections=[section])
 
     return doc.Document(data, page)

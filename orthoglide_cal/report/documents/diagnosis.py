@@ -82,14 +82,12 @@ def _screen(case: Case) -> doc.Page:
     if answer.not_excluded:
         notes.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
     while True:
-        groups: list[Sequence[doc.Block]]
-        if undecided:
-            groups = [[_open_grid(case)], baselines]
-        else:
+        groups: list[Sequence[doc.Block]] = [[_open_grid(case)], baselines]
+        if not undecided:
             decisive = [*_sizes(case, offsets=True), *open_blocks(case)]
             groups = [decisive, [_rms_grid(case), *baselines]]
-        sections = [doc.Section(None, tuple(blocks)) for blocks in (*groups, *residuals) if blocks]
-        last = doc.next_steps([*steps, *again], *map(doc.Paragraph, notes), case.more("diagnose"))
+        sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
+        last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
         page = doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
         if height(page) <= (_UNDECIDED if undecided else _DECIDED) or len(steps) <= 1:
             return page
@@ -153,7 +151,7 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
                 named = [f"{unsigned} too {too}"]
             alone = [text.partition(" ")[2] for text in named]
             size = f": {', '.join(named if len(rows) > 1 else alone)}" if named else ""
-            yield doc.Paragraph(f"{cause.id} at {cause.where.removeprefix('at ')}{size}.")
+            yield f"{cause.id} at {cause.where.removeprefix('at ')}{size}."
         elif rows:
             left = len(cause.parameters) - len(rows)
             cells = [*sizes(rows, False), *([f"and {left} smaller"] if left else [])]
@@ -184,7 +182,7 @@ def _rms_grid(case: Case) -> doc.Grid:
     for name, own in left.items():
         blank = [""] * (1 + len(with_it) - len(own))
         rows.append((name, *(plain(mm, 4) for mm in own), *blank))
-    return doc.Grid(("r.m.s., mm", f"{case.words.many} only", *with_it), tuple(rows))
+    return doc.Grid(("r.m.s., mm", f"{case.words.many} only", *with_it), rows)
 
 
 def _baselines(case: Case) -> Iterator[doc.Block]:
@@ -200,7 +198,7 @@ def _baselines(case: Case) -> Iterator[doc.Block]:
         "the earlier map instead": found.earlier_map_mm,
     }
     sizes = [f"{what} {plain(1e3 * mm, 1)}" for what, mm in named.items() if mm is not None]
-    yield doc.Paragraph(f"Prediction errors of {where}, µm r.m.s.: {', '.join(sizes)}.")
+    yield f"Prediction errors of {where}, µm r.m.s.: {', '.join(sizes)}."
 
 
 def _open(answer: Answer) -> list[Explanation]:
@@ -223,7 +221,7 @@ def _open_grid(case: Case) -> doc.Grid:
         left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
         rows.append((_name(each), left, *(own.get(name, "") for name in names)))
     unit = f", {case.unit}" if case.unit else ""
-    return doc.Grid((f"{case.words.many}{unit}", "r.m.s. left, mm", *names), tuple(rows))
+    return doc.Grid((f"{case.words.many}{unit}", "r.m.s. left, mm", *names), rows)
 
 
 def _steps(case: Case) -> Iterator[doc.Instruction]:
@@ -270,17 +268,16 @@ def _page(case: Case) -> doc.Page:
     told: list[doc.Block] = [parameters_grid(case)]
     widened = _WIDENED.get(answer.verdict) if answer.verdict else None
     if widened:
-        told.append(doc.Paragraph(widened))
+        told.append(widened)
     told += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
-    causes = tuple(_cause_blocks(case))
     return doc.Page(
         kind="Diagnosis",
         notice=_notice(case),
         sheet=(doc.next_steps(_steps(case)),),
         sections=(
-            *([doc.Section("Causes", causes)] if causes else []),
+            doc.Section("Causes", *_cause_blocks(case)),
             *residual_sections(case, _fit_blocks(case)),
-            doc.Section(parameters_title(case), tuple(told)),
+            doc.Section(parameters_title(case), *told),
         ),
     )
 
@@ -322,10 +319,10 @@ def headline(case: Case) -> tuple[doc.Tone, str]:
 
 def diagnosis_section(case: Case) -> doc.Section:
     """All of it for a report, below its own verdict."""
-    blocks = [doc.Paragraph(headline(case)[1]), *_fit_blocks(case), *_cause_blocks(case)]
+    blocks = [headline(case)[1], *_fit_blocks(case), *_cause_blocks(case)]
     if case.answer.verdict is Verdict.AMBIGUOUS:
-        blocks.append(doc.Instructions((_next_step(case),)))
-    return doc.Section("Diagnosis", (*blocks, *_note_blocks(case)))
+        blocks.append(doc.Instructions([_next_step(case)]))
+    return doc.Section("Diagnosis", *blocks, *_note_blocks(case))
 
 
 def _cause_blocks(case: Case) -> Iterator[doc.Block]:
@@ -348,7 +345,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
             told.append(("note", "Making it part of the machine's model is not recommended."))
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
             told.append(("looks like", ", ".join(cause.aliases)))
-        yield doc.Facts(tuple(told))
+        yield doc.Facts(told)
     share = percent(answer.causes[0].probability, 1)
     nothing = nothing_wrong(answer.explanations)
     if nothing is not None:
@@ -360,7 +357,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
         facts.append(("±", f"U, 95 %{legend}"))
     if answer.causes[0].heldout_after_mm >= answer.causes[0].heldout_before_mm:
         facts.append(("note", "It does not predict better: not recommended as an extension."))
-    yield doc.Facts(tuple(facts))
+    yield doc.Facts(facts)
 
 
 def _next_step(case: Case) -> doc.Instruction:
@@ -429,17 +426,16 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
         for how, each in changed.items():
             ids = f": {' and '.join(sorted(each.ids))}" if each.ids else ""
             notes.append(f"With all tolerances {how} the answer is {each.verdict}{ids}.")
-    return tuple(doc.Paragraph(note, small=True) for note in notes)
+    return tuple(map(doc.Small, notes))
 
 
-def _fit_blocks(case: Case) -> tuple[doc.Block, ...]:
+def _fit_blocks(case: Case) -> Sequence[str]:
     """Do the parameters alone explain the data?"""
     lack, words = case.answer.lack_of_fit, case.words
     if lack is None:
         return ()
     if not lack.dof:
-        told = f"As many {words.many} as readings: they fit exactly, whatever is wrong."
-        return (doc.Paragraph(told),)
+        return [f"As many {words.many} as readings: they fit exactly, whatever is wrong."]
     said = [
         f"{words.many.capitalize()} alone leave {plain(lack.left_mm, 4)} mm"
         f" r.m.s.{weighing(case.given.measured)}; this {words.noise}'s noise{words.also} would"
@@ -451,4 +447,4 @@ def _fit_blocks(case: Case) -> tuple[doc.Block, ...]:
         if lack.repeats_p_value is not None:
             judged = f" Judged by them, {chance(lack.repeats_p_value)}."
         said.append(f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm.{judged} {words.repeats}")
-    return tuple(map(doc.Paragraph, said))
+    return said

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from functools import partial
 from itertools import pairwise
@@ -45,11 +45,10 @@ def history_document(found: History, machine_file: Path | None = None) -> doc.Do
 
 def _screen(found: History, steps: doc.Instructions) -> doc.Page:
     """As many sessions as a screen has lines for, three at least."""
-    more = doc.Paragraph("More: the same with --details, or as a page: --html history.html")
-    following = doc.Section("Next", (steps, more))
-    notes = tuple(map(doc.Paragraph, found.notes[:3]))
+    more = "More: the same with --details, or as a page: --html history.html"
+    following = doc.Section("Next", steps, more)
     for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
-        sections = doc.Section(None, (_table(found, most), *notes)), following
+        sections = doc.Section(None, _table(found, most), *found.notes[:3]), following
         page = doc.Page("History", None, notice=_notice(found), sections=sections)
         if height(page) <= _HIGH:
             break
@@ -62,14 +61,16 @@ def _page(found: History, steps: doc.Instructions) -> doc.Page:
         pairs = zip(found.pooled, expanded, strict=True)
         known = ", ".join(f"{each.name} {two_figures(u)}" for each, u in pairs)
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
-    sections = [doc.Section("Parameters from session to session", (_courses(found),))]
-    if found.shapes:
-        sections.append(doc.Section("What is left of each touch", (_shapes(found),)))
-    table = _table(found, len(found.sessions))
-    sections.append(doc.Section("Sessions", (table, *map(doc.Paragraph, notes))))
-    sheet = (doc.Section("What to do next", (steps,)),)
     return doc.Page(
-        "History", found.machine, notice=_notice(found), sheet=sheet, sections=tuple(sections)
+        kind="History",
+        title=found.machine,
+        notice=_notice(found),
+        sheet=[doc.Section("What to do next", steps)],
+        sections=[
+            doc.Section("Parameters from session to session", _courses(found)),
+            doc.Section("What is left of each touch", *_shapes(found)),
+            doc.Section("Sessions", _table(found, len(found.sessions)), *notes),
+        ],
     )
 
 
@@ -163,7 +164,7 @@ def _table(found: History, most: int) -> doc.Grid:
             rows.append((f"… {after - at - 1} more", *("" for _ in every)))
     rows.append(row("± U", found.sessions[-1].parameters, uncertain=True))
     rows += [row("best now", found.pooled), row("± U", found.pooled, uncertain=True)]
-    return doc.Grid((units[0] if same else "", *(names[k] for k in every)), tuple(rows))
+    return doc.Grid((units[0] if same else "", *(names[k] for k in every)), rows)
 
 
 def _courses(found: History) -> doc.Figure:
@@ -207,15 +208,17 @@ def _courses(found: History) -> doc.Figure:
         panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
     key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
     key += " Dashed: the limit around the best value now." if found.limit else ""
-    return doc.Figure(None, "", tuple(panels), columns=2, key=key)
+    return doc.Figure(None, "", panels, columns=2, key=key)
 
 
-def _shapes(found: History) -> doc.Figure:
+def _shapes(found: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
+    if not found.shapes:
+        return
     (place, first, machine), (other, last, _) = found.shapes
     bed = machine.bed_radius_mm, machine.tower_angles_deg
     maps = figures.bed_maps("first", place, {"": first}, *bed)
     maps += figures.bed_maps("last", other, {"": last}, *bed)
     if np.array_equal(place, other):
         maps += figures.bed_maps("difference", place, {"": last - first}, *bed)
-    return doc.Figure(None, "", maps, columns=2)
+    yield doc.Figure(None, "", maps, columns=2)

@@ -34,7 +34,7 @@ def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]
     """
     answer, sigma = case.answer, case.machine.instrument.noise_mm
     if answer.input.kind != DataKind.READINGS:
-        return [doc.Section("Differences, mm", (_differences(case), *fit))]
+        return [doc.Section("Differences, mm", _differences(case), *fit)]
     bed = _on_bed(answer)
     sections = []
     for model, left in _left(case).items():
@@ -42,10 +42,10 @@ def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]
         for title, own in _surfaces(answer).items() if bed else ():
             sketch = _signs(_places(answer)[own], left[own], sigma)
             blocks.append(doc.Figure(title or None, "", (), sketch=sketch))
-        blocks += _distances(answer)
-        sections.append(doc.Section(f"Measured minus modelled, µm: {model}", tuple(blocks)))
-    legend = doc.Paragraph(BED_LEGEND if bed else LEG_LEGEND, small=True)
-    return [*sections, doc.Section(None, (legend, *fit))]
+        title = f"Measured minus modelled, µm: {model}"
+        sections.append(doc.Section(title, *blocks, _distances(answer)))
+    legend = doc.Small(BED_LEGEND if bed else LEG_LEGEND)
+    return [*sections, doc.Section(None, legend, *fit)]
 
 
 def brief_residuals(case: Case) -> list[doc.Block]:
@@ -59,8 +59,8 @@ def brief_residuals(case: Case) -> list[doc.Block]:
     if len(without.rows) > _MOST_SERIES or len(without.head) > _MOST_SERIES // 2 + 1:
         return []
     pairs = zip(without.rows, with_it.rows, strict=True)
-    rows = tuple((*one, "", *other[1:]) for one, other in pairs)
-    title = doc.Paragraph(f"Mean residuals, µm: {', and '.join(left)}.")
+    rows = [(*one, "", *other[1:]) for one, other in pairs]
+    title = f"Mean residuals, µm: {', and '.join(left)}."
     return [title, doc.Grid(("", *without.head[1:], "  ", *with_it.head[1:]), rows)]
 
 
@@ -93,7 +93,7 @@ def differences_figure(
     picture = figures.deviation_rows(names, found, expected, expanded, measured, limit_mm)
     title = f"Differences of readings, {what}, mm"
     finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
-    return doc.Figure(title, finding, (picture,), 0, key, tuple(sketch))
+    return doc.Figure(title, finding, (picture,), 0, key, sketch)
 
 
 def residual_blocks(case: Case) -> list[doc.Block]:
@@ -129,7 +129,7 @@ def residual_blocks(case: Case) -> list[doc.Block]:
         sketch = _signs(places[own], left[list(left)[-1]][own], sigma)
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
-    return [*blocks, *_distances(answer)]
+    return [*blocks, _distances(answer)]
 
 
 def _on_bed(answer: Answer) -> bool:
@@ -171,7 +171,7 @@ def _surfaces(answer: Answer) -> dict[str, list[int]]:
     return {f"at {mm:g} mm" if len(found) > 1 else "": found[mm] for mm in sorted(found)}
 
 
-def _distances(answer: Answer) -> list[doc.Block]:
+def _distances(answer: Answer) -> doc.Grid:
     """Measured distances, with what the models make of them [mm]."""
     head = ("distance", "modelled", *(["with causes"] if answer.causes else []))
     rows = []
@@ -179,7 +179,7 @@ def _distances(answer: Answer) -> list[doc.Block]:
         if row.distance:
             sizes = row.measured_mm, row.modelled_mm, row.with_causes_mm or row.modelled_mm
             rows.append(tuple(signed(mm, 3) for mm in sizes[: len(head)]))
-    return [doc.Grid(head, tuple(rows), words=(), caption="Distances, mm.")] if rows else []
+    return doc.Grid(head, rows, words=(), caption="Distances, mm.")
 
 
 def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> tuple[str, ...]:
@@ -222,7 +222,7 @@ def _differences(case: Case) -> doc.Grid:
         rows.append((row.posture or "", *(signed(mm, 3) for mm in sizes)))
     head = ("", "measured", "modelled by offsets", *names[: len(left)])
     meaning = comparison_words(answer.input.kind == DataKind.SINGLE)[1]
-    return doc.Grid(head, tuple(rows), caption=meaning)
+    return doc.Grid(head, rows, caption=meaning)
 
 
 def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = None) -> doc.Grid:

@@ -79,15 +79,14 @@ def plan_document(
         if going_on is not None:
             notice = _next_notice(plan, going_on)
             grid = _next_grid(plan, plan.next[1:_BRIEF_NEXT])
-            sections = [doc.Section("Or", (grid,))] if grid.rows else []
+            sections = [doc.Section("Or", grid)]
         else:
             notice = _notice(plan)
-            limits = map(doc.Paragraph, _limits(plan))
             sections = [
-                doc.Section(None, (_sessions_grid(plan, brief=True), *limits)),
-                doc.Section(None, tuple(map(doc.Paragraph, _left_open(plan)))),
+                doc.Section(None, _sessions_grid(plan, brief=True), *_limits(plan)),
+                doc.Section(None, *_left_open(plan)),
             ]
-        more = doc.Paragraph("More: the same with --details")
+        more = "More: the same with --details"
         steps = doc.next_steps(_to_do(plan, machine_file, source), more)
         return doc.Page("Plan", notice=notice, sections=(*sections, steps))
 
@@ -97,18 +96,17 @@ def plan_document(
         if plan.assumed_mm is not None:
             assumed = f"about {plan.assumed_mm:g} mm each are assumed"
             session.append((machine.vocabulary.many.capitalize(), assumed))
-        facts, notice = doc.Facts(tuple(session)), _notice(plan)
+        facts, notice = doc.Facts(session), _notice(plan)
         sections: list[doc.Section] = []
         if going_on is not None:
             ranking = _next_grid(plan, plan.next, full=True)
-            sections.append(doc.Section("What to measure next, best first", (ranking,)))
-            sections.append(doc.Section("A separate session would give", (facts, notice)))
+            sections.append(doc.Section("What to measure next, best first", ranking))
+            sections.append(doc.Section("A separate session would give", facts, notice))
             data = f"{file_words(visible(going_on.input.path))}, {going_on.input.readings}"
-            facts, notice = doc.Facts((("Readings", data),)), _next_notice(plan, going_on)
-        limits = map(doc.Paragraph, (*_limits(plan), *_left_open(plan)))
+            facts, notice = doc.Facts([("Readings", data)]), _next_notice(plan, going_on)
         title = "Ways to measure, compared" if plan.gauges is None else "How many cycles"
-        sections.append(doc.Section(title, (_sessions_grid(plan),)))
-        sections.append(doc.Section(None, tuple(limits)))
+        sections.append(doc.Section(title, _sessions_grid(plan)))
+        sections.append(doc.Section(None, *_limits(plan), *_left_open(plan)))
         sections += [_ways(plan)] if plan.compare else []
         if plan.design:
             typed = _command(plan.design, plan, machine_file, source)
@@ -120,7 +118,7 @@ def plan_document(
             facts=facts,
             notice=notice,
             sheet=(doc.next_steps(_to_do(plan, machine_file, source)),),
-            sections=tuple(sections),
+            sections=sections,
         )
 
     return doc.Document(data, page, screen)
@@ -349,8 +347,8 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
         f" ± {plain(wanted, decimals)} mm. Moves: a stand is put to another place; a gauge alone"
         " stays at one end of the leg as long as it can (--order fewest-moves)."
     )
-    grid = doc.Grid(head, tuple(rows), words=(0, 1), caption=caption)
-    return doc.Section("Other ways to the same uncertainty", (grid,))
+    grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
+    return doc.Section("Other ways to the same uncertainty", grid)
 
 
 def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
@@ -363,10 +361,10 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
         if not best.reached:
             farthest = two_figures(best.rivals_sigma or 0.0)
             reached = f"None gets {pair} {apart}; this one gets farthest, {farthest}"
-        blocks: list[doc.Block] = [doc.Paragraph(f"{reached}: {best.what}, {minutes}.")]
+        blocks: list[doc.Block] = [f"{reached}: {best.what}, {minutes}."]
         if best.name != plan.chosen.name:
-            blocks.append(doc.Instructions((doc.Instruction("Have its places written", typed),)))
-        return doc.Section(f"To distinguish {pair}", tuple(blocks))
+            blocks.append(doc.Instructions([doc.Instruction("Have its places written", typed)]))
+        return doc.Section(f"To distinguish {pair}", *blocks)
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
     gives = f"± {two_figures(max(best.expanded_mm.values()))} mm"
     told: tuple[doc.Line, ...] = (
@@ -377,13 +375,13 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
         f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
         f" every posture. What is given up: {GIVES_UP}.",
     )
-    return doc.Section("The fewest readings", tuple(map(doc.Paragraph, told)))
+    return doc.Section("The fewest readings", *told)
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
     """Which causes the readings can distinguish."""
     seen, hidden = plan.apart.visible, plan.apart.invisible
-    blocks: list[doc.Block] = [doc.Paragraph("No cause leaves a trace.")]
+    blocks: list[doc.Block] = ["No cause leaves a trace."]
     if seen.causes:
         sketch = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
         cycles = counted(min(plan.cycles, MOST_COMPARED), "cycle")
@@ -391,11 +389,11 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         told += "." if plan.gauges is None else f" by {cycles}."
         blocks = [doc.Figure(None, told, (), sketch=sketch)]
     if hidden:
-        rows = tuple((cause.id, cause.words(plan.model.machine).instrument) for cause in hidden)
+        rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
         caption = "At their usual size they leave hardly a trace in such readings."
         head = ("not seen", "what would show it")
         blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))
-    return doc.Section("Which causes can be distinguished", tuple(blocks))
+    return doc.Section("Which causes can be distinguished", *blocks)
 
 
 def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
@@ -457,4 +455,4 @@ def _next_grid(
             f" eight hours are added for coming back if it stays undecided. σ: how far {first} and"
         )
         meaning += f" {second} are apart in the new readings, in standard deviations."
-    return doc.Grid(tuple(heads), tuple(rows), words=(len(heads) - 1,), caption=meaning)
+    return doc.Grid(heads, rows, words=(len(heads) - 1,), caption=meaning)

@@ -90,15 +90,15 @@ def _screen(case: Case) -> doc.Page:
     answer = case.answer
     found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
     if answer.budget and answer.release.usable:
-        found.append(doc.Paragraph(largest_words(case)))
-    found += [doc.Paragraph(f"Note: {warning}") for warning in answer.warnings]
-    after = tuple(_improvement(case)) if answer.release.usable else ()
+        found.append(largest_words(case))
+    found += [f"Note: {warning}" for warning in answer.warnings]
+    after = _improvement(case) if answer.release.usable else ()
     return doc.Page(
         kind="Solution",
         notice=decision_notice(case),
         sections=(
-            doc.Section(None, tuple(found)),
-            doc.Section(None, after),
+            doc.Section(None, *found),
+            doc.Section(None, *after),
             doc.next_steps(to_do(case, brief=True), case.more("solve")),
         ),
     )
@@ -126,13 +126,12 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
         of_what = "readings" if answer.input.kind == DataKind.READINGS else "differences"
         of_what += weighing(case.given.measured)
         before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
-        told = f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
-        yield doc.Paragraph(told)
+        yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
 
 
 def _page(case: Case) -> doc.Page:
     answer = case.answer
-    facts = doc.Facts((("Method", method_words(case)), ("Noise, mm", noise_words(answer))))
+    facts = doc.Facts([("Method", method_words(case)), ("Noise, mm", noise_words(answer))])
     what, _ = comparison_words(answer.check is not None and answer.check.ends)
     title = f"Differences, {what}" if answer.deviations else None
     blocks = (facts, parameters_grid(case), *open_blocks(case), *alone_block(case))
@@ -145,10 +144,10 @@ def _page(case: Case) -> doc.Page:
         notice=decision_notice(case),
         sheet=(doc.next_steps(to_do(case)),),
         sections=(
-            doc.Section(parameters_title(case), (*blocks, _correlations(case))),
-            doc.Section(title, tuple(_improvement(case, full=True))),
+            doc.Section(parameters_title(case), *blocks, _correlations(case)),
+            doc.Section(title, *_improvement(case, full=True)),
             *budget_sections(case.machine, case.answer.budget, case.answer.total),
-            doc.Section(None, tuple(map(doc.Paragraph, notes))),
+            doc.Section(None, *notes),
         ),
     )
 
@@ -159,14 +158,14 @@ def method_words(case: Case) -> str:
     return f"{method} ({_METHODS[method]})"
 
 
-def _correlations(case: Case) -> doc.Paragraph:
+def _correlations(case: Case) -> str:
     """How the parameters depend on each other."""
     names, matrix = [each.name for each in case.answer.parameters], case.answer.correlation
     pairs = [(i, k) for i in range(len(names)) for k in range(i)]
     told = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
     sigma = case.answer.sigma_rho_mm
     together = "" if sigma is None else f" Together: σ_ρ = {two_figures(sigma)} mm."
-    return doc.Paragraph(f"Correlations: {told}.{together}")
+    return f"Correlations: {told}.{together}"
 
 
 def noise_words(answer: Answer) -> str:
@@ -235,7 +234,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
         columns["enter" if brief else "type in"] = [doc.Typed(each) for each in new]
     if brief:
         columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if case.unit else unit
-    head, rows = tuple(columns), tuple(zip(*columns.values(), strict=True))
+    head, rows = [*columns], [*zip(*columns.values(), strict=True)]
     if brief:
         return doc.Grid(head, rows, (0, len(head) - 1))
     caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
@@ -271,7 +270,7 @@ def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Gr
         for start in range(0, len(cells), width)
     ]
     columns = width + 1
-    return doc.Grid(("",) * columns, tuple(rows), words=tuple(range(columns)))
+    return doc.Grid(("",) * columns, rows, words=range(columns))
 
 
 def largest_words(case: Case) -> str:
@@ -296,7 +295,7 @@ def alone_block(case: Case) -> Iterator[doc.Block]:
     if alone is not None:
         values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
         left = f"({plain(alone.rms_after_mm, 4)} mm r.m.s. left)"
-        yield doc.Paragraph(f"{case.words.many.capitalize()} alone: {values} {left}.")
+        yield f"{case.words.many.capitalize()} alone: {values} {left}."
 
 
 def open_blocks(case: Case) -> Iterator[doc.Block]:
@@ -306,12 +305,11 @@ def open_blocks(case: Case) -> Iterator[doc.Block]:
     if missing:
         told = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
         readings = case.answer.input.readings
-        yield doc.Paragraph(f"These {readings} readings do not determine {told}.")
+        yield f"These {readings} readings do not determine {told}."
     for each in case.answer.undetermined:
         if each.name not in names:
             within = f"{each.within:.2g} {unit_words(each.unit)}"
-            told = f"Not determined: {each.name}, taken as stated to within {within}."
-            yield doc.Paragraph(told)
+            yield f"Not determined: {each.name}, taken as stated to within {within}."
 
 
 def budget_sections(
@@ -336,9 +334,9 @@ def budget_sections(
     what, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name}, {own}" for name, own in named]
-    grid = doc.Grid(("source", "type", "size", *heads), tuple(rows))
-    told = doc.Paragraph(f"Largest contribution: {what}. {remedy}")
-    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", (grid, told))
+    grid = doc.Grid(("source", "type", "size", *heads), rows)
+    told = f"Largest contribution: {what}. {remedy}"
+    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, told)
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:

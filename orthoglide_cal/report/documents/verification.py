@@ -50,8 +50,6 @@ def _screen(found: Verification) -> doc.Page:
     units = {each.unit for each in found.parameters.values()}
     unit = units.pop() if len(units) == 1 else ""
     grid = sizes_grid([(f"left{unit and f', {unit}'}", sizes(left, not unit))], 3 if unit else 2)
-    tables = ([_differences(found)] if found.differences else []), [grid]
-    more = doc.Paragraph("More: the same with --details")
     before, after = (count for _, count in _measured(found))
     aside = f"{found.machine}, {before}{' and' * (after != before)} "
     aside += after if after != before else "before and after"
@@ -59,8 +57,11 @@ def _screen(found: Verification) -> doc.Page:
         kind="Verification",
         notice=replace(reserved(verification_notice(found), found.reservations), aside=aside),
         sections=(
-            *(doc.Section(None, tuple(table)) for table in tables),
-            doc.next_steps(verification_steps(found, None, brief=True), more),
+            doc.Section(None, *([_differences(found)] if found.differences else [])),
+            doc.Section(None, grid),
+            doc.next_steps(
+                verification_steps(found, None, brief=True), "More: the same with --details"
+            ),
         ),
     )
 
@@ -89,7 +90,7 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
         sheet=(*page.sheet, _outcome(found), parameters_left(found)),
         sections=(
             *([_response(found, found.response)] if found.response else []),
-            doc.Section("Traceability", (doc.Facts(origin),)),
+            doc.Section("Traceability", doc.Facts(origin)),
         ),
         signatures=("Measured by", "Checked by"),
     )
@@ -229,15 +230,15 @@ def parameters_left(found: Verification) -> doc.Section:
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
-    rows = tuple(zip(*columns.values(), strict=True))
-    grid = doc.Grid(tuple(columns), rows, caption=caption)
+    rows = [*zip(*columns.values(), strict=True)]
+    grid = doc.Grid([*columns], rows, caption=caption)
     other = [name for name, each in found.parameters.items() if each.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not say what was entered: a printer.cfg of each time would."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
-    return doc.Section("Parameters", (grid, doc.Paragraph(note)))
+    return doc.Section("Parameters", grid, note)
 
 
 def _outcome(found: Verification) -> doc.Section:
@@ -245,20 +246,20 @@ def _outcome(found: Verification) -> doc.Section:
     if found.differences:
         figure = replace(left_figure(found), columns=1, sketch=())
         blocks = _differences(found, full=True), figure, *rule_blocks(found)
-        return doc.Section("Predicted and measured", blocks)
+        return doc.Section("Predicted and measured", *blocks)
     grid = doc.Grid(
         ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
         (("touches, without their mean", *_sizes(found)),),
         caption="Predicted: what the parameters found before would leave. Could be: what those"
         " found afterwards would.",
     )
-    return doc.Section("Heights", (grid,))
+    return doc.Section("Heights", grid)
 
 
 def rule_blocks(found: Verification) -> tuple[doc.Block, ...]:
     """By which rule a limit is judged; nothing where none was given."""
     rule = found.decision
-    return (doc.Paragraph(f"Decision rule: {rule.rule}", small=True),) if rule else ()
+    return (doc.Small(f"Decision rule: {rule.rule}"),) if rule else ()
 
 
 def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
@@ -292,13 +293,13 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
         coefficient = _interval(row.coefficient) if row.coefficient else ""
         rows.append((axis, applied, changed, f"{low} … {high}", coefficient))
     head = ("axis", "applied", "found", "95 % interval", "coefficient")
-    grid = doc.Grid(head, tuple(rows), caption="Change of each joint, mm, fitted together.")
+    grid = doc.Grid(head, rows, caption="Change of each joint, mm, fitted together.")
     lead = (
         "Response coefficient, all axes together: ",
         doc.Strong(_interval(response)),
         f". Expected: 1. (95 % interval, {found.response_dof} degrees of freedom.)",
     )
-    blocks: list[doc.Block] = [doc.Paragraph(lead), grid]
+    blocks: list[doc.Block] = [lead, grid]
     if found.other_change is not None:
         change = found.other_change
         told = f"{'Something' if change.found else 'Nothing'} else changed:"
@@ -307,8 +308,8 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
         told += f" {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
         if change.found:
             told += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
-        blocks.append(doc.Paragraph(told))
-    return doc.Section("How the machine responded", tuple(blocks))
+        blocks.append(told)
+    return doc.Section("How the machine responded", *blocks)
 
 
 def compared_inputs(found: Verification) -> Iterator[tuple[str, doc.Blank]]:
