@@ -2,102 +2,82 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from tests.truth import CAUSES, MACHINE_CAUSES, Session, expected_heldout, second_session
 
-from .answers import Answer
-from .chance import band
-from .scoring import Judged
+from .scoring import Answer, Judged, band
 
 NORMAL_95 = 1.959964
+BEFORE, AFTER, STATED = "heldout_before_mm", "heldout_after_mm", "heldout_ratio"
 
 
-@dataclass(frozen=True)
-class Coverage:
+class Coverage(NamedTuple):
     """How often the 95 % intervals of the offsets hold the truth."""
 
     label: str
     inside: int
     """Of three intervals per session."""
     sessions: int
-    low: float
-    """Least share to be expected if the true coverage is 93 % at least, but for 1 in 1000."""
-    high: float
-    """Greatest share to be expected if it is 97 % at most, but for 1 in 1000."""
 
     @property
     def share(self) -> float:
-        """Intervals that hold the truth over all."""
         return self.inside / (3 * self.sessions)
 
     @property
-    def honest(self) -> bool:
-        """Whether the share can come from a coverage of 93 to 97 %."""
-        return self.low <= self.share <= self.high
+    def bounds(self) -> tuple[float, float]:
+        """Of the share if the true coverage is 93 to 97 %, but for 1 in 1000 at either end.
+
+        Sessions count, not intervals: the three offsets of a session share their noise.
+        """
+        return band(self.sessions, 0.93, 0.97)
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """Held-out errors under the true cause over what an honest model expects of them."""
+class HeldOut(NamedTuple):
+    """Held-out errors over what is expected of them, r.m.s. of the ratios."""
 
     label: str
     sessions: int
     before: float
-    """r.m.s. of the ratios without the cause."""
+    """Without the cause."""
     after: float
-    """r.m.s. of the ratios with it: 0.8 to 1.25 is demanded."""
+    """With it."""
     stated: float | None = None
-    """r.m.s. of the ratios that the answers state themselves, where they do; the same bounds."""
-
-
-def rightly_named(item: Judged) -> bool:
-    """Whether the answer's model is the true one: its single cause, or a healthy machine."""
-    if item.kind == "healthy":
-        return item.answer.verdict == "consistent"
-    return len(item.case.session.causes) == 1 and item.answer.ids == item.case.session.causes
+    """Over what the answers themselves state, where they do."""
 
 
 def coverage(judged: Sequence[Judged]) -> list[Coverage]:
-    """Coverage per hidden cause, among the rightly named sessions, and for healthy ones.
-
-    The band counts sessions, not intervals: the three offsets of a session share their noise.
-    """
+    """Coverage per hidden cause, among the rightly named sessions, and for healthy ones."""
     out = []
     for label in ("healthy", *CAUSES):
-        mine = [j for j in judged if j.case.session.label == label and rightly_named(j)]
-        if not mine:
-            continue
-        errors = np.array([np.array(j.answer.found) - j.case.session.offsets for j in mine])
-        inside = np.abs(errors) <= NORMAL_95 * np.array([j.answer.std for j in mine])
-        out.append(Coverage(label, int(inside.sum()), len(mine), *band(len(mine), 0.93, 0.97)))
+        mine = [j for j in judged if j.case.session.label == label and j.rightly_named]
+        inside = [
+            abs(each["found"] - true) <= NORMAL_95 * each["std"]
+            for j in mine
+            for each, true in zip(j.answer.said["parameters"], j.case.session.offsets, strict=True)
+        ]
+        if mine:
+            out.append(Coverage(label, sum(inside), len(mine)))
     return out
 
 
-def _pooled(
-    label: str, ratios: Sequence[tuple[float, float]], stated: Sequence[float] = ()
-) -> HeldOut:
+def _pooled(label: str, ratios: Sequence[tuple[float, float]], stated: Sequence[float]) -> HeldOut:
     before, after = np.sqrt(np.mean(np.square(ratios), axis=0))
     own = float(np.sqrt(np.mean(np.square(stated)))) if stated else None
     return HeldOut(label, len(ratios), float(before), float(after), own)
 
 
 def heldout(judged: Sequence[Judged]) -> list[HeldOut]:
-    """Held-out ratios per cause of the machine, among the rightly named sessions."""
+    """Ratios to what the true model expects, per cause of the machine, rightly named."""
     out = []
     for cause in MACHINE_CAUSES:
-        ratios, stated = [], []
-        for item in judged:
-            if item.case.session.label != cause or not rightly_named(item):
-                continue
-            named = item.answer.causes[0]
-            if named.heldout_before is not None and named.heldout_after is not None:
-                expected = expected_heldout(item.case.session)
-                ratios.append((named.heldout_before / expected, named.heldout_after / expected))
-                if named.heldout_ratio is not None:
-                    stated.append(named.heldout_ratio)
+        mine = [j for j in judged if j.case.session.label == cause and j.rightly_named]
+        told = [(j.answer.causes[0], expected_heldout(j.case.session)) for j in mine]
+        told = [(named, expected) for named, expected in told if named[AFTER] is not None]
+        ratios = [(named[BEFORE] / expected, named[AFTER] / expected) for named, expected in told]
+        stated = [named[STATED] for named, _ in told if named[STATED] is not None]
         if ratios:
             out.append(_pooled(cause, ratios, stated))
     return out
@@ -119,7 +99,7 @@ def another_day(
         ratios = []
         for item in judged:
             session = item.case.session
-            if session.label != cause or item.kind != "distinct" or not rightly_named(item):
+            if session.label != cause or item.kind != "distinct" or not item.rightly_named:
                 continue
             group = (cause, session.machine.name, session.gauge.name)
             asked[group] += 1
@@ -127,10 +107,8 @@ def another_day(
                 continue
             answer = ask(item, second_session(session, seed))
             if answer.ids == (cause,):
-                named = answer.causes[0]
-                pair = (named.heldout_before, named.heldout_after)
-                before, after = (np.nan if v is None else v / session.gauge.sigma for v in pair)
-                ratios.append((before, after))
+                named, sigma = answer.causes[0], session.gauge.sigma
+                ratios.append((named[BEFORE] / sigma, named[AFTER] / sigma))
         if ratios:
-            out.append(_pooled(cause, ratios))
+            out.append(_pooled(cause, ratios, ()))
     return out

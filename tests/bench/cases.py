@@ -77,6 +77,7 @@ class Case:
     separation: Separation | None
     """None for healthy and outside sessions."""
 
+    @property
     def kind(self) -> str:
         """What is asked of the answer: one of `KINDS`.
 

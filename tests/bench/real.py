@@ -14,9 +14,9 @@ import itertools
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from typer.testing import CliRunner
@@ -28,69 +28,24 @@ from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.probe_plan import ProbePlan
 from tests.truth.delta import Delta, Floats, Truth, touches
 
+Found = dict[str, Any]
 DATE = re.compile(r"[-_. ]?(19|20)\d\d-?\d\d-?\d\d([-_T ]?\d{4,6})?")
 DATA = ("calibration", "mesh")
 STEP = 1e-4  # mm, deg
 LASTING = ("radius", "angle_a", "angle_b")
 
 
-@dataclass
-class Judged:
-    """What is said of one measurement; lengths in µm, but for the parameters."""
-
-    file: str
-    data: str
-    verdict: str | None = None
-    named: list[str] = field(default_factory=list)
-    fit_before: float | None = None
-    fit_after: float | None = None
-    readings: int | None = None
-    error: str | None = None
-    parameters: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Name -> what it really is, and U; of those that are determined [mm, deg]."""
-
-
-@dataclass
-class Pair:
-    """A date predicted from another one; µm r.m.s., parameters fitted again."""
-
-    first: str
-    second: str
-    data: str
-    before: float | None = None
-    after: float | None = None
-    quartic: float | None = None
-    earlier_map: float | None = None
-    repeats: float | None = None
-    arms: float | None = None
-    error: str | None = None
-
-    @property
-    def ratio(self) -> float | None:
-        """What the extension leaves, by the better of the two baselines."""
-        others = [each for each in (self.quartic, self.earlier_map) if each]
-        return self.after / min(others) if self.after and others else None
-
-
-@dataclass
-class Machine:
-    """A printer, its measurements, and their predictions of each other."""
-
-    name: str
-    judged: list[Judged] = field(default_factory=list)
-    pairs: list[Pair] = field(default_factory=list)
-
-    def covered(self, names: Sequence[str]) -> tuple[int, int]:
-        """Of parameters at two dates: how many agree to within both U, and how many there are."""
-        apart = [
-            abs(one.parameters[name][0] - other.parameters[name][0])
-            <= np.hypot(one.parameters[name][1], other.parameters[name][1])
-            for one, other in itertools.combinations(self.judged, 2)
-            if one.data == other.data
-            for name in names
-            if name in one.parameters and name in other.parameters
-        ]
-        return sum(apart), len(apart)
+def covered(judged: Sequence[Found], names: Sequence[str]) -> tuple[int, int]:
+    """Of parameters at two dates: how many agree to within both U, and how many there are."""
+    pairs = [
+        (one["parameters"][name], other["parameters"][name])
+        for one, other in itertools.combinations(judged, 2)
+        if one["data"] == other["data"]
+        for name in names
+        if name in one["parameters"] and name in other["parameters"]
+    ]
+    agree = [abs(value - then) <= np.hypot(u, u_then) for (value, u), (then, u_then) in pairs]
+    return sum(agree), len(pairs)
 
 
 def machines(folder: Path) -> Iterator[tuple[str, list[Path]]]:
@@ -104,7 +59,7 @@ def machines(folder: Path) -> Iterator[tuple[str, list[Path]]]:
     yield from found.items()
 
 
-def answered(*words: str) -> dict[str, object]:
+def answered(*words: str) -> Found:
     """The object that the program prints."""
     result = CliRunner().invoke(app, [*words, "--json"])
     if result.exception and not isinstance(result.exception, SystemExit):
@@ -117,47 +72,54 @@ def micrometres(value: float | None) -> float | None:
     return None if value is None else round(1e3 * value, 1)
 
 
-def judge(path: Path, data: str) -> Judged:
-    """The diagnosis of one measurement."""
+def judge(path: Path, data: str) -> Found:
+    """What is said of one measurement; lengths in µm, but for the parameters."""
     said = answered("diagnose", str(path), "--data", data)
-    found = Judged(path.name, data)
     if "error" in said:
-        found.error = str(said["error"]).removeprefix(f"{path}: ")
-        return found
-    found.verdict, rms = str(said["verdict"]), said["rms"]
-    found.named = ["+".join(each["ids"]) or "nothing" for each in said["explanations"]][:3]
-    causes = said["causes"]
-    fit = [
+        error = str(said["error"]).removeprefix(f"{path}: ")
+        return {"file": path.name, "data": data, "error": error, "parameters": {}}
+    causes, rms = said["causes"], said["rms"]
+    before, after = (
         causes[0][f"rms_{when}_mm"] if causes else rms["after_mm"] for when in ("before", "after")
-    ]
-    found.fit_before, found.fit_after = map(micrometres, fit)
-    found.readings = said["input"]["readings"]
-    found.parameters = {
-        each["name"]: (each["active"] + each["found"], each["expanded"])
-        for each in said["parameters"]
-        if each["determined"]
+    )
+    return {
+        "file": path.name,
+        "data": data,
+        "verdict": said["verdict"],
+        "named": ["+".join(each["ids"]) or "nothing" for each in said["explanations"]][:3],
+        "fit_before": micrometres(before),
+        "fit_after": micrometres(after),
+        "readings": said["input"]["readings"],
+        # Name -> what it really is, and U; of those that are determined [mm, deg].
+        "parameters": {
+            each["name"]: (each["active"] + each["found"], each["expanded"])
+            for each in said["parameters"]
+            if each["determined"]
+        },
     }
-    return found
 
 
-def predict(first: Path, second: Path, data: str) -> Pair:
-    """The second date predicted from the first."""
-    pair = Pair(first.name, second.name, data)
+def predict(first: Path, second: Path, data: str) -> Found:
+    """The second date predicted from the first; µm r.m.s., parameters fitted again."""
+    pair: Found = {"first": first.name, "second": second.name, "data": data}
     words = (str(first), "--data", data, "--holdout", str(second), "--recalibrated")
     said = answered("diagnose", *words)
     if "error" in said:
-        pair.error = str(said["error"])
-        return pair
+        return {**pair, "error": str(said["error"])}
     others = said.get("baselines")
     if others:
-        pair.before, pair.after, pair.quartic, pair.earlier_map = (
-            micrometres(others[f"{name}_mm"])
-            for name in ("parameters", "extension", "quartic", "earlier_map")
-        )
-        pair.repeats = others["repeats"] and round(others["repeats"], 2)
+        names = ("parameters", "extension", "quartic", "earlier_map")
+        values = (micrometres(others[f"{name}_mm"]) for name in names)
+        pair.update(zip(("before", "after", *names[2:]), values, strict=True))
+        pair["repeats"] = others["repeats"] and round(others["repeats"], 2)
     inputs = (read_input(str(path), stored=data) for path in (first, second))
-    pair.arms = micrometres(with_arms(*inputs))
-    return pair
+    return {**pair, "arms": micrometres(with_arms(*inputs))}
+
+
+def ratio(pair: Found) -> float | None:
+    """What the extension leaves, by the better of the two baselines."""
+    others = [pair[name] for name in ("quartic", "earlier_map") if pair.get(name)]
+    return pair["after"] / min(others) if pair.get("after") and others else None
 
 
 def with_arms(first: Input, second: Input) -> float:
@@ -203,47 +165,50 @@ def stores(path: Path) -> list[str]:
     return found
 
 
-def bench(folder: Path) -> list[Machine]:
-    """Every machine of a folder."""
+def bench(folder: Path) -> list[Found]:
+    """Every machine of a folder: its measurements, and their predictions of each other."""
     found = []
     for name, paths in machines(folder):
-        machine = Machine(name)
         print(f"{name}: {len(paths)} files", file=sys.stderr, flush=True)
-        for data in DATA:
-            own = [path for path in paths if data in stores(path)]
-            machine.judged += [judge(path, data) for path in own]
-            if data == "mesh":
-                machine.pairs += [predict(*two, data) for two in itertools.permutations(own, 2)]
-        found.append(machine)
+        own = {data: [path for path in paths if data in stores(path)] for data in DATA}
+        judged = [judge(path, data) for data in DATA for path in own[data]]
+        pairs = [predict(*two, "mesh") for two in itertools.permutations(own["mesh"], 2)]
+        found.append({"name": name, "judged": judged, "pairs": pairs})
     return found
 
 
-def table(found: Sequence[Machine]) -> str:
+def _table(header: str, rows: Iterable[Iterable[object]]) -> list[str]:
+    head = header.split(", ")
+    cells = (["" if cell is None else str(cell) for cell in row] for row in rows)
+    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *cells)]
+
+
+def table(found: Sequence[Found]) -> str:
     """All of it, as Markdown."""
-    lines = ["| machine | file | data | readings | verdict | explanations | fit, µm |"]
-    lines += ["|" + "---|" * 7]
-    for machine in found:
-        for each in machine.judged:
-            fit = f"{each.fit_before} -> {each.fit_after}"
-            said = each.verdict or f"refused: {each.error}"
-            row = (machine.name, each.file, each.data, each.readings, said, ", ".join(each.named))
-            lines.append(f"| {' | '.join(map(str, row))} | {fit} |")
-    lines += ["", "| from | to | before | after | quartic | earlier map | arms | ratio | r |"]
-    lines += ["|" + "---|" * 9]
-    pairs = [pair for machine in found for pair in machine.pairs]
-    for pair in pairs:
-        ratio = None if pair.ratio is None else round(pair.ratio, 2)
-        numbers = (pair.before, pair.after, pair.quartic, pair.earlier_map, pair.arms, ratio)
-        row = (pair.first, pair.second, *numbers, pair.repeats)
-        lines.append(f"| {' | '.join('' if v is None else str(v) for v in row)} |")
-    ratios = [pair.ratio for pair in pairs if pair.ratio is not None]
+    rows = [
+        (machine["name"], each["file"], each["data"], each.get("readings"),
+         each.get("verdict") or f"refused: {each['error']}", ", ".join(each.get("named", ())),
+         f"{each.get('fit_before')} -> {each.get('fit_after')}")
+        for machine in found
+        for each in machine["judged"]
+    ]  # fmt: skip
+    lines = _table("machine, file, data, readings, verdict, explanations, fit in µm", rows)
+    pairs = [(pair, ratio(pair)) for machine in found for pair in machine["pairs"]]
+    names = ("first", "second", "before", "after", "quartic", "earlier_map", "arms")
+    rows = [
+        (*map(pair.get, names), share and round(share, 2), pair.get("repeats"))
+        for pair, share in pairs
+    ]
+    lines += ["", *_table("from, to, before, after, quartic, earlier map, arms, ratio, r", rows)]
+    ratios = [share for _, share in pairs if share is not None]
     if ratios:
         lines.append(
             f"\n{len(ratios)} predictions; extension by the better baseline: median"
             f" {np.median(ratios):.2f}, at most 1.0 in {sum(r <= 1.0 for r in ratios)}."
         )
-    for words, names in (("radius and angles", LASTING), ("endstops", tuple("abc"))):
-        inside, every = np.sum([machine.covered(names) for machine in found], axis=0).tolist()
+    for words, own in (("radius and angles", LASTING), ("endstops", tuple("abc"))):
+        counts = [covered(machine["judged"], own) for machine in found]
+        inside, every = np.sum(counts, axis=0).tolist()
         lines.append(f"Of {every} {words} on two dates {inside} agree to within their U.")
     return "\n".join(lines)
 
@@ -256,7 +221,7 @@ def main(arguments: list[str] | None = None) -> int:
     found = bench(given.folder)
     print(table(found))
     if given.json:
-        given.json.write_text(json.dumps([asdict(each) for each in found], indent=1) + "\n")
+        given.json.write_text(json.dumps(found, indent=1) + "\n")
     return 0
 
 

@@ -1,57 +1,15 @@
-"""Which answers are right, and at what rate."""
+"""Which answers are right, at what rate, and the binomial chances of such rates."""
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from math import ceil
+from typing import Any, NamedTuple
 
-from .answers import Answer
+from scipy.stats import binom
+
 from .cases import KINDS, Case
-from .chance import chance_at_most, chance_below
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A case, its answer, and whether that is right."""
-
-    case: Case
-    answer: Answer
-    kind: str
-    right: bool
-
-
-@dataclass(frozen=True)
-class Rate:
-    """How often one kind of question was answered rightly, and what is demanded."""
-
-    kind: str
-    right: int
-    total: int
-    required: float | None
-    sound: float
-    """Rate that a sound method has; used to state the chance of a false failure."""
-
-    @property
-    def share(self) -> float:
-        """Right answers over all (1 without any)."""
-        return self.right / self.total if self.total else 1.0
-
-    @property
-    def met(self) -> bool:
-        """Whether the demanded rate is reached."""
-        return self.required is None or self.share >= self.required - 1e-9
-
-    @property
-    def false_failure(self) -> float:
-        """Chance that a sound method misses the demanded rate with so few sessions."""
-        return 0.0 if self.required is None else chance_below(self.required, self.total, self.sound)
-
-    @property
-    def chance_if_met(self) -> float:
-        """Chance of so few right answers if the true rate were exactly the demanded one."""
-        if self.required is None or not self.total:
-            return 1.0
-        return chance_at_most(self.right, self.total, self.required)
-
 
 # kind: (demanded rate or None, rate of a sound method)
 REQUIRED: dict[str, tuple[float | None, float]] = {
@@ -65,6 +23,94 @@ REQUIRED: dict[str, tuple[float | None, float]] = {
 }
 
 
+def chance_below(share: float, tries: int, rate: float) -> float:
+    """Chance that a method with this true rate shows less than `share` in `tries`."""
+    return float(binom.cdf(ceil(share * tries - 1e-9) - 1, tries, rate))
+
+
+def band(tries: int, low: float, high: float, chance: float = 1e-3) -> tuple[float, float]:
+    """Shares that a true rate between `low` and `high` shows, but for `chance` at either end."""
+    least, fewest_misses = binom.ppf(chance, tries, (low, 1.0 - high))
+    return float(least / tries), float(1.0 - fewest_misses / tries)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One line of `diagnose --json`."""
+
+    said: dict[str, Any]
+
+    @property
+    def verdict(self) -> str:
+        """As the contract has it, or `error`."""
+        return "error" if "error" in self.said else self.said["verdict"]
+
+    @property
+    def causes(self) -> list[dict[str, Any]]:
+        """Those that the answer accepts, best first."""
+        return self.said.get("causes", [])
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        return tuple(cause["id"] for cause in self.causes)
+
+    @property
+    def named(self) -> bool:
+        return self.verdict in ("named", "ambiguous")
+
+    @property
+    def beyond(self) -> set[str]:
+        """Causes that would explain everything far beyond their size."""
+        return {each["id"] for each in self.said.get("beyond_tolerance", [])}
+
+    @property
+    def mentioned(self) -> set[str]:
+        """Every cause in the answer: accepted, an alias of one, ambiguous with it, or beyond."""
+        if not self.named:
+            return self.beyond
+        aliases = (alias for cause in self.causes for alias in cause["aliases"])
+        return {*self.ids, *aliases, *self.said["ambiguous_with"]}
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A case, its answer, and whether that is right."""
+
+    case: Case
+    answer: Answer
+
+    @cached_property
+    def kind(self) -> str:
+        return self.case.kind
+
+    @cached_property
+    def right(self) -> bool:
+        """Whether the answer is what the data allow one to say."""
+        answer, far, causes = self.answer, self.case.separation, self.case.session.causes
+        match self.kind:
+            case "healthy":
+                return answer.verdict == "consistent"
+            case "outside":
+                return answer.verdict == "unexplained"
+            case "pair":
+                return set(causes) <= answer.mentioned
+            case "half pair":
+                return showing(causes, far.distances, far.bound) <= answer.mentioned
+            case "distinct":
+                first = answer.ids[:1] if answer.named else ()
+                return causes == first or causes[0] in answer.beyond
+            case "faint" if answer.verdict == "consistent":
+                return True
+        return causes[0] in answer.mentioned
+
+    @property
+    def rightly_named(self) -> bool:
+        """Whether the answer's model is the true one: its single cause, or a healthy machine."""
+        if self.kind == "healthy":
+            return self.right
+        return len(self.case.session.causes) == 1 and self.answer.ids == self.case.session.causes
+
+
 def showing(causes: Sequence[str], alone: dict[str, float], bound: float) -> set[str]:
     """The hidden causes without which the other alone would be far from the record."""
     if len(causes) < 2:
@@ -74,60 +120,40 @@ def showing(causes: Sequence[str], alone: dict[str, float], bound: float) -> set
     }
 
 
-def is_right(case: Case, answer: Answer, kind: str) -> bool:
-    """Whether an answer is what the data allow one to say; `kind` as given by `Case.kind`."""
-    if kind == "healthy":
-        return answer.verdict == "consistent"
-    if kind == "outside":
-        return answer.verdict == "unexplained"
-    if kind == "pair":
-        return set(case.session.causes) <= answer.mentioned
-    if kind == "half pair":
-        far = case.separation
-        return showing(case.session.causes, far.distances, far.bound) <= answer.mentioned
-    truth = case.session.causes[0]
-    if kind == "distinct":
-        return answer.first == truth or truth in answer.beyond
-    return truth in answer.mentioned or (kind == "faint" and answer.verdict == "consistent")
+class Rate(NamedTuple):
+    """How often one kind of question was answered rightly, and what is demanded."""
 
+    kind: str
+    right: int
+    total: int
 
-def judge(cases: Sequence[Case], answers: Sequence[Answer]) -> list[Judged]:
-    """Judge each answer against its case."""
-    pairs = zip(cases, answers, strict=True)
-    return [Judged(case, answer, case.kind(), is_right(case, answer, case.kind()))
-            for case, answer in pairs]  # fmt: skip
+    @property
+    def required(self) -> float | None:
+        return REQUIRED[self.kind][0]
+
+    @property
+    def share(self) -> float:
+        return self.right / self.total
+
+    @property
+    def met(self) -> bool:
+        return self.required is None or self.share >= self.required - 1e-9
+
+    @property
+    def false_failure(self) -> float:
+        """Chance that a sound method misses the demanded rate with so few sessions."""
+        required, sound = REQUIRED[self.kind]
+        return 0.0 if required is None else chance_below(required, self.total, sound)
+
+    @property
+    def chance_if_met(self) -> float:
+        """Chance of so few right answers if the true rate were exactly the demanded one."""
+        if self.required is None:
+            return 1.0
+        return float(binom.cdf(self.right, self.total, self.required))
 
 
 def rates(judged: Sequence[Judged]) -> list[Rate]:
     """One rate per kind that occurred."""
     total, right = Counter(j.kind for j in judged), Counter(j.kind for j in judged if j.right)
-    return [Rate(kind, right[kind], total[kind], *REQUIRED[kind]) for kind in KINDS if total[kind]]
-
-
-def rates_by_label(judged: Sequence[Judged]) -> dict[str, dict[str, tuple[int, int]]]:
-    """(right, total) for each kind, by what was hidden; pairs by each of their two members."""
-    out: dict[str, dict[str, tuple[int, int]]] = {}
-    for item in judged:
-        causes = item.case.session.causes
-        names = (
-            [f"pair with {c}" for c in causes] if len(causes) == 2 else [item.case.session.label]
-        )
-        for name in names:
-            right, total = out.setdefault(name, {}).get(item.kind, (0, 0))
-            out[name][item.kind] = (right + item.right, total + 1)
-    return out
-
-
-def confusion(judged: Sequence[Judged]) -> dict[str, Counter[str]]:
-    """What was answered first, by what was hidden; without the pairs."""
-    out: dict[str, Counter[str]] = {}
-    for item in judged:
-        if len(item.case.session.causes) < 2:
-            out.setdefault(item.case.session.label, Counter())[item.answer.first] += 1
-    return out
-
-
-def both_accepted(judged: Sequence[Judged]) -> tuple[int, int]:
-    """(right, total) of the distinct pairs when aliases do not count."""
-    pairs = [j for j in judged if j.kind == "pair"]
-    return sum(set(j.case.session.causes) <= set(j.answer.ids) for j in pairs), len(pairs)
+    return [Rate(kind, right[kind], total[kind]) for kind in KINDS if total[kind]]

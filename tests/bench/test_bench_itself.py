@@ -1,8 +1,6 @@
 """The bench's own judgement, on answers made up for the purpose."""
 
-import json
 import sys
-from dataclasses import replace
 from math import comb
 from pathlib import Path
 
@@ -13,90 +11,88 @@ from tests.truth import CAUSES, DIAL, MICRON, OUTSIDE, PROTOTYPE, Separation, ma
 
 from . import run
 from .accuracy import coverage, heldout
-from .answers import Answer, ContractError, NamedCause, parse_answer
 from .cases import Case, Counts, draw_gauges
-from .chance import band, chance_at_most, chance_below
 from .report import failures, full_report
 from .run import run_bench
-from .scoring import Rate, both_accepted, confusion, is_right, judge, rates
+from .scoring import Answer, Judged, Rate, band, chance_below, rates
 
 
-def _case(*hidden: str, near: float = 9.0, visible: float = 9.0, own: float = 1.0) -> Case:
-    distances = dict.fromkeys(CAUSES, near) | {"healthy": visible}
-    if len(hidden) == 1:
-        distances[hidden[0]] = own
-    rivals = sorted((c for c in distances if c not in hidden), key=lambda c: distances[c])
-    far = Separation(hidden, distances, tuple(rivals))
-    return Case("case", make_session(1, PROTOTYPE, MICRON, hidden), far)
+def _case(*hidden: str, near: float = 9.0, **distances: float) -> Case:
+    """Every rival is `near`, but those that have a distance of their own."""
+    far = {**dict.fromkeys(CAUSES, near), "healthy": 9.0, **distances}
+    rivals = sorted((c for c in far if (c,) != hidden), key=lambda c: far[c])
+    far_away = Separation(hidden, far, tuple(rivals))
+    return Case("case", make_session(1, PROTOTYPE, MICRON, hidden), far_away)
 
 
-def _named(*ids: str, aliases: tuple[str, ...] = (), also: tuple[str, ...] = ()) -> Answer:
-    causes = tuple(NamedCause(name, aliases, 0.004, 0.0035) for name in ids)
-    return Answer("named", causes, also, (0.1, 0.2, 0.3), (0.01, 0.01, 0.01))
+def _named(
+    *ids: str, aliases: tuple[str, ...] = (), also: tuple[str, ...] = (), **more: object
+) -> Answer:
+    held_out = {"heldout_before_mm": 0.004, "heldout_after_mm": 0.0035, "heldout_ratio": None}
+    causes = [{"id": name, "aliases": aliases, **held_out} for name in ids]
+    return Answer({"verdict": "named", "causes": causes, "ambiguous_with": also, **more})
+
+
+CONSISTENT = Answer({"verdict": "consistent", "causes": [], "beyond_tolerance": []})
 
 
 def test_a_case_asks_for_what_its_distances_allow() -> None:
-    assert _case("axis_gap").kind() == "distinct"
-    assert _case("axis_gap", near=3.9).kind() == "close"
-    assert _case("axis_gap", visible=3.9).kind() == "faint"
-    assert _case("axis_gap", near=4.5, own=3.0).kind() == "distinct"
-    assert _case("misread", "axis_gap").kind() == "pair"
-    assert _case("misread", "axis_gap", near=2.0).kind() == "half pair"
+    assert _case("axis_gap").kind == "distinct"
+    assert _case("axis_gap", near=3.9).kind == "close"
+    assert _case("axis_gap", healthy=3.9).kind == "faint"
+    assert _case("axis_gap", near=4.5, axis_gap=3.0).kind == "distinct"
+    assert _case("misread", "axis_gap").kind == "pair"
+    assert _case("misread", "axis_gap", near=2.0).kind == "half pair"
     healthy = Case("h", make_session(1, PROTOTYPE, MICRON), None)
     outside = Case("o", make_session(1, PROTOTYPE, MICRON, outside="noisy_leg"), None)
-    assert (healthy.kind(), outside.kind()) == ("healthy", "outside")
+    assert (healthy.kind, outside.kind) == ("healthy", "outside")
+
+
+DISTINCT, CLOSE, FAINT = (_case("bar_skew", **far) for far in ({}, {"near": 3.0}, {"healthy": 3.0}))
+PAIR = _case("misread", "axis_gap")
+# Near a misreading alone: the gap does not show, the misreading must be found.
+HALF = _case("misread", "axis_gap", misread=2.0)
 
 
 @pytest.mark.parametrize(
-    ("kind", "answer", "right"),
+    ("case", "answer", "right"),
     [
-        ("distinct", _named("bar_skew"), True),
-        ("distinct", _named("axis_gap", aliases=("bar_skew",)), False),
-        ("distinct", Answer("consistent"), False),
-        ("distinct", replace(_named("bar_skew"), verdict="unexplained"), False),
-        ("close", _named("axis_gap", aliases=("bar_skew",)), True),
-        ("close", _named("axis_gap", also=("bar_skew",)), True),
-        ("close", _named("axis_gap"), False),
-        ("close", Answer("consistent"), False),
-        ("faint", Answer("consistent"), True),
-        ("faint", _named("axis_gap"), False),
+        (DISTINCT, _named("bar_skew"), True),
+        (DISTINCT, _named("axis_gap", aliases=("bar_skew",)), False),
+        (DISTINCT, CONSISTENT, False),
+        (DISTINCT, _named("bar_skew", verdict="unexplained"), False),
+        (CLOSE, _named("axis_gap", aliases=("bar_skew",)), True),
+        (CLOSE, _named("axis_gap", also=("bar_skew",)), True),
+        (CLOSE, _named("axis_gap"), False),
+        (CLOSE, CONSISTENT, False),
+        (FAINT, CONSISTENT, True),
+        (FAINT, _named("axis_gap"), False),
+        (PAIR, _named("axis_gap", "misread"), True),
+        (PAIR, _named("bar_skew", "misread", aliases=("axis_gap",)), True),
+        (PAIR, _named("misread"), False),
+        (HALF, _named("misread"), True),
+        (HALF, _named("axis_gap"), False),
+        (DISTINCT, Answer({"input": "a.csv", "error": "no such file"}), False),
     ],
 )
 def test_distinct_truths_must_come_first_and_close_ones_be_mentioned(
-    kind: str, answer: Answer, right: bool
+    case: Case, answer: Answer, right: bool
 ) -> None:
-    assert is_right(_case("bar_skew"), answer, kind) is right
+    assert Judged(case, answer).right is right
 
 
-def test_pairs_need_both_and_half_pairs_what_shows() -> None:
-    case = _case("misread", "axis_gap")
-    assert is_right(case, _named("axis_gap", "misread"), "pair")
-    assert is_right(case, _named("bar_skew", "misread", aliases=("axis_gap",)), "pair")
-    assert not is_right(case, _named("misread"), "pair")
-    assert case.separation is not None
-    alone = {**case.separation.distances, "misread": 2.0}
-    half = replace(case, separation=replace(case.separation, distances=alone))
-    # Near a misreading alone: the gap does not show, the misreading must be found.
-    assert is_right(half, _named("misread"), "half pair")
-    assert not is_right(half, _named("axis_gap"), "half pair")
-    judged = judge([case], [_named("bar_skew", "misread", aliases=("axis_gap",))])
-    assert both_accepted(judged) == (0, 1)
-
-
-def test_rates_and_confusion_count() -> None:
-    cases = [_case("bar_skew"), _case("bar_skew"), _case("axis_gap", near=1.0)]
-    judged = judge(cases, [_named("bar_skew"), _named("misread"), _named("axis_gap")])
-    distinct, close = rates(judged)
+def test_rates_count() -> None:
+    answers = ((DISTINCT, "bar_skew"), (DISTINCT, "misread"), (CLOSE, "bar_skew"))
+    distinct, close = rates([Judged(case, _named(id)) for case, id in answers])
     assert (distinct.right, distinct.total, distinct.met) == (1, 2, False)
     assert (close.right, close.total, close.met) == (1, 1, True)
-    assert confusion(judged)["bar_skew"] == {"bar_skew": 1, "misread": 1}
 
 
 def test_coverage_and_heldout_look_at_right_models_only() -> None:
     case = _case("axis_gap")
-    truth = tuple(float(value) for value in case.session.offsets)
-    right = replace(_named("axis_gap"), found=(truth[0], truth[1] + 0.019, truth[2] - 0.02))
-    judged = judge([case, case], [right, _named("bar_skew")])
+    off = zip(case.session.offsets.tolist(), (0.0, 0.019, -0.02), strict=True)
+    parameters = [{"found": true + error, "std": 0.01} for true, error in off]
+    judged = [Judged(case, _named(id, parameters=parameters)) for id in ("axis_gap", "bar_skew")]
     (row,) = coverage(judged)
     assert (row.sessions, row.inside) == (1, 2)
     (ratio,) = heldout(judged)
@@ -105,40 +101,15 @@ def test_coverage_and_heldout_look_at_right_models_only() -> None:
 
 
 def test_binomial_chances_are_those_of_their_words() -> None:
-    tenth = sum(comb(10, k) * 0.4**k * 0.6 ** (10 - k) for k in range(4))
-    assert chance_at_most(3, 10, 0.4) == pytest.approx(tenth)
-    # Below 97 % of 100 means at most 96.
-    assert chance_below(0.97, 100, 0.99) == pytest.approx(chance_at_most(96, 100, 0.99))
-    assert chance_below(0.0, 100, 0.99) == 0.0
+    # Below 40 % of 10 means at most 3; below 97 % of 100 at most 96.
+    few = sum(comb(10, k) * 0.4**k * 0.6 ** (10 - k) for k in range(4))
+    assert chance_below(0.4, 10, 0.4) == pytest.approx(few)
+    assert Rate("outside", 3, 4).chance_if_met == pytest.approx(1.0 - 0.9**4)
+    few = 1.0 - sum(comb(100, k) * 0.01**k * 0.99 ** (100 - k) for k in range(4))
+    assert Rate("distinct", 96, 100).false_failure == pytest.approx(few)
     low, high = band(400, 0.93, 0.97)
     assert 0.87 < low < 0.92
     assert 0.98 < high < 1.0
-    assert band(0, 0.93, 0.97) == (0.0, 1.0)
-    assert Rate("distinct", 96, 100, 0.97, 0.99).false_failure == chance_below(0.97, 100, 0.99)
-
-
-def test_answers_are_read_strictly() -> None:
-    cause = {"id": "axis_gap", "aliases": ["bar_skew"], "heldout_before_mm": 0.1}
-    line = {
-        "verdict": "ambiguous",
-        "causes": [{**cause, "heldout_after_mm": None, "heldout_ratio": None}],
-        "ambiguous_with": ["backlash"],
-        "beyond_tolerance": [],
-        "parameters": [{"found": k, "std": 0.1 * k} for k in (1.0, 2.0, 3.0)],
-    }
-    answer = parse_answer(json.dumps(line))
-    assert answer.first == "axis_gap"
-    assert answer.mentioned == {"axis_gap", "bar_skew", "backlash"}
-    assert (answer.found, answer.std[1]) == ((1.0, 2.0, 3.0), 0.2)
-    assert answer.causes[0].heldout_after is None
-    assert parse_answer('{"input": "a.csv", "error": "no such file"}').first == "error"
-    for broken in (
-        {**line, "verdict": "maybe"},
-        {**line, "causes": [cause]},
-        {k: v for k, v in line.items() if k != "causes"},
-    ):
-        with pytest.raises(ContractError):
-            parse_answer(json.dumps(broken))
 
 
 ECHO = """
@@ -158,7 +129,7 @@ def test_a_bench_runs_through_a_program(tmp_path: Path, monkeypatch: pytest.Monk
     """A program that reads the truth off the file names is right but for pairs and coverage."""
     script = tmp_path / "echo.py"
     script.write_text(ECHO, encoding="utf-8")
-    monkeypatch.setattr(run, "program", lambda: [sys.executable, str(script)])
+    monkeypatch.setattr(run, "PROGRAM", [sys.executable, str(script)])
     counts, kept = Counts(single=1, healthy=4, outside=1, pair=1), tmp_path / "kept"
     drawn = draw_gauges([PROTOTYPE], [MICRON, DIAL], counts, seed=3)
     bench = run_bench(drawn, holdouts=1, seed=3, keep=kept)
@@ -167,18 +138,17 @@ def test_a_bench_runs_through_a_program(tmp_path: Path, monkeypatch: pytest.Monk
     assert wrong <= {"pair", "half pair"}
     assert "pair" in wrong
     # Its intervals have no width, and its later errors are 0.006 over the noise of each gauge.
-    assert any("coverage of healthy" in text for text in failures(bench))
+    (missed,) = (text for text in failures(bench) if "coverage of healthy" in text)
     assert bench.later[0].sessions == 2
     ratios = np.array([0.006 / DIAL.sigma, 0.006 / MICRON.sigma])
     assert bench.later[0].after == pytest.approx(np.sqrt(np.mean(ratios**2)))
-    assert "MISSED" in full_report(bench)
+    assert missed in full_report(bench)
     assert len(list(kept.glob("healthy-*.csv"))) == 8
-    assert len((kept / "truths.jsonl").read_text().splitlines()) == len(bench.judged)
 
 
 def test_a_program_that_skips_a_file_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "program", lambda: [sys.executable, "-c", "print('')"])
-    with pytest.raises(run.RunError, match="0 answers for 1 files"):
-        run.diagnose(tmp_path, [("a", make_session(1, PROTOTYPE, MICRON))])
+    monkeypatch.setattr(run, "PROGRAM", [sys.executable, "-c", ""])
+    with pytest.raises(AssertionError, match="0 answers for 1 files"):
+        run.diagnose(tmp_path, [DISTINCT])

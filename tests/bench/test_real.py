@@ -10,7 +10,7 @@ from orthoglide_cal.files import read_input
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import V400, Truth
 
-from .real import Pair, machines, main, with_arms
+from .real import machines, main, ratio, with_arms
 
 LONGER = replace(OFF, arms=np.array([0.6, -0.4, 0.1]))
 
@@ -44,9 +44,8 @@ def test_arms_of_one_date_predict_another(tmp_path: Path) -> None:
 
 
 def test_the_ratio_is_to_the_better_baseline() -> None:
-    pair = Pair("a", "b", "mesh", after=15.0, quartic=20.0, earlier_map=30.0)
-    assert pair.ratio == 0.75
-    assert Pair("a", "b", "mesh", after=15.0).ratio is None
+    assert ratio({"after": 15.0, "quartic": 20.0, "earlier_map": 30.0}) == 0.75
+    assert ratio({"after": 15.0}) is None
 
 
 @pytest.mark.slow

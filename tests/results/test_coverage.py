@@ -8,7 +8,7 @@ import pytest
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.results import Answer, answer_to
 from tests import truth
-from tests.bench.chance import band
+from tests.bench.scoring import band
 from tests.diagnosis.sessions import known
 from tests.results.sessions import given
 

@@ -93,19 +93,6 @@ class Session:
         noisy = (1.0 + self.setting.scale) * touched + noise
         return surface, np.round(noisy / self.gauge.resolution) * self.gauge.resolution
 
-    def truth(self) -> dict[str, object]:
-        """The hidden truth, ready for JSON."""
-        return {
-            "machine": self.machine.name,
-            "gauge": self.gauge.name,
-            "offsets_mm": self.offsets.tolist(),
-            "outside": self.outside,
-            "effects": [
-                {"id": e.id, "where": e.where, "parameters": list(e.parameters)}
-                for e in self.effects
-            ],
-        }
-
 
 def _settle_blunder(effect: Effect, shown: Floats, gauge: Gauge) -> Effect:
     """Give a misreading of digits the size that its digits imply."""
