@@ -17,8 +17,14 @@ from tests.truth import (
     separation,
 )
 from tests.truth.delta import KOSSEL, V400, Delta, DeltaSession, Layout, grain, make_delta_session
-from tests.truth.delta_outside import DELTA_OUTSIDE, clear_delta_outside
-from tests.truth.delta_separation import DELTA_CAUSES, DELTA_PAIRS, GRAIN, delta_separation
+from tests.truth.delta_separation import (
+    DELTA_CAUSES,
+    DELTA_OUTSIDE,
+    DELTA_PAIRS,
+    GRAIN,
+    clear_delta_outside,
+    delta_separation,
+)
 from tests.truth.effects import USUAL, Times
 
 SLOW = ("gauge_drift", "thermal_drift")

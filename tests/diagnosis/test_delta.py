@@ -31,8 +31,7 @@ from tests.truth.delta import (
     make_delta_session,
     probe_bed,
 )
-from tests.truth.delta_outside import clear_delta_outside
-from tests.truth.delta_separation import GRAIN
+from tests.truth.delta_separation import GRAIN, clear_delta_outside
 from tests.truth.plan import frozen
 
 # As the towers of a real printer are: 36 µm r.m.s. on its bed, for weeks.

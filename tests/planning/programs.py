@@ -14,7 +14,7 @@ from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep,
 from tests.cli.program import run
 from tests.machines import NOMINAL
 from tests.planning.gcode import Controller
-from tests.truth.spheres import tool_from_carriages
+from tests.truth.forward import tool_from_carriages
 
 SESSION = "orthocal measure --cycles 2"
 

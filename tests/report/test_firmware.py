@@ -14,7 +14,7 @@ from orthoglide_cal.report.controller import FIRMWARES, Export, as_firmware
 from tests.printer_files import OFF, exact
 from tests.results.cases import case_of, identity_of
 from tests.truth.delta import V400, Layout, Truth, delta_yaml, tool
-from tests.truth.spheres import tool_from_carriages
+from tests.truth.forward import tool_from_carriages
 
 USUAL = np.array([210.0, 330.0, 90.0])
 # Carriages so far below the height at which their endstop triggers.

@@ -2,7 +2,6 @@
 
 from .effects import CAUSES, Effect
 from .forward import MACHINE_CAUSES, signals
-from .joined import again, continue_session
 from .machines import (
     DIAL,
     GAUGES,
@@ -28,6 +27,8 @@ from .separation import (
 )
 from .session import (
     Session,
+    again,
+    continue_session,
     make_session,
     measure,
     readings_csv,

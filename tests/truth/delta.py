@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .effects import USUAL, Times, sizes
+from .forward import tool_from_carriages
 from .plan import Floats, Ints, frozen, frozen_ints
-from .spheres import tool_from_carriages
 
 TOLERANCES: dict[str, float] = {
     "tower_lean": 2.0,

@@ -6,7 +6,7 @@ import pytest
 from . import DIAL, MICRON, PROTOTYPE, Session, again, continue_session, make_session, readings_csv
 from .effects import state_with
 from .forward import signals
-from .joined import SITTING
+from .session import SITTING
 
 
 def about_zeros(session: Session, values: np.ndarray) -> np.ndarray:

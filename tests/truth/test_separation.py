@@ -18,8 +18,8 @@ from . import (
     separation,
 )
 from .forward import PARTS, prior_sd, signals
-from .linear import backlash_cost, marginal, neighbourhood, place_costs
 from .plan import Floats
+from .separation import Neighbourhood, backlash_cost, marginal, place_costs
 
 
 def _brute_distance(session: Session, cause: str) -> float:
@@ -55,7 +55,7 @@ def test_distances_equal_a_full_nonlinear_fit(cause: str) -> None:
 
 def test_a_shift_is_as_far_as_a_fit_at_every_place_says() -> None:
     session = make_session(11, PROTOTYPE, DIAL, ("gauge_slip",))
-    near = neighbourhood(PROTOTYPE, DIAL, session.plan, session.offsets)
+    near = Neighbourhood(session)
     residual = (session.clean - near.centre) / DIAL.sigma
     costs = []
     for column in near.places["stand_shift"].T:
@@ -154,7 +154,7 @@ def test_outside_effects_stand_clear_of_singles_and_pairs() -> None:
 def test_expected_heldout_is_what_leaving_out_gives() -> None:
     """Linear refits of 120 noisy records: 120 x 60 errors, ratio within 6 %, 4 sigma."""
     session = make_session(7, PROTOTYPE, MICRON)
-    near = neighbourhood(PROTOTYPE, MICRON, session.plan, session.offsets)
+    near = Neighbourhood(session)
     rng = np.random.default_rng(8)
     noise = rng.normal(scale=MICRON.sigma, size=(60, 120))
     cells = [f"{s}{p}" for s, p in zip(session.plan.setup, session.plan.posture, strict=True)]
